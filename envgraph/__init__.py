@@ -1,0 +1,42 @@
+"""envgraph: graph rewriting, and families of reinforcement-learning environments made with it.
+
+The names below are loaded when they are first used, so that importing the engine needs neither the parser nor
+NumPy nor Gymnasium.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from envgraph.errors import EnvgraphError, LoadError
+    from envgraph.graph import Model, Node
+    from envgraph.lang import load, open
+    from envgraph.metamodel import Metamodel
+    from envgraph.rewrite import Engine
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Engine": "envgraph.rewrite",
+    "EnvgraphError": "envgraph.errors",
+    "LoadError": "envgraph.errors",
+    "Metamodel": "envgraph.metamodel",
+    "Model": "envgraph.graph",
+    "Node": "envgraph.graph",
+    "load": "envgraph.lang",
+    "open": "envgraph.lang",
+}
+
+__all__ = ["Engine", "EnvgraphError", "LoadError", "Metamodel", "Model", "Node", "__version__", "load", "open"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(_HOME[name]), name)
+    raise AttributeError(f"module `envgraph` has no attribute `{name}`")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,190 @@
+"""An agent's behaviour over a model, as frozen data; what a `.environment` file says.
+
+The meaning of a step is given in the package docstring of `envgraph.env`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from envgraph.errors import Span
+from envgraph.metamodel import Annotation
+from envgraph.pattern import Expression, Negation, Parameter, PatternCall
+
+
+@dataclass(frozen=True, slots=True)
+class RuleCall:
+    """`rule(arguments)`; rule None is `nothing()`."""
+
+    rule: str | None
+    arguments: tuple[Expression, ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """One outcome of a stochastic choice; what the probabilities lack to 1 does nothing."""
+
+    probability: float
+    call: RuleCall
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """What an action parameter counts through: `cls` (by index), `enum` (in order), or the ints low..high."""
+
+    cls: str | None = None
+    enum: str | None = None
+    low: int = 0
+    high: int = 0
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """`action name(parameter : domain) = branches reward e else reward e`."""
+
+    name: str
+    branches: tuple[Branch, ...]
+    parameters: tuple[tuple[str, Domain], ...] = ()
+    reward: Expression | None = None
+    else_reward: Expression | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class EachStep:
+    """`each step reward e apply branches`, either part may be missing."""
+
+    reward: Expression | None = None
+    apply: tuple[Branch, ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class OnFind:
+    """`on find p(..) reward e terminate success|failure apply r(..)`; the condition may be negated."""
+
+    condition: PatternCall | Negation
+    reward: Expression | None = None
+    terminate: Literal["success", "failure"] | None = None
+    apply: RuleCall | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class OnReset:
+    """`on reset apply r(..)`: one of the matches, equally likely, is applied to the initial model."""
+
+    apply: RuleCall
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ObserveObject:
+    """`observe path among Class (or none) (for variable : Class)`: the index of the object at the path."""
+
+    path: Expression
+    among: str
+    or_none: bool = False
+    each: Parameter | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ObserveRange:
+    """`observe path in low..high`, clipped to the range."""
+
+    path: Expression
+    low: int
+    high: int
+    each: Parameter | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ObserveFind:
+    """`observe find p(..)` (0 or 1), or `observe count find p(..) up to n` (min(count, n))."""
+
+    call: PatternCall
+    up_to: int | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ObserveAttribute:
+    """`observe x.attr (for x : Class)`: a bool or an enum, by its index; with `each` one component an object."""
+
+    path: Expression
+    each: Parameter | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+Observation = ObserveObject | ObserveRange | ObserveFind | ObserveAttribute
+Effect = EachStep | OnFind
+
+
+@dataclass(frozen=True, slots=True)
+class Agent:
+    """`agent robot : Robot { .. }`: one agent for each object of the class, in the order of its key."""
+
+    variable: str
+    cls: str
+    actions: tuple[Action, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    observations: tuple[Observation, ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """`truck at path`, or for all objects `robot : Robot at robot.at`: drawn on top of a cell or node."""
+
+    variable: str
+    path: Expression
+    cls: str | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class DrawGrid:
+    """`draw grid Cell at (x, y) with ..`: cells by class glyph, at two int attributes."""
+
+    cls: str
+    column: str
+    row: str
+    tokens: tuple[Token, ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class DrawGraph:
+    """`draw graph Node label name with ..`."""
+
+    cls: str
+    label: str | None = None
+    tokens: tuple[Token, ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Behaviour:
+    """What a `.environment` file says: parameters, actions, effects, observations, limits, drawing.
+
+    `effects` keeps `each step` and `on` clauses together in file order, because rewards are summed in that order.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...] = ()
+    actions: tuple[Action, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    resets: tuple[OnReset, ...] = ()
+    observations: tuple[Observation, ...] = ()
+    agents: tuple[Agent, ...] = ()
+    limit: int | None = None
+    draw: DrawGrid | DrawGraph | None = None
+    annotations: tuple[Annotation, ...] = ()
+    doc: str | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)

@@ -1,0 +1,41 @@
+"""Source spans, diagnostics as data, and the exception tree.
+
+Every problem that a person can cause by writing a file is a `Diagnostic`: a severity, a stable code, a message,
+the `Span` it is about and, where one is known, a hint. Every exception that envgraph raises on purpose descends
+from `EnvgraphError`.
+"""
+
+from envgraph.errors._diagnostics import Diagnostic, Note, Severity, has_errors, sort_diagnostics
+from envgraph.errors._exceptions import (
+    DiagnosticError,
+    EnvgraphError,
+    EvaluationError,
+    InvalidArgument,
+    LoadError,
+    ResolutionError,
+    RuleError,
+    TransactionError,
+    TypeMismatch,
+)
+from envgraph.errors._source import Source, Span
+from envgraph.errors._suggest import did_you_mean
+
+__all__ = [
+    "Diagnostic",
+    "DiagnosticError",
+    "EnvgraphError",
+    "EvaluationError",
+    "InvalidArgument",
+    "LoadError",
+    "Note",
+    "ResolutionError",
+    "RuleError",
+    "Severity",
+    "Source",
+    "Span",
+    "TransactionError",
+    "TypeMismatch",
+    "did_you_mean",
+    "has_errors",
+    "sort_diagnostics",
+]

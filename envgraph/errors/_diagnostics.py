@@ -1,0 +1,93 @@
+"""Diagnostics as data, and how they read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from envgraph.errors._source import Span
+
+
+class Severity(StrEnum):
+    """How bad a diagnostic is: an error stops the load, a warning does not."""
+
+    ERROR = "error"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A second place that explains a diagnostic, such as the first of two definitions."""
+
+    message: str
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One problem.
+
+    Attributes:
+        code: stable, kebab-case, for programs ("unknown-class").
+        message: one line, lower case, names in backquotes.
+        span: what it is about; None where the input has no text (patterns built in Python).
+        hint: how to mend it, without the word "hint".
+    """
+
+    code: str
+    message: str
+    span: Span | None = None
+    hint: str | None = None
+    severity: Severity = Severity.ERROR
+    notes: tuple[Note, ...] = ()
+
+    def __str__(self) -> str:
+        """Position, message, excerpt with caret, notes and hint, on several lines."""
+        mark = "" if self.severity is Severity.ERROR else "warning: "
+        lines = [f"{self.span}: {mark}{self.message}" if self.span else f"{mark}{self.message}"]
+        if self.span:
+            lines.append(self.span.excerpt())
+        for note in self.notes:
+            lines.append(f"note: {note.span}: {note.message}" if note.span else f"note: {note.message}")
+            if note.span:
+                lines.append(note.span.excerpt())
+        if self.hint:
+            lines.append(f"hint: {self.hint}")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, object]:
+        """The diagnostic as JSON-ready data; lines and columns from 1, the end excluded."""
+        data: dict[str, object] = {
+            "severity": str(self.severity),
+            "code": self.code,
+            "message": self.message,
+            "hint": self.hint,
+        }
+        if self.span:
+            end_line, end_column = self.span.source.position(self.span.end)
+            data["file"] = self.span.source.name
+            data["start"] = {"line": self.span.line, "column": self.span.column}
+            data["end"] = {"line": end_line, "column": end_column}
+        return data
+
+
+def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Whether any of them is an error rather than a warning."""
+    return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
+
+
+def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """In the order of the text: by file as first met, then by position; those without a span first."""
+    ordered = list(diagnostics)
+    files: dict[str, int] = {}
+    for diagnostic in ordered:
+        if diagnostic.span:
+            files.setdefault(diagnostic.span.source.name, len(files))
+
+    def key(diagnostic: Diagnostic) -> tuple[int, int, int]:
+        if diagnostic.span is None:
+            return (-1, 0, 0)
+        return (files[diagnostic.span.source.name], diagnostic.span.start, diagnostic.span.end)
+
+    return sorted(ordered, key=key)

@@ -1,0 +1,35 @@
+"""Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
+
+from envgraph.metamodel._metamodel import Metamodel
+from envgraph.metamodel._features import (
+    Annotation,
+    Attribute,
+    AttributeType,
+    Class,
+    EnumType,
+    Feature,
+    Glyph,
+    Reference,
+    Scalar,
+    Value,
+    accepts,
+    default_of,
+    type_name,
+)
+
+__all__ = [
+    "Annotation",
+    "Attribute",
+    "AttributeType",
+    "Class",
+    "EnumType",
+    "Feature",
+    "Glyph",
+    "Metamodel",
+    "Reference",
+    "Scalar",
+    "Value",
+    "accepts",
+    "default_of",
+    "type_name",
+]

@@ -1,0 +1,200 @@
+"""What can be wrong with a set of classes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from envgraph.errors import Diagnostic, Note, Span, did_you_mean
+from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Reference, Scalar, accepts, type_name
+
+
+def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
+    """The class and its supertypes, breadth first, each once; unknown names are left out, cycles are cut."""
+    order: dict[str, None] = {}
+    queue = [name]
+    for current in queue:
+        if current in order or current not in classes:
+            continue
+        order[current] = None
+        queue.extend(classes[current].supertypes)
+    return tuple(order)
+
+
+def check_classes(classes: Sequence[Class], enums: Sequence[EnumType]) -> list[Diagnostic]:
+    """All problems of the classes and enums of one metamodel."""
+    table = {cls.name: cls for cls in reversed(classes)}
+    problems = list(_duplicates([*classes, *enums]))
+    for enum in enums:
+        problems.extend(_check_enum(enum))
+    for cls in classes:
+        problems.extend(_check_supertypes(cls, table))
+        problems.extend(_check_features(cls, table))
+        problems.extend(_check_key(cls, table))
+        problems.extend(_check_glyph(cls))
+    problems.extend(_check_glyphs_differ(classes))
+    return problems
+
+
+def _duplicates(named: Sequence[Class | EnumType | Feature], what: str = "type") -> Iterator[Diagnostic]:
+    first: dict[str, Span | None] = {}
+    for item in named:
+        if item.name in first:
+            yield Diagnostic(
+                "duplicate-definition",
+                f"{what} `{item.name}` is defined twice",
+                item.span,
+                notes=(Note("the first definition is here", first[item.name]),),
+            )
+        else:
+            first[item.name] = item.span
+
+
+def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
+    if not enum.literals:
+        yield Diagnostic("empty-enum", f"enum `{enum.name}` has no literals", enum.span)
+    if len(set(enum.literals)) != len(enum.literals):
+        twice = next(literal for literal in enum.literals if enum.literals.count(literal) > 1)
+        yield Diagnostic("duplicate-definition", f"literal `{twice}` of `{enum.name}` is defined twice", enum.span)
+
+
+def _check_supertypes(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+    for above in cls.supertypes:
+        if above not in table:
+            yield Diagnostic("unknown-class", f"unknown class `{above}`", cls.span, did_you_mean(above, table))
+        elif cls.name in linearise(above, table):
+            yield Diagnostic("cyclic-inheritance", f"`{cls.name}` is its own supertype", cls.span)
+    if len(set(cls.supertypes)) != len(cls.supertypes):
+        yield Diagnostic("duplicate-definition", f"`{cls.name}` names a supertype twice", cls.span)
+
+
+def _check_features(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+    yield from _duplicates(cls.features, f"feature of `{cls.name}`")
+    inherited: dict[str, tuple[str, Feature]] = {}
+    for above in linearise(cls.name, table)[1:]:
+        for feature in table[above].features:
+            owner, _ = inherited.setdefault(feature.name, (above, feature))
+            if owner != above:
+                yield Diagnostic(
+                    "duplicate-definition",
+                    f"`{cls.name}` inherits `{feature.name}` from both `{owner}` and `{above}`",
+                    cls.span,
+                    "rename one of them, or move it to a common supertype",
+                )
+    for feature in cls.features:
+        if feature.name in inherited:
+            yield Diagnostic(
+                "duplicate-definition",
+                f"`{cls.name}` inherits `{feature.name}` from `{inherited[feature.name][0]}` already",
+                feature.span or cls.span,
+                notes=(Note("inherited from here", inherited[feature.name][1].span),),
+            )
+        if isinstance(feature, Attribute):
+            yield from _check_default(feature, cls)
+        else:
+            yield from _check_reference(feature, cls, table)
+
+
+def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
+    default = attribute.default
+    if default is None or accepts(attribute.type, default):
+        return
+    literals = attribute.type.literals if isinstance(attribute.type, EnumType) else ()
+    hint = did_you_mean(default, literals) if isinstance(default, str) else None
+    if hint is None and attribute.type is Scalar.INT and isinstance(default, float):
+        hint = "write the type as `float`, or the default without a fraction"
+    yield Diagnostic(
+        "wrong-type",
+        f"default of `{attribute.name}` is not of type `{type_name(attribute.type)}`",
+        attribute.span or cls.span,
+        hint,
+    )
+
+
+def _check_reference(reference: Reference, cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+    span = reference.span or cls.span
+    upper = reference.upper
+    if reference.lower < 0 or (upper is not None and (upper < 1 or upper < reference.lower)):
+        yield Diagnostic(
+            "bad-multiplicity",
+            f"`{reference.name}` cannot have {reference.lower}..{upper} targets",
+            span,
+            "the lower bound comes first, and the upper bound is at least 1",
+        )
+    if reference.target not in table:
+        yield Diagnostic(
+            "unknown-class", f"unknown class `{reference.target}`", span, did_you_mean(reference.target, table)
+        )
+        return
+    if reference.opposite is not None:
+        yield from _check_opposite(reference, cls, table)
+
+
+def _check_opposite(reference: Reference, cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+    span = reference.span or cls.span
+    there = {
+        feature.name: (above, feature)
+        for above in reversed(linearise(reference.target, table))
+        for feature in table[above].features
+    }
+    owner, found = there.get(reference.opposite or "", ("", None))
+    if not isinstance(found, Reference):
+        names = [name for name, (_, feature) in there.items() if isinstance(feature, Reference)]
+        yield Diagnostic(
+            "unknown-reference",
+            f"`{reference.target}` has no reference `{reference.opposite}`",
+            span,
+            did_you_mean(reference.opposite or "", names),
+        )
+        return
+    if owner != reference.target or found.target != cls.name or found.opposite != reference.name:
+        yield Diagnostic(
+            "opposite-mismatch",
+            f"`{cls.name}.{reference.name}` and `{owner}.{found.name}` are not each other's opposites",
+            span,
+            f"declare `refers {cls.name} {found.name} opposite {reference.name}` in `{reference.target}`",
+            notes=(Note("the other reference is here", found.span),),
+        )
+    elif reference.containment and found.containment:
+        yield Diagnostic("opposite-mismatch", "both ends of an opposite pair contain the other", span)
+    elif reference.containment and found.many:
+        yield Diagnostic("bad-multiplicity", f"`{found.name}` leads to the one container: at most 1", found.span or span)
+
+
+def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+    known = {f.name: f for above in linearise(cls.name, table) for f in table[above].features}
+    for name in cls.key:
+        if not isinstance(known.get(name), Attribute):
+            attributes = [key for key, feature in known.items() if isinstance(feature, Attribute)]
+            yield Diagnostic(
+                "unknown-attribute",
+                f"`@key` names `{name}`, which is no attribute of `{cls.name}`",
+                cls.span,
+                did_you_mean(name, attributes),
+            )
+
+
+def _check_glyph(cls: Class) -> Iterator[Diagnostic]:
+    if cls.glyph is None:
+        return
+    if len(cls.glyph.letter) != 1:
+        yield Diagnostic("bad-glyph", f"the glyph of `{cls.name}` is not a single letter", cls.span)
+    if not re.fullmatch("#[0-9a-fA-F]{6}", cls.glyph.colour):
+        yield Diagnostic(
+            "bad-glyph", f"the glyph of `{cls.name}` has no colour `{cls.glyph.colour}`", cls.span, "write `#rrggbb`"
+        )
+
+
+def _check_glyphs_differ(classes: Sequence[Class]) -> Iterator[Diagnostic]:
+    first: dict[str, Class] = {}
+    for cls in classes:
+        if cls.glyph is None:
+            continue
+        other = first.setdefault(cls.glyph.letter, cls)
+        if other is not cls and other.name != cls.name:
+            yield Diagnostic(
+                "bad-glyph",
+                f"`{cls.name}` and `{other.name}` share the glyph `{cls.glyph.letter}`",
+                cls.span,
+                notes=(Note("the other class is here", other.span),),
+            )

@@ -1,0 +1,192 @@
+"""What a metamodel is made of, as frozen data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from envgraph.errors import Span
+
+Value = int | float | bool | str
+"""A data value. The literal of an enum is its name, a `str`; its enum is known from the static type."""
+
+
+class Scalar(StrEnum):
+    """The four built-in data types."""
+
+    INT = "int"
+    FLOAT = "float"
+    BOOL = "bool"
+    STRING = "string"
+
+
+@dataclass(frozen=True, slots=True)
+class EnumType:
+    """An enumeration; a literal's index is its place in `literals`."""
+
+    name: str
+    literals: tuple[str, ...]
+    doc: str | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+AttributeType = Scalar | EnumType
+
+
+@dataclass(frozen=True, slots=True)
+class Annotation:
+    """`@name(1, key = "v")`: positional values, then named ones in the order of the text.
+
+    A value is a data value, or a tuple of names (`@key(y, x)`, `@hom(a, b)` give their names as positional `str`).
+    """
+
+    name: str
+    arguments: tuple[Value, ...] = ()
+    named: tuple[tuple[str, Value], ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Glyph:
+    """How an object of a class is shown: one letter, and a colour as "#rrggbb"."""
+
+    letter: str
+    colour: str = "#adb5bd"
+
+
+@dataclass(frozen=True, slots=True)
+class Attribute:
+    """A single-valued data feature.
+
+    Attributes:
+        default: the declared default, or None: then 0, 0.0, False, "" or the first literal.
+        owner: name of the declaring class; filled in by `Metamodel`.
+        index: place in `Metamodel.attributes`; filled in by `Metamodel`.
+    """
+
+    name: str
+    type: AttributeType
+    default: Value | None = None
+    owner: str = ""
+    index: int = field(default=-1, compare=False, repr=False)
+    doc: str | None = None
+    annotations: tuple[Annotation, ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def initial(self) -> Value:
+        """The value in a fresh object."""
+        return default_of(self.type) if self.default is None else self.default
+
+    def __str__(self) -> str:
+        return f"{self.owner}.{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Directed links to objects of class `target`.
+
+    Attributes:
+        lower, upper: multiplicity; `upper` None is `*`. `[1]` is 1, 1.
+        containment: the source owns the target.
+        opposite: name of the reference of `target` that holds the same links in the other direction.
+        owner: name of the declaring class; filled in by `Metamodel`.
+        index: place in `Metamodel.references`; filled in by `Metamodel`.
+    """
+
+    name: str
+    target: str
+    lower: int = 1
+    upper: int | None = 1
+    containment: bool = False
+    opposite: str | None = None
+    owner: str = ""
+    index: int = field(default=-1, compare=False, repr=False)
+    doc: str | None = None
+    annotations: tuple[Annotation, ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def many(self) -> bool:
+        """Whether an object may hold more than one link."""
+        return self.upper is None or self.upper > 1
+
+    @property
+    def multiplicity(self) -> str:
+        """As written in a `.metamodel` file, without the brackets."""
+        if self.upper == self.lower:
+            return str(self.lower)
+        return f"{self.lower}..{'*' if self.upper is None else self.upper}"
+
+    def __str__(self) -> str:
+        return f"{self.owner}.{self.name}"
+
+
+Feature = Attribute | Reference
+
+
+@dataclass(frozen=True, slots=True)
+class Class:
+    """A class; `features` are the ones it declares itself, in the order of the text.
+
+    Attributes:
+        supertypes: names of the direct supertypes.
+        key: names of the attributes that name an object in every member of a family (`@key`), or ().
+        glyph: letter and colour (`@glyph`), or None; not inherited.
+        frozen: derived operators leave it alone (`@frozen`).
+    """
+
+    name: str
+    abstract: bool = False
+    supertypes: tuple[str, ...] = ()
+    features: tuple[Feature, ...] = ()
+    key: tuple[str, ...] = ()
+    glyph: Glyph | None = None
+    frozen: bool = False
+    doc: str | None = None
+    annotations: tuple[Annotation, ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+def default_of(type_: AttributeType) -> Value:
+    """The value of an attribute without a declared default.
+
+    >>> default_of(Scalar.FLOAT), default_of(EnumType("Way", ("west", "east")))
+    (0.0, 'west')
+    """
+    if isinstance(type_, EnumType):
+        return type_.literals[0]
+    match type_:
+        case Scalar.INT:
+            return 0
+        case Scalar.FLOAT:
+            return 0.0
+        case Scalar.BOOL:
+            return False
+        case Scalar.STRING:
+            return ""
+
+
+def accepts(type_: AttributeType, value: object) -> bool:
+    """Whether a value may be stored in an attribute of this type; an int may stand for a float (and becomes one).
+
+    >>> accepts(Scalar.FLOAT, 1), accepts(Scalar.INT, True), accepts(Scalar.FLOAT, float("nan"))
+    (True, False, False)
+    """
+    if isinstance(type_, EnumType):
+        return isinstance(value, str) and value in type_.literals
+    match type_:
+        case Scalar.INT:
+            return type(value) is int
+        case Scalar.FLOAT:
+            # NaN is not equal to itself: no query could find it again.
+            return type(value) in (int, float) and value == value
+        case Scalar.BOOL:
+            return type(value) is bool
+        case Scalar.STRING:
+            return type(value) is str
+
+
+def type_name(type_: AttributeType) -> str:
+    """How the type is written in a file."""
+    return type_.name if isinstance(type_, EnumType) else str(type_)

@@ -1,0 +1,108 @@
+"""A checked set of classes and enums, with the look-ups that everything else needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from itertools import count
+
+from envgraph.errors import ResolutionError, has_errors
+from envgraph.metamodel._check import check_classes, linearise
+from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Reference
+
+
+def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
+    """The classes, with owner and index filled in on every feature."""
+    counts = {Attribute: count(), Reference: count()}
+    return tuple(
+        replace(
+            cls,
+            features=tuple(replace(f, owner=cls.name, index=next(counts[type(f)])) for f in cls.features),
+        )
+        for cls in classes
+    )
+
+
+class Metamodel:
+    """Classes and enums whose names, supertypes, opposites and defaults have been checked. Immutable.
+
+    Args:
+        name: name of the metamodel.
+        classes: in the order that extents, reports and derived rules follow.
+        enums: the enumerations.
+        uri: namespace for Ecore, or None.
+
+    Raises:
+        ResolutionError: an unknown or duplicate name, a cycle of supertypes, opposites that do not point at each
+            other, a default of the wrong type; all problems at once.
+    """
+
+    def __init__(
+        self, name: str, classes: Iterable[Class], enums: Iterable[EnumType] = (), uri: str | None = None
+    ) -> None:
+        self.name = name
+        self.uri = uri
+        declared = _numbered(classes)
+        self.enum_types = tuple(enums)
+        problems = check_classes(declared, self.enum_types)
+        if has_errors(problems):
+            raise ResolutionError(problems)
+        self.class_list = declared
+        self.classes: Mapping[str, Class] = {cls.name: cls for cls in declared}
+        self.enums: Mapping[str, EnumType] = {enum.name: enum for enum in self.enum_types}
+        self._supers = {cls.name: linearise(cls.name, self.classes) for cls in declared}
+        self._features = {
+            name: {f.name: f for above in reversed(supers) for f in self.classes[above].features}
+            for name, supers in self._supers.items()
+        }
+        self._concrete = {
+            cls.name: tuple(
+                sub.name for sub in declared if not sub.abstract and cls.name in self._supers[sub.name]
+            )
+            for cls in declared
+        }
+        self.attributes: tuple[Attribute, ...] = tuple(
+            f for cls in declared for f in cls.features if isinstance(f, Attribute)
+        )
+        self.references: tuple[Reference, ...] = tuple(
+            f for cls in declared for f in cls.features if isinstance(f, Reference)
+        )
+
+    def supertypes(self, name: str) -> tuple[str, ...]:
+        """The class itself and all its supertypes, nearest first."""
+        return self._supers[name]
+
+    def concrete(self, name: str) -> tuple[str, ...]:
+        """The instantiable classes among a class and its subclasses, in the order of declaration."""
+        return self._concrete[name]
+
+    def is_a(self, name: str, above: str) -> bool:
+        """Whether a class is the other or one of its subclasses."""
+        return above in self._supers[name]
+
+    def overlap(self, one: str, other: str) -> bool:
+        """Whether some object can be an instance of both classes."""
+        return not set(self._concrete[one]).isdisjoint(self._concrete[other])
+
+    def features(self, name: str) -> Mapping[str, Feature]:
+        """All features of a class, inherited ones first, by name."""
+        return self._features[name]
+
+    def feature(self, name: str, feature: str) -> Feature | None:
+        """A feature of a class, its own or inherited, or None."""
+        return self._features[name].get(feature)
+
+    def opposite(self, reference: Reference) -> Reference | None:
+        """The reference that holds the same links in the other direction, or None."""
+        if reference.opposite is None:
+            return None
+        found = self._features[reference.target][reference.opposite]
+        assert isinstance(found, Reference)
+        return found
+
+    def key(self, name: str) -> tuple[str, ...]:
+        """The key attributes of a class, its own or those of the nearest supertype that has any; () without."""
+        return next((self.classes[above].key for above in self._supers[name] if self.classes[above].key), ())
+
+    def __repr__(self) -> str:
+        return f"<Metamodel {self.name}: {len(self.class_list)} classes>"
