@@ -1,0 +1,59 @@
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c constraints.txt
+
+DEMO_EXTRAS := fast
+TEST_EXTRAS := test,fast,plot,emf
+
+.PHONY: demo test bench nightly clean venv
+
+# --- demo: one environment becomes a family, an agent learns on it, a report shows it ---
+
+DEMO_RUN := demo
+
+demo: $(VENV)/.demo
+	# 1. generate: evolve the model, keep the most diverse family
+	rm -rf runs/$(DEMO_RUN)
+	$(BIN)/envgraph generate burning_forest --seed 1 --name $(DEMO_RUN)
+	# 2. train: an agent on the curriculum
+	# 3. report: pictures, plots and tables on one page
+
+# --- checks ---
+
+test: $(VENV)/.test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy --strict envgraph
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest
+
+nightly: $(VENV)/.test
+	$(BIN)/python -m pytest --hypothesis-profile=nightly
+
+bench: $(VENV)/.test
+	$(BIN)/python -m benchmarks
+
+# --- the virtual environment: installed again only when what it is made from changes ---
+
+venv: $(VENV)/.test
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+# The build backend comes from the constraints as well, hence no build isolation.
+$(VENV)/.backend: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) hatchling
+	touch $@
+
+$(VENV)/.demo: $(VENV)/.backend
+	$(PIP) --no-build-isolation -e ".[$(DEMO_EXTRAS)]"
+	touch $@
+
+$(VENV)/.test: $(VENV)/.backend
+	$(PIP) --no-build-isolation -e ".[$(TEST_EXTRAS)]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,19 @@
+"""Hypothesis profiles: `default` repeats the same examples, `nightly` looks for new ones."""
+
+from datetime import timedelta
+
+from hypothesis import HealthCheck, settings
+
+# No deadline: the first example pays for imports and generated code. The limit per test is pytest's business.
+settings.register_profile("default", derandomize=True, database=None, deadline=None, print_blob=True)
+settings.register_profile(
+    "nightly",
+    derandomize=False,
+    max_examples=5_000,
+    stateful_step_count=200,
+    deadline=timedelta(seconds=60),
+    suppress_health_check=[HealthCheck.too_slow],
+    print_blob=True,
+)
+# An explicit --hypothesis-profile is loaded after this.
+settings.load_profile("default")
