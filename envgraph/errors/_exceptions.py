@@ -41,7 +41,9 @@ class RuleError(EnvgraphError):
         details: one line for each offending element.
     """
 
-    def __init__(self, message: str, *, rule: str | None = None, reason: str, details: Sequence[str] = ()) -> None:
+    def __init__(
+        self, message: str, *, rule: str | None = None, reason: str, details: Sequence[str] = ()
+    ) -> None:
         self.rule = rule
         self.reason = reason
         self.details = tuple(details)

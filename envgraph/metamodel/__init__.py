@@ -1,6 +1,5 @@
 """Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
 
-from envgraph.metamodel._metamodel import Metamodel
 from envgraph.metamodel._features import (
     Annotation,
     Attribute,
@@ -16,6 +15,7 @@ from envgraph.metamodel._features import (
     default_of,
     type_name,
 )
+from envgraph.metamodel._metamodel import Metamodel
 
 __all__ = [
     "Annotation",

@@ -6,7 +6,16 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from envgraph.errors import Diagnostic, Note, Span, did_you_mean
-from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Reference, Scalar, accepts, type_name
+from envgraph.metamodel._features import (
+    Attribute,
+    Class,
+    EnumType,
+    Feature,
+    Reference,
+    Scalar,
+    accepts,
+    type_name,
+)
 
 
 def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
@@ -55,13 +64,17 @@ def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
         yield Diagnostic("empty-enum", f"enum `{enum.name}` has no literals", enum.span)
     if len(set(enum.literals)) != len(enum.literals):
         twice = next(literal for literal in enum.literals if enum.literals.count(literal) > 1)
-        yield Diagnostic("duplicate-definition", f"literal `{twice}` of `{enum.name}` is defined twice", enum.span)
+        yield Diagnostic(
+            "duplicate-definition", f"literal `{twice}` of `{enum.name}` is defined twice", enum.span
+        )
 
 
 def _check_supertypes(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
     for above in cls.supertypes:
         if above not in table:
-            yield Diagnostic("unknown-class", f"unknown class `{above}`", cls.span, did_you_mean(above, table))
+            yield Diagnostic(
+                "unknown-class", f"unknown class `{above}`", cls.span, did_you_mean(above, table)
+            )
         elif cls.name in linearise(above, table):
             yield Diagnostic("cyclic-inheritance", f"`{cls.name}` is its own supertype", cls.span)
     if len(set(cls.supertypes)) != len(cls.supertypes):
@@ -123,7 +136,10 @@ def _check_reference(reference: Reference, cls: Class, table: Mapping[str, Class
         )
     if reference.target not in table:
         yield Diagnostic(
-            "unknown-class", f"unknown class `{reference.target}`", span, did_you_mean(reference.target, table)
+            "unknown-class",
+            f"unknown class `{reference.target}`",
+            span,
+            did_you_mean(reference.target, table),
         )
         return
     if reference.opposite is not None:
@@ -158,7 +174,9 @@ def _check_opposite(reference: Reference, cls: Class, table: Mapping[str, Class]
     elif reference.containment and found.containment:
         yield Diagnostic("opposite-mismatch", "both ends of an opposite pair contain the other", span)
     elif reference.containment and found.many:
-        yield Diagnostic("bad-multiplicity", f"`{found.name}` leads to the one container: at most 1", found.span or span)
+        yield Diagnostic(
+            "bad-multiplicity", f"`{found.name}` leads to the one container: at most 1", found.span or span
+        )
 
 
 def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
@@ -181,7 +199,10 @@ def _check_glyph(cls: Class) -> Iterator[Diagnostic]:
         yield Diagnostic("bad-glyph", f"the glyph of `{cls.name}` is not a single letter", cls.span)
     if not re.fullmatch("#[0-9a-fA-F]{6}", cls.glyph.colour):
         yield Diagnostic(
-            "bad-glyph", f"the glyph of `{cls.name}` has no colour `{cls.glyph.colour}`", cls.span, "write `#rrggbb`"
+            "bad-glyph",
+            f"the glyph of `{cls.name}` has no colour `{cls.glyph.colour}`",
+            cls.span,
+            "write `#rrggbb`",
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from math import isnan
 
 from envgraph.errors import Span
 
@@ -180,7 +181,7 @@ def accepts(type_: AttributeType, value: object) -> bool:
             return type(value) is int
         case Scalar.FLOAT:
             # NaN is not equal to itself: no query could find it again.
-            return type(value) in (int, float) and value == value
+            return type(value) is int or (type(value) is float and not isnan(value))
         case Scalar.BOOL:
             return type(value) is bool
         case Scalar.STRING:

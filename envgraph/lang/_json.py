@@ -1,0 +1,63 @@
+"""JSON with the position of every value, for diagnostics about files that people may have edited."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+
+from envgraph.errors import Diagnostic, LoadError, Source, Span
+
+JsonPath = tuple[str | int, ...]
+"""Keys and indices from the root to a value."""
+
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
+
+
+def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
+    """The value of a JSON text, and where in the text each of its parts stands.
+
+    Raises:
+        LoadError: the text is no JSON.
+
+    >>> value, spans = parse_json(Source("a.json", '{"x": [1, 20]}'))
+    >>> value, spans["x", 1].text
+    ({'x': [1, 20]}, '20')
+    """
+    try:
+        value = json.loads(source.text)
+    except json.JSONDecodeError as error:
+        span = source.span(error.pos, error.pos + 1)
+        raise LoadError([Diagnostic("syntax", f"not JSON: {error.msg.lower()}", span)]) from error
+    except RecursionError:
+        problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1))
+        raise LoadError([problem]) from None
+    return value, dict(_locate(source))
+
+
+def _locate(source: Source) -> Iterator[tuple[JsonPath, Span]]:
+    """Path and span of every value of a text that is known to be JSON."""
+    path: list[str | int] = []  # of the value that comes next
+    opened: list[int] = []  # where the enclosing objects and lists begin
+    expects_key = False
+    for token in _TOKEN.finditer(source.text):
+        text = token.group()
+        if text in "{[":
+            opened.append(token.start())
+            path.append(0 if text == "[" else "")
+            expects_key = text == "{"
+        elif text in "}]":
+            path.pop()
+            yield tuple(path), source.span(opened.pop(), token.end())
+            expects_key = False
+        elif text == ",":
+            last = path[-1]
+            expects_key = isinstance(last, str)
+            if isinstance(last, int):
+                path[-1] = last + 1
+        elif text == ":":
+            expects_key = False
+        elif expects_key:
+            path[-1] = json.loads(text)
+        else:
+            yield tuple(path), source.span(token.start(), token.end())

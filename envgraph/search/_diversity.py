@@ -1,0 +1,170 @@
+"""Measures of a family: one number for the values of its members.
+
+A family measure also offers *swaps*, the score after exchanging one member, because survivor selection asks for
+little else: for binned entropy that is a constant amount of work instead of a pass over the family.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log2
+from typing import Protocol
+
+from envgraph.errors import InvalidArgument
+
+
+class Swaps(Protocol):
+    """Scores of families that differ from the current one in one member. Candidates are named by pool index."""
+
+    def delta(self, leaving: int, entering: int) -> float:
+        """Score after the exchange minus score before it; nothing is changed."""
+
+    def swap(self, leaving: int, entering: int) -> None:
+        """Exchange the two."""
+
+
+class FamilyMeasure(Protocol):
+    """A measure of a whole family; larger is more diverse."""
+
+    def score(self, values: Sequence[float]) -> float:
+        """The measure of a family with these values, in any order."""
+
+    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
+        """Swaps starting from the family of `members`, which are indices into `values`."""
+
+
+class RecomputedSwaps:
+    """Swaps for any family measure, by computing the score anew."""
+
+    def __init__(self, measure: FamilyMeasure, values: Sequence[float], members: Sequence[int]) -> None:
+        self._measure = measure
+        self._values = values
+        self._members = list(members)
+        self._score = measure.score([values[index] for index in members])
+
+    def delta(self, leaving: int, entering: int) -> float:
+        """Score after the exchange minus score before it."""
+        exchanged = [self._values[entering if index == leaving else index] for index in self._members]
+        return self._measure.score(exchanged) - self._score
+
+    def swap(self, leaving: int, entering: int) -> None:
+        """Exchange the two."""
+        self._members[self._members.index(leaving)] = entering
+        self._score = self._measure.score([self._values[index] for index in self._members])
+
+
+@dataclass(frozen=True, slots=True)
+class BinnedEntropy:
+    """Shannon entropy, in bits, of the distribution of the values over equal bins.
+
+    H = -sum p_i log2 p_i with p_i the share of members in bin i (Shannon 1948, section 6). The maximum is log2 of
+    the smaller of the number of bins and of members.
+
+    Attributes:
+        bins: number of equal bins, at least 1.
+        low, high: the range that is divided; values outside count in the first or last bin, and the upper end
+            belongs to the last bin.
+
+    >>> BinnedEntropy(4).score([0.1, 0.3, 0.6, 0.9])
+    2.0
+    """
+
+    bins: int
+    low: float = 0.0
+    high: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.bins < 1 or not self.low < self.high:
+            raise InvalidArgument(f"cannot make {self.bins} bins on [{self.low}, {self.high}]")
+
+    def bin(self, value: float) -> int:
+        """Number of the bin of a value, from 0."""
+        place = int((value - self.low) / (self.high - self.low) * self.bins)
+        return min(max(place, 0), self.bins - 1)
+
+    def counts(self, values: Sequence[float]) -> list[int]:
+        """How many values each bin holds."""
+        counts = [0] * self.bins
+        for value in values:
+            counts[self.bin(value)] += 1
+        return counts
+
+    def score(self, values: Sequence[float]) -> float:
+        """The entropy; 0.0 for no values."""
+        size = len(values)
+        # 0.0 - ... keeps a family in one bin from scoring -0.0.
+        return 0.0 - sum(count / size * log2(count / size) for count in self.counts(values) if count)
+
+    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
+        """Swaps in constant time."""
+        return _EntropySwaps(self, values, members)
+
+
+class _EntropySwaps:
+    """Invariant: `_counts[b]` members of the current family are in bin b."""
+
+    def __init__(self, measure: BinnedEntropy, values: Sequence[float], members: Sequence[int]) -> None:
+        self._bin = [measure.bin(value) for value in values]
+        self._counts = measure.counts([values[index] for index in members])
+        size = len(members)
+        # The contribution of a bin with c members to the entropy; there are only size + 1 different ones.
+        self._term = [0.0] + [-(count / size) * log2(count / size) for count in range(1, size + 1)]
+
+    def delta(self, leaving: int, entering: int) -> float:
+        out, into = self._bin[leaving], self._bin[entering]
+        if out == into:
+            return 0.0
+        term, left, entered = self._term, self._counts[out], self._counts[into]
+        return (term[left - 1] - term[left]) + (term[entered + 1] - term[entered])
+
+    def swap(self, leaving: int, entering: int) -> None:
+        self._counts[self._bin[leaving]] -= 1
+        self._counts[self._bin[entering]] += 1
+
+
+@dataclass(frozen=True, slots=True)
+class Gini:
+    """Gini coefficient of the values: mean absolute difference over twice the mean (Gini 1912).
+
+    0 when all values are equal, or all are 0; values must not be negative.
+
+    >>> Gini().score([0.0, 0.0, 0.0, 1.0])
+    0.75
+    """
+
+    def score(self, values: Sequence[float]) -> float:
+        """The coefficient, in [0, 1)."""
+        ordered = sorted(values)
+        total = sum(ordered)
+        if not ordered or total == 0:
+            return 0.0
+        if ordered[0] < 0:
+            raise InvalidArgument("the Gini coefficient is defined for values that are not negative")
+        size = len(ordered)
+        weighted = sum((2 * rank - size - 1) * value for rank, value in enumerate(ordered, start=1))
+        return weighted / (size * total)
+
+    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
+        """Swaps by recomputation."""
+        return RecomputedSwaps(self, values, members)
+
+
+@dataclass(frozen=True, slots=True)
+class Variance:
+    """Population variance of the values.
+
+    >>> Variance().score([0.0, 1.0])
+    0.25
+    """
+
+    def score(self, values: Sequence[float]) -> float:
+        """The variance; 0.0 for no values."""
+        if not values:
+            return 0.0
+        mean = sum(values) / len(values)
+        return sum((value - mean) ** 2 for value in values) / len(values)
+
+    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
+        """Swaps by recomputation."""
+        return RecomputedSwaps(self, values, members)

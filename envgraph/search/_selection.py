@@ -1,0 +1,197 @@
+"""Choosing parents, and choosing the survivors that together are the most diverse family."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb, exp
+from typing import Protocol
+
+from numpy.random import Generator
+
+from envgraph.errors import InvalidArgument
+from envgraph.search._diversity import FamilyMeasure
+
+_TIE = 1e-12
+"""Scores closer than this are the same: sums of swap deltas carry rounding errors."""
+
+
+class ParentSelection(Protocol):
+    """Which members of a population are varied."""
+
+    def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
+        """`count` indices into the population, repetitions allowed. Larger fitness is better."""
+
+
+class SurvivorSelection(Protocol):
+    """Which of a pool of candidates form the next population."""
+
+    def select(
+        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
+        measure: FamilyMeasure, rng: Generator,
+    ) -> list[int]:  # fmt: skip
+        """The chosen indices into the pool, ascending.
+
+        Args:
+            values: one number for each candidate, what the family measure reads.
+            size: how many to choose, at most the size of the pool.
+            pinned: candidates that must be chosen.
+            start: a family to start from, `size` candidates that include the pinned ones.
+            measure: what the chosen family maximises.
+            rng: source of all random choices.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class RandomParents:
+    """Every member equally likely, with replacement (the paper's)."""
+
+    def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
+        """Uniform draws."""
+        return [int(index) for index in rng.integers(len(fitness), size=count)]
+
+
+@dataclass(frozen=True, slots=True)
+class TournamentParents:
+    """The fittest of `rounds` uniform draws, for each parent; ties go to the first drawn."""
+
+    rounds: int = 2
+
+    def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
+        """Winners of independent tournaments."""
+        draws = rng.integers(len(fitness), size=(count, self.rounds)).tolist()
+        return [max(entrants, key=lambda index: fitness[index]) for entrants in draws]
+
+
+@dataclass(frozen=True, slots=True)
+class ElitistParents:
+    """The best members in turn, from the fittest down; ties go to the earlier member."""
+
+    share: float = 0.5
+
+    def select(self, fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
+        """The upper `share` of the population, cycled through."""
+        del rng  # nothing is random here
+        ranked = sorted(range(len(fitness)), key=lambda index: -fitness[index])
+        elite = ranked[: max(1, round(self.share * len(ranked)))]
+        return [elite[turn % len(elite)] for turn in range(count)]
+
+
+def acceptance(delta: float, temperature: float) -> float:
+    """Probability of moving to a family whose score is lower by `delta`: exp(-delta / temperature).
+
+    Metropolis rule of Kirkpatrick et al. 1983, p. 672.
+
+    Args:
+        delta: score(current) - score(candidate), >= 0, in units of the score.
+        temperature: >= 0, in units of the score; at 0 nothing worse is accepted.
+
+    >>> acceptance(0.1, 0.1) == exp(-1.0)
+    True
+    """
+    return exp(-delta / temperature) if temperature > 0 else float(delta <= 0)
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedAnnealing:
+    """Random exchanges, worse ones with a probability that falls as the temperature cools; keeps the best family.
+
+    Attributes:
+        rounds: number of exchanges tried.
+        initial_temperature: in units of the family measure.
+        cooling_rate: temperature after a round over temperature before it, in (0, 1].
+    """
+
+    rounds: int = 500
+    initial_temperature: float = 0.1
+    cooling_rate: float = 0.95
+
+    def __post_init__(self) -> None:
+        if self.rounds < 0 or self.initial_temperature <= 0 or not 0 < self.cooling_rate <= 1:
+            raise InvalidArgument(
+                "annealing needs rounds >= 0, initial_temperature > 0, 0 < cooling_rate <= 1"
+            )
+
+    def select(
+        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
+        measure: FamilyMeasure, rng: Generator,
+    ) -> list[int]:  # fmt: skip
+        """The best family met, the earliest one among equals."""
+        fixed = list(pinned)
+        free = [index for index in start if index not in fixed]
+        rest = [index for index in range(len(values)) if index not in start]
+        best = list(free)
+        if not free or not rest or size <= len(fixed):
+            return sorted([*fixed, *best])
+        swaps = measure.swaps(values, [*fixed, *free])
+        leaving = rng.integers(len(free), size=self.rounds).tolist()
+        entering = rng.integers(len(rest), size=self.rounds).tolist()
+        luck = rng.random(self.rounds).tolist()
+        score = best_score = 0.0
+        temperature = self.initial_temperature
+        for out, into, chance in zip(leaving, entering, luck, strict=True):
+            delta = swaps.delta(free[out], rest[into])
+            if delta >= 0 or chance < acceptance(-delta, temperature):
+                swaps.swap(free[out], rest[into])
+                free[out], rest[into] = rest[into], free[out]
+                score += delta
+                if score > best_score + _TIE:
+                    best, best_score = list(free), score
+            temperature *= self.cooling_rate
+        return sorted([*fixed, *best])
+
+
+@dataclass(frozen=True, slots=True)
+class HillClimbing:
+    """The best single exchange, again and again, until none helps."""
+
+    def select(
+        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
+        measure: FamilyMeasure, rng: Generator,
+    ) -> list[int]:  # fmt: skip
+        """A family that no single exchange improves."""
+        del rng, size  # nothing is random here, and the start has the size
+        fixed = list(pinned)
+        free = [index for index in start if index not in fixed]
+        rest = [index for index in range(len(values)) if index not in start]
+        swaps = measure.swaps(values, [*fixed, *free])
+        while free and rest:
+            gain, out, into = max(
+                ((swaps.delta(a, b), i, j) for i, a in enumerate(free) for j, b in enumerate(rest)),
+                key=lambda step: step[0],
+            )
+            if gain <= _TIE:
+                break
+            swaps.swap(free[out], rest[into])
+            free[out], rest[into] = rest[into], free[out]
+        return sorted([*fixed, *free])
+
+
+@dataclass(frozen=True, slots=True)
+class ExhaustiveSelection:
+    """The best of all families, by trying them all; for small pools, and as the yardstick of the others.
+
+    Attributes:
+        limit: more families than this are refused.
+    """
+
+    limit: int = 200_000
+
+    def select(
+        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
+        measure: FamilyMeasure, rng: Generator,
+    ) -> list[int]:  # fmt: skip
+        """A family of the highest score; the start, if it has it, else the first in lexicographic order."""
+        del rng  # nothing is random here
+        others = [index for index in range(len(values)) if index not in pinned]
+        wanted = size - len(pinned)
+        if comb(len(others), wanted) > self.limit:
+            raise InvalidArgument(f"{comb(len(others), wanted)} families are too many to try: use annealing")
+        best, best_score = sorted(start), measure.score([values[index] for index in start])
+        for chosen in combinations(others, wanted):
+            family = sorted([*pinned, *chosen])
+            score = measure.score([values[index] for index in family])
+            if score > best_score + _TIE:
+                best, best_score = family, score
+        return best

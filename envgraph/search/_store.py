@@ -1,0 +1,286 @@
+"""The run store: every accepted individual of a run in one SQLite file.
+
+A generation is written in one transaction, so a run that is killed at any instant can be resumed after its last
+whole generation. Nothing in the store is code: traces, measures and models are JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from envgraph.errors import InvalidArgument
+from envgraph.metamodel import Value
+
+FORMAT = 1
+"""Version of the tables below; a store of another version is refused."""
+
+_SCHEMA = """
+CREATE TABLE setting (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE source (path TEXT PRIMARY KEY, text TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE individual (
+    id INTEGER PRIMARY KEY,
+    generation INTEGER NOT NULL,
+    child INTEGER NOT NULL,
+    parent INTEGER REFERENCES individual (id),
+    trace TEXT NOT NULL,
+    measures TEXT NOT NULL,
+    state_hash TEXT NOT NULL,
+    model TEXT
+);
+CREATE TABLE generation (
+    number INTEGER PRIMARY KEY,
+    diversity REAL NOT NULL,
+    accepted INTEGER NOT NULL,
+    rejected INTEGER NOT NULL
+);
+CREATE TABLE member (
+    generation INTEGER NOT NULL REFERENCES generation (number),
+    place INTEGER NOT NULL,
+    individual INTEGER NOT NULL REFERENCES individual (id),
+    PRIMARY KEY (generation, place)
+) WITHOUT ROWID;
+"""
+
+Trace = tuple[tuple[str, tuple[Value, ...]], ...]
+"""Rule applications in order: qualified name of the rule, and its match (objects by id)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Individual:
+    """One accepted individual.
+
+    Attributes:
+        id: from 0, in the order of acceptance; 0 is the initial model.
+        generation: 0 for the initial population.
+        child: number of the child within its generation.
+        parent: id of the individual it was made from, or None for the initial model and imported ones.
+        trace: what turned the parent into it.
+        measures: value of every measure of an individual, by name.
+        state_hash: hash of the model by identity, 16 hexadecimal digits.
+        model: the model as JSON text, where it is stored; else it follows from the trace.
+    """
+
+    id: int
+    generation: int
+    child: int
+    parent: int | None
+    trace: Trace
+    measures: Mapping[str, float]
+    state_hash: str
+    model: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Generation:
+    """One generation: the ids of its members, its diversity, and how many children were accepted and rejected."""
+
+    number: int
+    members: tuple[int, ...]
+    diversity: float
+    accepted: int
+    rejected: int
+
+
+class RunStore:
+    """An open run store. Use `create` or `open`, and it as a context manager.
+
+    Invariant: the individuals of every stored generation, and their ancestors, are stored.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
+        self._db = connection
+        self.path = path
+
+    @classmethod
+    def create(cls, path: Path, settings: Mapping[str, Any], sources: Mapping[str, str]) -> Self:
+        """Make a new store; `settings` must be JSON-ready.
+
+        Raises:
+            InvalidArgument: the file exists.
+        """
+        if path.exists():
+            raise InvalidArgument(f"{path} exists already")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        store = cls(_connect(path), path)
+        with store._transaction() as db:
+            for statement in _SCHEMA.split(";\n"):
+                if statement.strip():
+                    db.execute(statement)
+            rows = {"format": FORMAT, **settings}.items()
+            db.executemany("INSERT INTO setting VALUES (?, ?)", [(k, dump_json(v)) for k, v in rows])
+            db.executemany("INSERT INTO source VALUES (?, ?)", list(sources.items()))
+        return store
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Open an existing store.
+
+        Raises:
+            InvalidArgument: there is no such file, or it is no run store of this format.
+        """
+        if not path.is_file():
+            raise InvalidArgument(f"there is no run store at {path}")
+        store = cls(_connect(path), path)
+        try:
+            found = store.settings().get("format")
+        except (sqlite3.DatabaseError, ValueError) as error:
+            store.close()
+            raise InvalidArgument(f"{path} is no run store: {error}") from error
+        if found != FORMAT:
+            store.close()
+            raise InvalidArgument(
+                f"{path} has format {found}; this version of envgraph reads format {FORMAT}"
+            )
+        return store
+
+    def close(self) -> None:
+        """Close the file; the store cannot be used afterwards."""
+        self._db.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def settings(self) -> dict[str, Any]:
+        """What was given to `create`, and what `set` added."""
+        return {key: json.loads(value) for key, value in self._db.execute("SELECT key, value FROM setting")}
+
+    def set(self, key: str, value: Any) -> None:
+        """Add or replace a setting."""
+        with self._transaction() as db:
+            db.execute("INSERT OR REPLACE INTO setting VALUES (?, ?)", (key, dump_json(value)))
+
+    def sources(self) -> dict[str, str]:
+        """The texts the run was made from, by path."""
+        return dict(self._db.execute("SELECT path, text FROM source ORDER BY path"))
+
+    def write_generation(self, generation: Generation, born: Iterable[Individual]) -> None:
+        """Store a generation and the individuals accepted in it, all or nothing."""
+        with self._transaction() as db:
+            db.executemany(
+                "INSERT INTO individual VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                [_row(individual) for individual in born],
+            )
+            db.execute(
+                "INSERT INTO generation VALUES (?, ?, ?, ?)",
+                (generation.number, generation.diversity, generation.accepted, generation.rejected),
+            )
+            db.executemany(
+                "INSERT INTO member VALUES (?, ?, ?)",
+                [(generation.number, place, member) for place, member in enumerate(generation.members)],
+            )
+
+    def write_models(self, models: Mapping[int, str]) -> None:
+        """Store the models of individuals, as JSON text."""
+        with self._transaction() as db:
+            db.executemany(
+                "UPDATE individual SET model = ? WHERE id = ?",
+                [(model, key) for key, model in models.items()],
+            )
+
+    def last_generation(self) -> Generation | None:
+        """The last whole generation, or None in a fresh store."""
+        (number,) = self._db.execute("SELECT max(number) FROM generation").fetchone()
+        return None if number is None else self.generation(number)
+
+    def generation(self, number: int) -> Generation:
+        """One generation.
+
+        Raises:
+            InvalidArgument: there is none of that number.
+        """
+        row = self._db.execute("SELECT * FROM generation WHERE number = ?", (number,)).fetchone()
+        if row is None:
+            raise InvalidArgument(f"{self.path} has no generation {number}")
+        members = self._db.execute(
+            "SELECT individual FROM member WHERE generation = ? ORDER BY place", (number,)
+        )
+        _, diversity, accepted, rejected = row
+        return Generation(number, tuple(member for (member,) in members), diversity, accepted, rejected)
+
+    def history(self) -> list[tuple[int, float, int, int]]:
+        """Number, diversity, accepted and rejected children of every generation, in order."""
+        return list(self._db.execute("SELECT * FROM generation ORDER BY number"))
+
+    def individual(self, id_: int) -> Individual:
+        """One individual.
+
+        Raises:
+            InvalidArgument: there is none of that id.
+        """
+        row = self._db.execute("SELECT * FROM individual WHERE id = ?", (id_,)).fetchone()
+        if row is None:
+            raise InvalidArgument(f"{self.path} has no individual {id_}")
+        return _individual(row)
+
+    def individuals(self) -> Iterator[Individual]:
+        """Every accepted individual, in the order of acceptance."""
+        for row in self._db.execute("SELECT * FROM individual ORDER BY id"):
+            yield _individual(row)
+
+    def lineage(self, id_: int) -> list[Individual]:
+        """The individual and its ancestors, the oldest first."""
+        line = [self.individual(id_)]
+        while (parent := line[-1].parent) is not None:
+            line.append(self.individual(parent))
+        return line[::-1]
+
+    def next_id(self) -> int:
+        """The id that the next individual gets."""
+        (last,) = self._db.execute("SELECT max(id) FROM individual").fetchone()
+        return 0 if last is None else last + 1
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        self._db.execute("BEGIN IMMEDIATE")
+        try:
+            yield self._db
+        except BaseException:
+            self._db.execute("ROLLBACK")
+            raise
+        self._db.execute("COMMIT")
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    # Transactions are spelt out (isolation_level None). With the write-ahead log and synchronous NORMAL a kill
+    # loses nothing that was committed, and a power cut loses whole generations at the end at most.
+    connection = sqlite3.connect(path, isolation_level=None)
+    try:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+    except sqlite3.DatabaseError as error:
+        connection.close()
+        raise InvalidArgument(f"{path} is no run store: {error}") from error
+    return connection
+
+
+def dump_json(value: Any) -> str:
+    """Compact JSON text; the same value gives the same text."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+
+
+def _row(individual: Individual) -> Sequence[object]:
+    return (
+        individual.id,
+        individual.generation,
+        individual.child,
+        individual.parent,
+        dump_json(individual.trace),
+        dump_json(dict(individual.measures)),
+        individual.state_hash,
+        individual.model,
+    )
+
+
+def _individual(row: Sequence[Any]) -> Individual:
+    id_, generation, child, parent, trace, measures, state_hash, model = row
+    steps = tuple((rule, tuple(values)) for rule, values in json.loads(trace))
+    return Individual(id_, generation, child, parent, steps, json.loads(measures), state_hash, model)

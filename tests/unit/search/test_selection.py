@@ -1,0 +1,109 @@
+"""Choice of parents and survivors."""
+
+from __future__ import annotations
+
+from math import log2
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.random import default_rng
+
+from envgraph.errors import InvalidArgument
+from envgraph.search import (
+    BinnedEntropy,
+    ElitistParents,
+    ExhaustiveSelection,
+    HillClimbing,
+    RandomParents,
+    SimulatedAnnealing,
+    SurvivorSelection,
+    TournamentParents,
+    acceptance,
+)
+
+SELECTIONS = [SimulatedAnnealing(), HillClimbing(), ExhaustiveSelection()]
+
+
+@pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
+def test_survivors_reach_the_maximum_entropy_where_each_bin_has_a_candidate(
+    selection: SurvivorSelection,
+) -> None:
+    values = [0.95, 0.9, 0.91, 0.92, 0.93, 0.94, 0.05, 0.2, 0.4, 0.6, 0.7, 0.06]
+    chosen = selection.select(values, 6, [0], list(range(6)), BinnedEntropy(6), default_rng(1))
+    assert BinnedEntropy(6).score([values[index] for index in chosen]) == pytest.approx(log2(6))
+    assert 0 in chosen
+
+
+@pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
+@given(values=st.lists(st.floats(0, 1), min_size=4, max_size=9), seed=st.integers(0, 2**32))
+def test_survivors_are_distinct_keep_the_pinned_and_are_never_worse(
+    selection: SurvivorSelection, values: list[float], seed: int
+) -> None:
+    measure = BinnedEntropy(3)
+    chosen = selection.select(values, 3, [1], [0, 1, 2], measure, default_rng(seed))
+    assert chosen == sorted(set(chosen)) and len(chosen) == 3 and 1 in chosen
+    assert measure.score([values[i] for i in chosen]) >= measure.score(values[:3]) - 1e-9
+
+
+@given(values=st.lists(st.floats(0, 1), min_size=5, max_size=9), seed=st.integers(0, 2**32))
+def test_annealing_reaches_what_trying_all_families_reaches(values: list[float], seed: int) -> None:
+    measure = BinnedEntropy(4)
+    best = ExhaustiveSelection().select(values, 4, [0], [0, 1, 2, 3], measure, default_rng(0))
+    found = SimulatedAnnealing(rounds=2000).select(values, 4, [0], [0, 1, 2, 3], measure, default_rng(seed))
+    assert measure.score([values[i] for i in found]) == pytest.approx(
+        measure.score([values[i] for i in best])
+    )
+
+
+def test_annealing_is_a_function_of_its_generator() -> None:
+    values = default_rng(5).random(40).tolist()
+    runs = [
+        SimulatedAnnealing().select(values, 10, [0], list(range(10)), BinnedEntropy(10), default_rng(seed))
+        for seed in (7, 7, 8)
+    ]
+    assert runs[0] == runs[1]
+
+
+def test_annealing_keeps_the_start_when_nothing_is_better() -> None:
+    values = [0.1, 0.5, 0.9, 0.11, 0.51, 0.91]
+    assert SimulatedAnnealing().select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(3)) == [
+        0,
+        1,
+        2,
+    ]
+
+
+def test_annealing_survives_a_temperature_that_underflows() -> None:
+    cold = SimulatedAnnealing(rounds=5000, initial_temperature=0.1, cooling_rate=0.5)
+    assert len(cold.select([0.1, 0.2, 0.9, 0.8], 2, [], [0, 1], BinnedEntropy(2), default_rng(1))) == 2
+
+
+def test_acceptance_follows_the_metropolis_rule() -> None:
+    assert acceptance(0.0, 0.1) == 1.0
+    assert acceptance(0.2, 0.1) == pytest.approx(0.1353352832366127)
+    assert (acceptance(0.1, 0.0), acceptance(0.0, 0.0)) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("arguments", [{"rounds": -1}, {"initial_temperature": 0.0}, {"cooling_rate": 1.5}])
+def test_impossible_annealing_is_refused(arguments: dict[str, float]) -> None:
+    with pytest.raises(InvalidArgument):
+        SimulatedAnnealing(**arguments)  # type: ignore[arg-type]
+
+
+def test_exhaustive_selection_refuses_too_many_families() -> None:
+    with pytest.raises(InvalidArgument, match="annealing"):
+        ExhaustiveSelection(limit=10).select(
+            [0.1] * 20, 5, [], list(range(5)), BinnedEntropy(2), default_rng(0)
+        )
+
+
+def test_random_parents_are_uniform() -> None:
+    drawn = RandomParents().select([0.0, 9.0, 1.0], 3000, default_rng(0))
+    assert all(900 < drawn.count(index) < 1100 for index in range(3))
+
+
+def test_tournament_prefers_the_fitter_and_elitism_takes_only_the_best() -> None:
+    drawn = TournamentParents(rounds=2).select([0.0, 1.0], 1000, default_rng(0))
+    assert 700 < drawn.count(1) < 800
+    assert ElitistParents(share=0.5).select([3.0, 1.0, 2.0, 0.0], 3, default_rng(0)) == [0, 2, 0]

@@ -1,0 +1,95 @@
+"""The run store."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from envgraph.errors import InvalidArgument
+from envgraph.search import Generation, Individual, RunStore
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[RunStore]:
+    with RunStore.create(
+        tmp_path / "runs" / "a" / "run.sqlite", {"seed": 7}, {"a.query": "pattern"}
+    ) as store:
+        yield store
+
+
+def individual(id_: int, generation: int = 0, parent: int | None = None) -> Individual:
+    trace = (("p.rule", (3, "red", 0.5, True)),) if parent is not None else ()
+    return Individual(id_, generation, id_ - 1, parent, trace, {"complexity": id_ / 10}, f"{id_:016x}")
+
+
+def test_what_is_written_reads_back_equal(store: RunStore) -> None:
+    born = [individual(0), individual(1, parent=0)]
+    store.write_generation(Generation(0, (0, 1), 1.0, 2, 5), born)
+    assert list(store.individuals()) == born
+    assert store.last_generation() == Generation(0, (0, 1), 1.0, 2, 5)
+    assert store.history() == [(0, 1.0, 2, 5)]
+    assert store.settings() == {"format": 1, "seed": 7}
+    assert store.sources() == {"a.query": "pattern"}
+
+
+def test_members_keep_their_order(store: RunStore) -> None:
+    store.write_generation(Generation(0, (2, 0, 1), 0.0, 3, 0), [individual(k) for k in range(3)])
+    assert store.generation(0).members == (2, 0, 1)
+
+
+def test_lineage_leads_from_the_initial_model_to_the_individual(store: RunStore) -> None:
+    store.write_generation(Generation(0, (0,), 0.0, 1, 0), [individual(0)])
+    store.write_generation(Generation(1, (2,), 0.0, 2, 0), [individual(1, 1, 0), individual(2, 1, 1)])
+    assert [ancestor.id for ancestor in store.lineage(2)] == [0, 1, 2]
+
+
+def test_a_generation_that_fails_half_way_leaves_nothing(store: RunStore) -> None:
+    store.write_generation(Generation(0, (0,), 0.0, 1, 0), [individual(0)])
+    with pytest.raises(sqlite3.IntegrityError):
+        store.write_generation(Generation(1, (1,), 0.0, 1, 0), [individual(1, 1, 0), individual(0, 1)])
+    assert [one.id for one in store.individuals()] == [0]
+    assert store.next_id() == 1
+    last = store.last_generation()
+    assert last is not None and last.number == 0
+
+
+def test_models_are_added_later(store: RunStore) -> None:
+    store.write_generation(Generation(0, (0,), 0.0, 1, 0), [individual(0)])
+    store.write_models({0: "{}"})
+    assert store.individual(0).model == "{}"
+
+
+def test_a_fresh_store_has_no_generation(store: RunStore) -> None:
+    assert store.last_generation() is None and store.next_id() == 0
+
+
+def test_unknown_ids_and_generations_are_named(store: RunStore) -> None:
+    with pytest.raises(InvalidArgument, match="no individual 9"):
+        store.individual(9)
+    with pytest.raises(InvalidArgument, match="no generation 3"):
+        store.generation(3)
+
+
+def test_an_existing_store_is_not_overwritten(store: RunStore) -> None:
+    with pytest.raises(InvalidArgument, match="exists"):
+        RunStore.create(store.path, {}, {})
+
+
+def test_files_that_are_no_store_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="no run store"):
+        RunStore.open(tmp_path / "missing.sqlite")
+    (tmp_path / "text.sqlite").write_text("this is no database, " * 100)
+    with pytest.raises(InvalidArgument, match="no run store"):
+        RunStore.open(tmp_path / "text.sqlite")
+    sqlite3.connect(tmp_path / "empty.sqlite").close()
+    with pytest.raises(InvalidArgument, match="no run store"):
+        RunStore.open(tmp_path / "empty.sqlite")
+
+
+def test_a_store_of_another_format_is_refused(tmp_path: Path) -> None:
+    RunStore.create(tmp_path / "new.sqlite", {"format": 99}, {}).close()
+    with pytest.raises(InvalidArgument, match="format 99"):
+        RunStore.open(tmp_path / "new.sqlite")
