@@ -1,0 +1,282 @@
+"""Text to lexemes: what is a word, a number, a string, punctuation; where comments and errors are.
+
+Lark's contextual lexer asks at each position for the tokens of the parser's state. This one splits the whole text
+first, once, with the terminals of the grammar, and leaves only two questions to the parser: whether a word is a
+keyword here, and whether `<-` is one sign or two. So the words of a mistyped statement can be looked at again, an
+error can see how the brackets pair up, and building a parser costs no regular expression for each state.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from inspect import cleandoc
+from typing import Any
+
+from lark.common import LexerConf
+from lark.lexer import Lexer, LexerState, PatternStr, TerminalDef, Token
+
+from envgraph.errors import Diagnostic, Source, Span
+
+END = "$END"
+PUNCTUATION = "punctuation"
+_IGNORED_KINDS = frozenset({"WHITESPACE", "LINE_COMMENT"})
+_ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "\\": "\\", '"': '"', "'": "'"}
+_ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)")
+_LARGEST_INT = 2**63 - 1
+_MOST_NESTED = 100
+
+
+@dataclass(slots=True)
+class Lexeme:
+    """A stretch of text that is one token, whatever the parser makes of it.
+
+    Attributes:
+        kind: name of the regular terminal (NAME, INT, STRING ...), or "punctuation", or "$END".
+        value: the word without `^`, the contents of a string, otherwise the text itself.
+        escaped: the word was written `^word` and is never a keyword.
+        braces: how many `{` are open before it.
+    """
+
+    kind: str
+    value: str
+    start: int
+    end: int
+    escaped: bool = False
+    braces: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DocComment:
+    """A `/** */`: its text, where the token before it ends and where the token after it starts."""
+
+    text: str
+    before: int
+    after: int
+
+
+@dataclass(slots=True)
+class Scan:
+    """All lexemes of a source (the last is the end), and what is wrong with its spelling."""
+
+    lexemes: list[Lexeme] = field(default_factory=list)
+    docs: list[DocComment] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+
+class LexicalCore(Lexer):
+    """The terminals of one grammar, sorted into words, regular tokens and punctuation.
+
+    Lark hands over the terminals when it builds a parser; `scan` does the work.
+    """
+
+    __future_interface__ = 2
+
+    def __init__(self, conf: LexerConf) -> None:
+        self.keywords: dict[str, str] = {}
+        self.signs: dict[str, str] = {}
+        regular: list[TerminalDef] = []
+        for terminal in conf.terminals:
+            value = terminal.pattern.value
+            if not isinstance(terminal.pattern, PatternStr):
+                regular.append(terminal)
+            elif value[0].isalpha() or value[0] == "_":
+                self.keywords[value] = terminal.name
+            else:
+                self.signs[value] = terminal.name
+        regular.sort(key=lambda terminal: (-terminal.priority, terminal.name))
+        signs = "|".join(re.escape(sign) for sign in sorted(self.signs, key=len, reverse=True))
+        groups = [f"(?P<{terminal.name}>{terminal.pattern.to_regexp()})" for terminal in regular]
+        self._token = re.compile("|".join([*groups, f"(?P<{PUNCTUATION}>{signs})"] if signs else groups))
+
+    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:
+        """Unused: `envgraph.lang._parsing` feeds the parser itself."""
+        raise NotImplementedError("parse with envgraph.lang._parsing.parse")
+
+    def scan(self, source: Source) -> Scan:
+        """Splits a text; nothing in it can make this raise."""
+        return _Scanner(source, self._token).run()
+
+
+class _Scanner:
+    def __init__(self, source: Source, token: re.Pattern[str]) -> None:
+        self._source = source
+        self._text = source.text
+        self._token = token
+        self._scan = Scan()
+        self._doc: tuple[str, int] | None = None
+        self._open: list[str] = []
+        self._braces = 0
+        self._too_deep = False
+
+    def run(self) -> Scan:
+        match = self._token.match
+        text, position, end = self._text, 0, len(self._text)
+        while position < end:
+            found = match(text, position)
+            if found is None:
+                position = self._unknown(position)
+                continue
+            kind = found.lastgroup or ""
+            if kind not in _IGNORED_KINDS:
+                self._take(kind, position, found.end())
+            position = found.end()
+        self._append(Lexeme(END, "", end, end))
+        return self._scan
+
+    def _take(self, kind: str, start: int, end: int) -> None:
+        text = self._text[start:end]
+        if kind == "BLOCK_COMMENT":
+            self._comment(text)
+        elif kind == "NAME":
+            escaped = text[0] == "^"
+            self._append(Lexeme(kind, text[1:] if escaped else text, start, end, escaped))
+        elif kind == PUNCTUATION:
+            self._append(Lexeme(kind, text, start, end))
+        elif kind == "STRING":
+            self._append(Lexeme(kind, self._unescape(text[1:-1], start + 1), start, end))
+        elif kind == "TEXT":
+            self._append(Lexeme(kind, text[3:-3], start, end))
+        else:
+            self._number(kind, text, start, end)
+
+    def _append(self, lexeme: Lexeme) -> None:
+        if self._doc:
+            self._scan.docs.append(DocComment(*self._doc, lexeme.start))
+            self._doc = None
+        lexeme.braces = self._braces
+        if lexeme.kind == PUNCTUATION:
+            self._nest(lexeme)
+        self._scan.lexemes.append(lexeme)
+
+    def _nest(self, lexeme: Lexeme) -> None:
+        if lexeme.value in {"{", "(", "["}:
+            self._open.append(lexeme.value)
+            self._braces += lexeme.value == "{"
+            if len(self._open) > _MOST_NESTED and not self._too_deep:
+                self._too_deep = True
+                self._report(
+                    "nested-too-deeply", f"more than {_MOST_NESTED} brackets inside each other", lexeme.start
+                )
+        elif lexeme.value in {"}", ")", "]"} and self._open:
+            self._open.pop()
+            self._braces = max(0, self._braces - (lexeme.value == "}"))
+
+    def _comment(self, text: str) -> None:
+        if text.startswith("/**") and len(text) > 4:
+            lines = cleandoc(text[3:-2]).splitlines()
+            prose = [re.sub(r"^\s*\* ?", "", line).rstrip() for line in lines]
+            before = self._scan.lexemes[-1].end if self._scan.lexemes else 0
+            self._doc = ("\n".join(prose).strip(), before)
+
+    def _number(self, kind: str, text: str, start: int, end: int) -> None:
+        digits = text.rstrip("lL")
+        size = len(digits.lstrip("0"))
+        if kind == "FLOAT":
+            too_large = math.isinf(float(text))
+        else:
+            # The length first: int() refuses numbers of thousands of digits.
+            too_large = size > 19 or int(digits) > _LARGEST_INT
+        if too_large:
+            self._report(
+                "number-too-large", "the number is too large", start, end, "at most 64 bits are kept"
+            )
+            digits = "0"
+        following = re.compile(r"\w+").match(self._text, end)
+        if following:
+            word = following.group()
+            self._report(
+                "touching-words",
+                f"`{self._text[start : following.end()]}` is neither a number nor a name",
+                start,
+                following.end(),
+                f"write `{text} {word}`, or a name that does not start with a digit",
+            )
+        self._append(Lexeme(kind, digits, start, end))
+
+    def _unescape(self, body: str, start: int) -> str:
+        if "\\" not in body:
+            return body
+
+        def character(found: re.Match[str]) -> str:
+            code = found.group(1)
+            if len(code) == 5 and not 0xD800 <= int(code[1:], 16) < 0xE000:
+                return chr(int(code[1:], 16))
+            if code not in _ESCAPES:
+                self._report(
+                    "bad-escape",
+                    f"`\\{code}` means nothing in a string",
+                    start + found.start(),
+                    start + found.end(),
+                    "write `\\\\` for a backslash; there are \\n \\t \\r \\\" \\' and \\uXXXX",
+                )
+            return _ESCAPES.get(code, "")
+
+        return _ESCAPE.sub(character, body)
+
+    def _unknown(self, start: int) -> int:
+        """Reports what starts no token, and returns where to go on."""
+        text = self._text
+        if text.startswith("/*", start):
+            self._report(
+                "unterminated-comment", "the comment is not closed", start, start + 2, "close it with `*/`"
+            )
+            return len(text)
+        if text.startswith('"""', start):
+            self._report(
+                "unterminated-string", "the text is not closed", start, start + 3, 'close it with `"""`'
+            )
+            self._append(Lexeme("TEXT", text[start + 3 :], start, len(text)))
+            return len(text)
+        if text[start] in "\"'":
+            return self._unterminated(start)
+        return self._stray(start)
+
+    def _unterminated(self, start: int) -> int:
+        end = self._text.find("\n", start)
+        end = len(self._text) if end < 0 else end
+        quote = self._text[start]
+        self._report(
+            "unterminated-string",
+            "the string is not closed on its line",
+            start,
+            end,
+            f'close it with `{quote}`; a text of several lines stands between `"""`',
+        )
+        self._append(Lexeme("STRING", self._text[start + 1 : end], start, end))
+        return end
+
+    def _stray(self, start: int) -> int:
+        end = start + 1
+        while end < len(self._text) and self._token.match(self._text, end) is None:
+            if self._text[end] in "\"'/":
+                break
+            end += 1
+        shown = self._text[start:end]
+        shown = shown if shown.isprintable() else repr(shown)[1:-1]
+        self._report("stray-character", f"`{shown[:20]}` means nothing here", start, end)
+        return end
+
+    def _report(
+        self, code: str, message: str, start: int, end: int | None = None, hint: str | None = None
+    ) -> None:
+        span = self._source.span(start, start + 1 if end is None else end)
+        self._scan.diagnostics.append(Diagnostic(code, message, span, hint))
+
+
+def first_on_line(source: Source, offset: int) -> bool:
+    """Whether only blanks stand before a character of the text on its line."""
+    start = source.text.rfind("\n", 0, offset) + 1
+    return not source.text[start:offset].strip()
+
+
+def overlapping(diagnostics: Iterable[Diagnostic], span: Span) -> bool:
+    """Whether one of the diagnostics is about characters of the span, its ends included."""
+    return any(
+        diagnostic.span is not None
+        and diagnostic.span.start <= span.end
+        and span.start <= diagnostic.span.end
+        for diagnostic in diagnostics
+    )
