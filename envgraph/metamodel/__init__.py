@@ -8,11 +8,13 @@ from envgraph.metamodel._features import (
     EnumType,
     Feature,
     Glyph,
+    Places,
     Reference,
     Scalar,
     Value,
     accepts,
     default_of,
+    place,
     type_name,
 )
 from envgraph.metamodel._metamodel import Metamodel
@@ -26,10 +28,12 @@ __all__ = [
     "Feature",
     "Glyph",
     "Metamodel",
+    "Places",
     "Reference",
     "Scalar",
     "Value",
     "accepts",
     "default_of",
+    "place",
     "type_name",
 ]

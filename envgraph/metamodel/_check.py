@@ -14,6 +14,7 @@ from envgraph.metamodel._features import (
     Reference,
     Scalar,
     accepts,
+    place,
     type_name,
 )
 
@@ -62,21 +63,24 @@ def _duplicates(named: Sequence[Class | EnumType | Feature], what: str = "type")
 def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
     if not enum.literals:
         yield Diagnostic("empty-enum", f"enum `{enum.name}` has no literals", enum.span)
-    if len(set(enum.literals)) != len(enum.literals):
-        twice = next(literal for literal in enum.literals if enum.literals.count(literal) > 1)
-        yield Diagnostic(
-            "duplicate-definition", f"literal `{twice}` of `{enum.name}` is defined twice", enum.span
-        )
+    first: dict[str, int] = {}
+    for index, literal in enumerate(enum.literals):
+        if first.setdefault(literal, index) != index:
+            yield Diagnostic(
+                "duplicate-definition",
+                f"literal `{literal}` of `{enum.name}` is defined twice",
+                place(enum, f"literal {index}"),
+                notes=(Note("the first definition is here", place(enum, f"literal {first[literal]}")),),
+            )
 
 
 def _check_supertypes(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
     for above in cls.supertypes:
+        span = place(cls, f"extends {above}")
         if above not in table:
-            yield Diagnostic(
-                "unknown-class", f"unknown class `{above}`", cls.span, did_you_mean(above, table)
-            )
+            yield Diagnostic("unknown-class", f"unknown class `{above}`", span, did_you_mean(above, table))
         elif cls.name in linearise(above, table):
-            yield Diagnostic("cyclic-inheritance", f"`{cls.name}` is its own supertype", cls.span)
+            yield Diagnostic("cyclic-inheritance", f"`{cls.name}` is its own supertype", span)
     if len(set(cls.supertypes)) != len(cls.supertypes):
         yield Diagnostic("duplicate-definition", f"`{cls.name}` names a supertype twice", cls.span)
 
@@ -119,26 +123,25 @@ def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
     yield Diagnostic(
         "wrong-type",
         f"default of `{attribute.name}` is not of type `{type_name(attribute.type)}`",
-        attribute.span or cls.span,
+        place(attribute, "default") or cls.span,
         hint,
     )
 
 
 def _check_reference(reference: Reference, cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
-    span = reference.span or cls.span
     upper = reference.upper
     if reference.lower < 0 or (upper is not None and (upper < 1 or upper < reference.lower)):
         yield Diagnostic(
             "bad-multiplicity",
             f"`{reference.name}` cannot have {reference.lower}..{upper} targets",
-            span,
+            place(reference, "multiplicity") or cls.span,
             "the lower bound comes first, and the upper bound is at least 1",
         )
     if reference.target not in table:
         yield Diagnostic(
             "unknown-class",
             f"unknown class `{reference.target}`",
-            span,
+            place(reference, "target") or cls.span,
             did_you_mean(reference.target, table),
         )
         return
@@ -147,7 +150,7 @@ def _check_reference(reference: Reference, cls: Class, table: Mapping[str, Class
 
 
 def _check_opposite(reference: Reference, cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
-    span = reference.span or cls.span
+    span = place(reference, "opposite") or cls.span
     there = {
         feature.name: (above, feature)
         for above in reversed(linearise(reference.target, table))
@@ -187,7 +190,7 @@ def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "unknown-attribute",
                 f"`@key` names `{name}`, which is no attribute of `{cls.name}`",
-                cls.span,
+                place(cls, f"key {name}"),
                 did_you_mean(name, attributes),
             )
 
@@ -196,12 +199,14 @@ def _check_glyph(cls: Class) -> Iterator[Diagnostic]:
     if cls.glyph is None:
         return
     if len(cls.glyph.letter) != 1:
-        yield Diagnostic("bad-glyph", f"the glyph of `{cls.name}` is not a single letter", cls.span)
+        yield Diagnostic(
+            "bad-glyph", f"the glyph of `{cls.name}` is not a single letter", place(cls, "letter")
+        )
     if not re.fullmatch("#[0-9a-fA-F]{6}", cls.glyph.colour):
         yield Diagnostic(
             "bad-glyph",
             f"the glyph of `{cls.name}` has no colour `{cls.glyph.colour}`",
-            cls.span,
+            place(cls, "colour"),
             "write `#rrggbb`",
         )
 
@@ -216,6 +221,6 @@ def _check_glyphs_differ(classes: Sequence[Class]) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "bad-glyph",
                 f"`{cls.name}` and `{other.name}` share the glyph `{cls.glyph.letter}`",
-                cls.span,
-                notes=(Note("the other class is here", other.span),),
+                place(cls, "letter"),
+                notes=(Note("the other class is here", place(other, "letter")),),
             )

@@ -8,6 +8,9 @@ from math import isnan
 
 from envgraph.errors import Span
 
+Places = tuple[tuple[str, Span], ...]
+"""Where the parts of a definition stand in its text: ("extends A", span), ("target", span) ..."""
+
 Value = int | float | bool | str
 """A data value. The literal of an enum is its name, a `str`; its enum is known from the static type."""
 
@@ -23,12 +26,13 @@ class Scalar(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class EnumType:
-    """An enumeration; a literal's index is its place in `literals`."""
+    """An enumeration; a literal's index is its place in `literals`. `places`: "literal 0", "literal 1" ..."""
 
     name: str
     literals: tuple[str, ...]
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    places: Places = field(default=(), compare=False, repr=False)
 
 
 AttributeType = Scalar | EnumType
@@ -63,6 +67,7 @@ class Attribute:
         default: the declared default, or None: then 0, 0.0, False, "" or the first literal.
         owner: name of the declaring class; filled in by `Metamodel`.
         index: place in `Metamodel.attributes`; filled in by `Metamodel`.
+        places: "type", "default".
     """
 
     name: str
@@ -73,6 +78,7 @@ class Attribute:
     doc: str | None = None
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    places: Places = field(default=(), compare=False, repr=False)
 
     @property
     def initial(self) -> Value:
@@ -93,6 +99,7 @@ class Reference:
         opposite: name of the reference of `target` that holds the same links in the other direction.
         owner: name of the declaring class; filled in by `Metamodel`.
         index: place in `Metamodel.references`; filled in by `Metamodel`.
+        places: "target", "multiplicity", "opposite".
     """
 
     name: str
@@ -106,6 +113,7 @@ class Reference:
     doc: str | None = None
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    places: Places = field(default=(), compare=False, repr=False)
 
     @property
     def many(self) -> bool:
@@ -135,6 +143,7 @@ class Class:
         key: names of the attributes that name an object in every member of a family (`@key`), or ().
         glyph: letter and colour (`@glyph`), or None; not inherited.
         frozen: derived operators leave it alone (`@frozen`).
+        places: "extends A" for each supertype, "key a" for each attribute of the key, "letter", "colour".
     """
 
     name: str
@@ -147,6 +156,12 @@ class Class:
     doc: str | None = None
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    places: Places = field(default=(), compare=False, repr=False)
+
+
+def place(item: EnumType | Attribute | Reference | Class, part: str) -> Span | None:
+    """Where a part of a definition stands in its text; the definition's own span where that is not known."""
+    return dict(item.places).get(part, item.span)
 
 
 def default_of(type_: AttributeType) -> Value:
