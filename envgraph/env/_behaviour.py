@@ -20,6 +20,7 @@ class RuleCall:
     rule: str | None
     arguments: tuple[Expression, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    rule_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,7 @@ class Branch:
     probability: float
     call: RuleCall
     span: Span | None = field(default=None, compare=False, repr=False)
+    probability_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,7 @@ class Action:
     reward: Expression | None = None
     else_reward: Expression | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    parameter_spans: tuple[Span, ...] = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +94,7 @@ class ObserveObject:
     or_none: bool = False
     each: Parameter | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    among_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +140,7 @@ class Agent:
     effects: tuple[Effect, ...] = ()
     observations: tuple[Observation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    cls_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +151,7 @@ class Token:
     path: Expression
     cls: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    cls_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +163,9 @@ class DrawGrid:
     row: str
     tokens: tuple[Token, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    cls_span: Span | None = field(default=None, compare=False, repr=False)
+    column_span: Span | None = field(default=None, compare=False, repr=False)
+    row_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +176,8 @@ class DrawGraph:
     label: str | None = None
     tokens: tuple[Token, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    cls_span: Span | None = field(default=None, compare=False, repr=False)
+    label_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,6 +62,7 @@ class TypeConstraint:
     term: Term
     exact: bool = False
     span: Span | None = field(default=None, compare=False, repr=False)
+    type_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +81,8 @@ class PathConstraint:
     target: Term
     closure: Closure = Closure.ONCE
     span: Span | None = field(default=None, compare=False, repr=False)
+    type_span: Span | None = field(default=None, compare=False, repr=False)
+    feature_spans: tuple[Span, ...] = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +93,7 @@ class PatternCall:
     arguments: tuple[Term, ...]
     closure: Closure = Closure.ONCE
     span: Span | None = field(default=None, compare=False, repr=False)
+    pattern_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 Relation = TypeConstraint | PathConstraint | PatternCall
@@ -132,6 +136,7 @@ class Parameter:
     type: str | None = None
     direction: Literal["in", "out"] | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    type_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

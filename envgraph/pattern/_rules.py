@@ -21,6 +21,7 @@ class Assignment:
     feature: str
     value: Expression | tuple[Expression, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
+    feature_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,7 @@ class Node:
     type: str | None = None
     assignments: tuple[Assignment, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    type_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,9 @@ class Edge:
     target: str
     closure: Literal["", "+", "*"] = ""
     span: Span | None = field(default=None, compare=False, repr=False)
+    source_span: Span | None = field(default=None, compare=False, repr=False)
+    reference_span: Span | None = field(default=None, compare=False, repr=False)
+    target_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +93,7 @@ class Set:
     operator: Literal["=", "+=", "-="]
     value: Expression | tuple[Expression, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
+    feature_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +103,7 @@ class Retype:
     node: Variable
     type: str
     span: Span | None = field(default=None, compare=False, repr=False)
+    type_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +114,7 @@ class Move:
     container: Variable
     reference: str
     span: Span | None = field(default=None, compare=False, repr=False)
+    reference_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +197,7 @@ class Rule:
     annotations: tuple[Annotation, ...] = ()
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    homomorphic_spans: tuple[tuple[Span, ...], ...] = field(default=(), compare=False, repr=False)
 
     @property
     def qualified_name(self) -> str:
@@ -204,6 +213,7 @@ class Call:
     arguments: tuple[Expression, ...] = ()
     every: bool = False
     span: Span | None = field(default=None, compare=False, repr=False)
+    name_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,6 +315,7 @@ class Derivation:
     annotations: tuple[Annotation, ...] = ()
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    class_spans: tuple[Span, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def qualified_name(self) -> str:

@@ -39,6 +39,8 @@ class EnumLiteral:
     enum: str | None
     literal: str
     span: Span | None = field(default=None, compare=False, repr=False)
+    enum_span: Span | None = field(default=None, compare=False, repr=False)
+    literal_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,7 @@ class Navigation:
     object: Expression
     feature: str
     span: Span | None = field(default=None, compare=False, repr=False)
+    feature_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,7 @@ class FunctionCall:
     function: str
     arguments: tuple[Expression, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
+    function_span: Span | None = field(default=None, compare=False, repr=False)
 
 
 Expression = Variable | Constant | EnumLiteral | Navigation | Unary | Binary | Conditional | FunctionCall
