@@ -155,9 +155,14 @@ class LoweredBody:
 
 @dataclass(frozen=True, slots=True)
 class LoweredPattern:
-    """A resolved pattern; its matches are the union over the bodies, projected to the parameters."""
+    """A resolved pattern; its matches are the union over the bodies, projected to the parameters.
+
+    Attributes:
+        inputs: numbers of the `in` parameters that nothing enumerates; whoever asks has to bind them.
+    """
 
     name: str
     parameters: tuple[str, ...]
     types: tuple[StaticType, ...]
     bodies: tuple[LoweredBody, ...]
+    inputs: tuple[int, ...] = ()

@@ -1,0 +1,233 @@
+"""Patterns seen together: whom they call, and what callers know of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from envgraph.metamodel import Metamodel
+from envgraph.pattern._binding import Binding
+from envgraph.pattern._bodies import Reading, grouped_relations, positive_relations
+from envgraph.pattern._inference import BodyTypes, Callee, Signature
+from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._queries import Body, Closure, Pattern, PatternCall
+from envgraph.pattern._types import joins, static_type
+
+
+@dataclass(frozen=True, slots=True)
+class CallSite:
+    """One `find`, and what it stands under.
+
+    Attributes:
+        grouped: "neg", the name of an aggregate, or "" for a positive call.
+    """
+
+    call: PatternCall
+    grouped: str = ""
+
+
+def calls_of(body: Body) -> Iterator[CallSite]:
+    """All calls of a body: the positive ones, then those under a negation or an aggregate."""
+    for relation in positive_relations(body):
+        if isinstance(relation, PatternCall):
+            yield CallSite(relation)
+    for relation, aggregate in grouped_relations(body):
+        if isinstance(relation, PatternCall):
+            yield CallSite(relation, aggregate.function if aggregate else "neg")
+
+
+class Names:
+    """Finds patterns by the names that calls use.
+
+    A name is looked up as a simple name in the caller's package, then as a qualified name, then as a simple name that
+    is unique among all visible patterns. A private pattern is visible in its own file; in Python, which has no files,
+    in its own package.
+    """
+
+    def __init__(self, patterns: Iterable[Pattern]) -> None:
+        self._qualified: dict[str, Pattern] = {}
+        self._simple: dict[str, list[Pattern]] = {}
+        for pattern in patterns:
+            if self._qualified.setdefault(pattern.qualified_name, pattern) is pattern:
+                self._simple.setdefault(pattern.name, []).append(pattern)
+
+    def candidates(
+        self, name: str, package: str, caller: Pattern | None = None
+    ) -> tuple[list[Pattern], list[Pattern]]:
+        """The visible patterns that a name may mean, best kind only, and those that are hidden from the caller."""
+        qualified = f"{package}.{name}" if package else name
+        found = [self._qualified[key] for key in dict.fromkeys((qualified, name)) if key in self._qualified]
+        hidden: list[Pattern] = []
+        for pattern in found:
+            if visible(pattern, package, caller):
+                return [pattern], hidden
+            hidden.append(pattern)
+        others = [pattern for pattern in self._simple.get(name, ()) if pattern not in hidden]
+        hidden.extend(pattern for pattern in others if not visible(pattern, package, caller))
+        return [pattern for pattern in others if visible(pattern, package, caller)], hidden
+
+    def visible_names(self, package: str, caller: Pattern | None = None) -> list[str]:
+        """What a call could have meant, for hints: simple names, and qualified ones of other packages."""
+        names = []
+        for qualified, pattern in self._qualified.items():
+            if visible(pattern, package, caller):
+                names.append(pattern.name)
+                if pattern.package != package:
+                    names.append(qualified)
+        return names
+
+
+def visible(pattern: Pattern, package: str, caller: Pattern | None) -> bool:
+    """Whether a pattern may be called from a package, and from the file of the caller where both have one."""
+    if not pattern.private:
+        return True
+    if pattern.package != package:
+        return False
+    if caller is None or caller.span is None or pattern.span is None:
+        return True
+    return caller.span.source.name == pattern.span.source.name
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A pattern of a library, with its calls resolved.
+
+    Attributes:
+        calls: name in a call -> qualified name; kept, because patterns added later must not change what it means.
+        types: of the parameters, declared or else inferred; None where unknown.
+        inputs: numbers of the `in` parameters that callers have to bind.
+    """
+
+    pattern: Pattern
+    calls: Mapping[str, str]
+    types: tuple[StaticType | None, ...] = ()
+    inputs: tuple[int, ...] = ()
+
+    @property
+    def signature(self) -> Signature:
+        """What callers know."""
+        return Signature(self.pattern, self.types, self.inputs)
+
+
+@dataclass(slots=True)
+class Analysis:
+    """New patterns together with those of a library: resolved calls, types of parameters, inputs.
+
+    Attributes:
+        entries: by qualified name, the known ones and (after `solve`) the new ones.
+    """
+
+    metamodel: Metamodel
+    known: Mapping[str, Entry]
+    patterns: Sequence[Pattern]
+    names: Names = field(init=False)
+    entries: dict[str, Entry] = field(init=False)
+    _new: dict[str, Pattern] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.names = Names([*(entry.pattern for entry in self.known.values()), *self.patterns])
+        self._new = {}
+        for pattern in self.patterns:
+            if pattern.qualified_name not in self.known:
+                self._new.setdefault(pattern.qualified_name, pattern)
+        self.entries = dict(self.known)
+        for name, pattern in self._new.items():
+            self.entries[name] = Entry(pattern, self._resolved(pattern), self._declared(pattern))
+        self._solve_types()
+        self._solve_inputs()
+
+    def _resolved(self, pattern: Pattern) -> dict[str, str]:
+        calls: dict[str, str] = {}
+        for body in pattern.bodies:
+            for site in calls_of(body):
+                found, _ = self.names.candidates(site.call.pattern, pattern.package, pattern)
+                if len(found) == 1:
+                    calls[site.call.pattern] = found[0].qualified_name
+        return calls
+
+    def _declared(self, pattern: Pattern) -> tuple[StaticType | None, ...]:
+        return tuple(static_type(p.type, self.metamodel) if p.type else None for p in pattern.parameters)
+
+    def callee(self, caller: Pattern) -> Callee:
+        """Finds the signature behind a name in the calls of a pattern."""
+        calls = self.entries[caller.qualified_name].calls
+
+        def find(name: str) -> Signature | None:
+            return self.entries[calls[name]].signature if name in calls else None
+
+        return find
+
+    def body_types(self, pattern: Pattern, body: Body) -> BodyTypes:
+        """The types of the variables of one body."""
+        reading = Reading(body, pattern.parameters)
+        return BodyTypes(reading, pattern.parameters, self.metamodel, self.callee(pattern))
+
+    def _solve_types(self) -> None:
+        """Undeclared types, from the bodies; recursive patterns take several rounds, in which types only grow."""
+        pending = [p for p in self._new.values() if any(parameter.type is None for parameter in p.parameters)]
+        for _ in range(len(pending) * (len(self.metamodel.class_list) + 1) + 1):
+            changed = False
+            for pattern in pending:
+                entry = self.entries[pattern.qualified_name]
+                types = tuple(self._inferred(pattern, entry))
+                if types != entry.types:
+                    self.entries[pattern.qualified_name] = replace(entry, types=types)
+                    changed = True
+            if not changed:
+                break
+
+    def _inferred(self, pattern: Pattern, entry: Entry) -> Iterator[StaticType | None]:
+        bodies = [self.body_types(pattern, body) for body in pattern.bodies]
+        for position, parameter in enumerate(pattern.parameters):
+            if parameter.type is not None:
+                yield entry.types[position]
+                continue
+            known = [type_ for type_ in (body.of(parameter.name) for body in bodies) if type_ is not None]
+            above = joins(known, self.metamodel) if known else []
+            yield above[0] if above else None
+
+    def _solve_inputs(self) -> None:
+        """The `in` parameters of data types that some body cannot enumerate; the fewest that explain each other."""
+        pending = [
+            p for p in self._new.values() if any(self._may_be_input(parameter) for parameter in p.parameters)
+        ]
+        pending = [pattern for pattern in pending if pattern.qualified_name in self.entries]
+        for pattern in pending:
+            every = tuple(
+                i for i, parameter in enumerate(pattern.parameters) if self._may_be_input(parameter)
+            )
+            entry = self.entries[pattern.qualified_name]
+            self.entries[pattern.qualified_name] = replace(entry, inputs=every)
+        changed = bool(pending)
+        while changed:
+            changed = False
+            for pattern in pending:
+                entry = self.entries[pattern.qualified_name]
+                inputs = tuple(i for i in entry.inputs if not self._enumerable(pattern, i))
+                if inputs != entry.inputs:
+                    self.entries[pattern.qualified_name] = replace(entry, inputs=inputs)
+                    changed = True
+
+    def _may_be_input(self, parameter: object) -> bool:
+        type_ = getattr(parameter, "type", None)
+        return getattr(parameter, "direction", None) == "in" and type_ not in self.metamodel.classes
+
+    def _enumerable(self, pattern: Pattern, position: int) -> bool:
+        name = pattern.parameters[position].name
+        others = [
+            pattern.parameters[i].name for i in self.entries[pattern.qualified_name].inputs if i != position
+        ]
+        return all(
+            Binding(self.body_types(pattern, body), pattern.parameters, others).binds(name)
+            for body in pattern.bodies
+        )
+
+
+def is_closure(call: PatternCall) -> bool:
+    """Whether the call follows the pattern more than once."""
+    return call.closure is not Closure.ONCE
+
+
+def object_class(type_: StaticType | None) -> str | None:
+    """The class of a type of objects."""
+    return type_.cls if isinstance(type_, ObjectType) else None

@@ -1,0 +1,132 @@
+"""Which variables of a body have values that can be enumerated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from envgraph.metamodel import Metamodel
+from envgraph.pattern._bodies import (
+    Use,
+    expressions,
+    grouped_relations,
+    positive_relations,
+    terms_of,
+    variables_read,
+)
+from envgraph.pattern._inference import BodyTypes
+from envgraph.pattern._lowered import ObjectType
+from envgraph.pattern._queries import (
+    Aggregate,
+    Comparison,
+    Evaluation,
+    Hash,
+    Parameter,
+    PatternCall,
+    Relation,
+    Term,
+    TypeConstraint,
+)
+from envgraph.pattern._terms import Variable
+from envgraph.pattern._types import static_type
+
+
+class Binding:
+    """The variables of a body that get their values from it.
+
+    Positive relations bind their variables; an eval or an aggregate binds its result once everything it reads is
+    bound, and a call of a pattern with `in` parameters the rest once those are.
+
+    Args:
+        body_types: the body with its types.
+        parameters: of the pattern.
+        given: names of parameters that the caller binds.
+    """
+
+    def __init__(self, body_types: BodyTypes, parameters: Sequence[Parameter], given: Sequence[str]) -> None:
+        self._types = body_types
+        self._reading = body_types.reading
+        self._groups = {
+            id(rel): number for number, (rel, _) in enumerate(grouped_relations(self._reading.body))
+        }
+        self.bound = {self._reading.root(name) for name in given}
+        self.bound.update(self._reading.root(name) for name in self._at_once(parameters))
+        before = -1
+        while before < len(self.bound):
+            before = len(self.bound)
+            self._relations()
+            self._comparisons()
+
+    def binds(self, name: str) -> bool:
+        """Whether the values of a variable can be enumerated."""
+        return self._reading.root(name) in self.bound
+
+    def _at_once(self, parameters: Sequence[Parameter]) -> Iterator[str]:
+        for parameter in parameters:
+            if parameter.type in self._types.metamodel.classes:
+                yield parameter.name
+        for expression, _ in expressions(self._reading.body):
+            for occurrence in variables_read(expression):
+                if occurrence.use is Use.POSITIVE and not occurrence.variable.anonymous:
+                    yield occurrence.variable.name
+
+    def _relations(self) -> None:
+        for relation in positive_relations(self._reading.body):
+            terms = terms_of(relation)
+            if is_data_type(relation, self._types.metamodel):
+                continue
+            if all(self._ready(terms[position]) for position in inputs_of(relation, self._types)):
+                for term in terms:
+                    self._bind(term)
+
+    def _comparisons(self) -> None:
+        for constraint in self._reading.body.constraints:
+            if isinstance(constraint, Comparison) and constraint.operator == "==":
+                for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
+                    if not isinstance(other, Variable) and self._ready(other):
+                        self._bind(term)
+
+    def _bind(self, term: Term) -> None:
+        if isinstance(term, Variable) and not term.anonymous:
+            self.bound.add(self._reading.root(term.name))
+
+    def _ready(self, term: Term) -> bool:
+        match term:
+            case Variable():
+                return not term.anonymous and self.binds(term.name)
+            case Evaluation():
+                return all(self.binds(name) for name in names_read(term))
+            case Aggregate():
+                number = self._groups[id(term.over)]
+                return all(
+                    self._free(argument, number) or self._ready(argument) for argument in terms_of(term.over)
+                )
+            case _:
+                return True
+
+    def _free(self, term: Term, number: int) -> bool:
+        if isinstance(term, Variable):
+            return term.anonymous or self._reading.quantified(term.name) == number
+        return isinstance(term, Hash)
+
+
+def names_read(evaluation: Evaluation) -> list[str]:
+    """Names of the variables in an eval."""
+    return [o.variable.name for o in variables_read(evaluation.expression) if not o.variable.anonymous]
+
+
+def is_data_type(relation: Relation, metamodel: Metamodel) -> bool:
+    """Whether a relation is the type constraint of a data type: it says what a value is, and enumerates none."""
+    if not isinstance(relation, TypeConstraint):
+        return False
+    type_ = static_type(relation.type, metamodel)
+    return type_ is not None and not isinstance(type_, ObjectType)
+
+
+def inputs_of(relation: Relation, body_types: BodyTypes) -> tuple[int, ...]:
+    """The positions of a relation that its caller has to bind."""
+    if not isinstance(relation, PatternCall):
+        return ()
+    signature = body_types.callee(relation.pattern)
+    if signature is None or len(signature.types) != len(relation.arguments):
+        return ()
+    return signature.inputs

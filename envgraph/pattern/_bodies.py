@@ -1,0 +1,300 @@
+"""Where the variables of a body stand, and how each place refers to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from envgraph.errors import Span
+from envgraph.pattern._queries import (
+    Aggregate,
+    Body,
+    Check,
+    Comparison,
+    Constraint,
+    Evaluation,
+    Hash,
+    Negation,
+    Parameter,
+    PathConstraint,
+    PatternCall,
+    Relation,
+    Term,
+    TypeConstraint,
+)
+from envgraph.pattern._terms import (
+    Binary,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Unary,
+    Variable,
+)
+
+
+class Use(Enum):
+    """How a place refers to a variable."""
+
+    POSITIVE = "positive"
+    """Binds it: type, path, positive find, `==` with a constant, an eval or an aggregate, `x.attr`."""
+    NEGATIVE = "negative"
+    """An argument of a negation or an aggregate, or `x.attr == none`."""
+    READ = "read"
+    """Needs its value: check, eval, `!=`, variable == variable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Occurrence:
+    """One place of a variable.
+
+    Attributes:
+        relation: number of the negated or aggregated relation (in the order of the text) it is an argument of.
+    """
+
+    variable: Variable
+    use: Use
+    relation: int | None = None
+
+
+def terms_of(relation: Relation) -> tuple[Term, ...]:
+    """The arguments of a relation, in order."""
+    match relation:
+        case TypeConstraint():
+            return (relation.term,)
+        case PathConstraint():
+            return (relation.source, relation.target)
+        case PatternCall():
+            return relation.arguments
+
+
+def terms_in(constraint: Constraint) -> tuple[Term, ...]:
+    """The terms that stand in a constraint directly; a check has none."""
+    match constraint:
+        case Negation():
+            return terms_of(constraint.relation)
+        case Comparison():
+            return (constraint.left, constraint.right)
+        case Check():
+            return ()
+        case _:
+            return terms_of(constraint)
+
+
+def subterms(terms: Sequence[Term]) -> Iterator[Term]:
+    """The terms and those nested in aggregates, outermost first."""
+    for term in terms:
+        yield term
+        if isinstance(term, Aggregate):
+            yield from subterms(terms_of(term.over))
+
+
+def grouped_relations(body: Body) -> list[tuple[Relation, Aggregate | None]]:
+    """The relations under a negation (None) or an aggregate, in the order that numbers them."""
+    found: list[tuple[Relation, Aggregate | None]] = []
+    for constraint in body.constraints:
+        if isinstance(constraint, Negation):
+            found.append((constraint.relation, None))
+        for term in subterms(terms_in(constraint)):
+            if isinstance(term, Aggregate):
+                found.append((term.over, term))
+    return found
+
+
+def positive_relations(body: Body) -> list[Relation]:
+    """The relations that stand in the body as constraints themselves."""
+    return [c for c in body.constraints if isinstance(c, TypeConstraint | PathConstraint | PatternCall)]
+
+
+def expressions(body: Body) -> Iterator[tuple[Expression, Check | Evaluation]]:
+    """The expressions of all checks and evals, in the order of the text."""
+    for constraint in body.constraints:
+        if isinstance(constraint, Check):
+            yield constraint.expression, constraint
+        for term in subterms(terms_in(constraint)):
+            if isinstance(term, Evaluation):
+                yield term.expression, term
+
+
+def children(expression: Expression) -> tuple[Expression, ...]:
+    """The operands of an expression, in the order of the text."""
+    match expression:
+        case Navigation():
+            return (expression.object,)
+        case Unary():
+            return (expression.operand,)
+        case Binary():
+            return (expression.left, expression.right)
+        case Conditional():
+            return (expression.test, expression.then, expression.otherwise)
+        case FunctionCall():
+            return expression.arguments
+        case _:
+            return ()
+
+
+def depth(expression: Expression) -> int:
+    """Number of levels of the tree; counted without recursion, so that no input exhausts the stack."""
+    levels = 0
+    level: list[Expression] = [expression]
+    while level:
+        levels += 1
+        level = [child for node in level for child in children(node)]
+    return levels
+
+
+def none_test(expression: Expression) -> Navigation | None:
+    """The path of `x.f == none` or `x.f != none`, if the expression is such a test."""
+    if isinstance(expression, Binary) and expression.operator in ("==", "!="):
+        sides = (expression.left, expression.right)
+        for side, other in (sides, sides[::-1]):
+            if isinstance(side, Navigation) and isinstance(other, Constant) and other.value is None:
+                return side
+    return None
+
+
+def base_of(navigation: Navigation) -> tuple[Expression, tuple[str, ...]]:
+    """What a chain `x.f.g` starts at, and its features in order."""
+    features: list[str] = []
+    node: Expression = navigation
+    while isinstance(node, Navigation):
+        features.append(node.feature)
+        node = node.object
+    return node, tuple(reversed(features))
+
+
+def navigations(expression: Expression) -> list[Navigation]:
+    """The longest chains that must have a value; those of a `none` test are left out. Each once."""
+    if none_test(expression):
+        return []
+    if isinstance(expression, Navigation):
+        return [expression]
+    found: dict[Navigation, None] = {}
+    for child in children(expression):
+        found.update(dict.fromkeys(navigations(child)))
+    return list(found)
+
+
+def variables_read(expression: Expression) -> Iterator[Occurrence]:
+    """The variables of an expression, `_` included: each place, in the order of the text."""
+    if isinstance(expression, Variable):
+        yield Occurrence(expression, Use.READ)
+        return
+    chain = none_test(expression) or expression
+    if isinstance(chain, Navigation):
+        base = base_of(chain)[0]
+        if isinstance(base, Variable):
+            yield Occurrence(base, Use.POSITIVE if chain is expression else Use.NEGATIVE)
+        else:
+            yield from variables_read(base)
+        return
+    for child in children(expression):
+        yield from variables_read(child)
+
+
+class Reading:
+    """The occurrences of every variable of a body, and which variables `==` unites.
+
+    Attributes:
+        names: parameters first, then local variables as they appear; without `_`.
+        occurrences: places of each name, in the order of the text.
+    """
+
+    def __init__(self, body: Body, parameters: Sequence[Parameter]) -> None:
+        self.body = body
+        self.parameters = tuple(dict.fromkeys(parameter.name for parameter in parameters))
+        self.occurrences: dict[str, list[Occurrence]] = {name: [] for name in self.parameters}
+        self._parent: dict[str, str] = {}
+        self._relations = 0
+        for constraint in body.constraints:
+            self._read(constraint)
+        self.names = tuple(self.occurrences)
+
+    def _read(self, constraint: Constraint) -> None:
+        match constraint:
+            case Check():
+                for occurrence in variables_read(constraint.expression):
+                    self._note(occurrence)
+            case Negation():
+                self._read_group(terms_of(constraint.relation))
+            case Comparison():
+                self._read_comparison(constraint)
+            case _:
+                self._read_terms(terms_of(constraint), Use.POSITIVE)
+
+    def _read_comparison(self, comparison: Comparison) -> None:
+        left, right = comparison.left, comparison.right
+        linked = isinstance(left, Variable) and isinstance(right, Variable)
+        use = Use.READ if linked or comparison.operator == "!=" else Use.POSITIVE
+        self._read_terms((left, right), use)
+        if isinstance(left, Variable) and isinstance(right, Variable) and comparison.operator == "==":
+            self._unite(left, right)
+
+    def _read_terms(self, terms: Sequence[Term], use: Use, relation: int | None = None) -> None:
+        nested: list[Aggregate] = []
+        for term in terms:
+            match term:
+                case Variable():
+                    self._note(Occurrence(term, use, relation))
+                case Evaluation():
+                    for occurrence in variables_read(term.expression):
+                        self._note(occurrence)
+                case Aggregate():
+                    nested.append(term)
+                case _:
+                    pass
+        for aggregate in nested:
+            self._read_group(terms_of(aggregate.over))
+
+    def _read_group(self, terms: Sequence[Term]) -> None:
+        number = self._relations
+        self._relations += 1
+        self._read_terms(terms, Use.NEGATIVE, number)
+
+    def _note(self, occurrence: Occurrence) -> None:
+        if not occurrence.variable.anonymous:
+            self.occurrences.setdefault(occurrence.variable.name, []).append(occurrence)
+
+    def _unite(self, left: Variable, right: Variable) -> None:
+        if not left.anonymous and not right.anonymous:
+            one, other = self.root(left.name), self.root(right.name)
+            if one != other:
+                self._parent[other] = one
+
+    def root(self, name: str) -> str:
+        """The name that stands for all variables united with this one."""
+        while name in self._parent:
+            name = self._parent[name]
+        return name
+
+    def group(self, name: str) -> list[str]:
+        """The names united with this one, itself included, in the order of `names`."""
+        root = self.root(name)
+        return [other for other in self.names if self.root(other) == root]
+
+    def quantified(self, name: str) -> int | None:
+        """The number of the one negated or aggregated relation that quantifies a local variable; else None."""
+        if name in self.parameters or len(self.group(name)) > 1:
+            return None
+        places = {(occurrence.use, occurrence.relation) for occurrence in self.occurrences[name]}
+        if len(places) == 1:
+            use, relation = places.pop()
+            return relation if use is Use.NEGATIVE else None
+        return None
+
+    def span(self, name: str) -> Span | None:
+        """The first place of a variable in the body."""
+        return next((o.variable.span for o in self.occurrences[name] if o.variable.span), None)
+
+
+def is_hash(term: Term) -> bool:
+    """Whether a term is `#`."""
+    return isinstance(term, Hash)
+
+
+def is_literal(term: Term) -> bool:
+    """Whether a term is written out: a constant or an enum literal."""
+    return isinstance(term, Constant | EnumLiteral)

@@ -1,0 +1,148 @@
+"""Python source for an expression."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from envgraph.errors import InvalidArgument
+from envgraph.metamodel import EnumType, Metamodel, Scalar, Value
+from envgraph.pattern._evaluate import computes
+from envgraph.pattern._expressions import ExpressionChecker
+from envgraph.pattern._lowered import StaticType
+from envgraph.pattern._operations import FUNCTIONS
+from envgraph.pattern._terms import (
+    Binary,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Unary,
+    Variable,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledExpression:
+    """Source of one Python expression that has the value `evaluate` would give.
+
+    Attributes:
+        source: in parentheses or atomic. It holds the names the caller gave, the names of constants, names of
+            `EXPRESSION_NAMESPACE`, and operators; no text of the user's.
+        constants: the literals, in the order of their names.
+        fallible: whether it can raise `EvaluationError`; if not, no `try` is needed.
+    """
+
+    source: str
+    constants: tuple[Value, ...]
+    fallible: bool
+
+
+def compile_expression(
+    expression: Expression,
+    names: Mapping[str, str],
+    types: Mapping[str, StaticType] | None = None,
+    *,
+    constant: Callable[[int], str] = "k[{}]".format,
+) -> CompiledExpression:
+    """Generate the source of a checked expression without paths (as in `CheckAtom`, `EvaluationAtom`).
+
+    Args:
+        expression: the expression.
+        names: the source that stands for each variable.
+        types: types of the variables. With them, arithmetic on ints, comparisons and concatenation of strings are
+            written out; without, helpers look at the values.
+        constant: the source for the literal of a number (from 0).
+
+    Raises:
+        InvalidArgument: the expression has a path, or a variable that `names` lacks.
+
+    >>> expression = Binary("+", Variable("x"), Constant(1))
+    >>> compile_expression(expression, {"x": "v3"}, {"x": Scalar.INT}).source
+    '_bounded((v3 + k[0]))'
+    """
+    writer = _Writer(names, types or {}, constant)
+    source = writer.write(expression)
+    if computes(expression) and writer.type_of(expression) is not Scalar.FLOAT:
+        writer.fallible = True
+        source = f"_bounded({source})"
+    return CompiledExpression(source, tuple(writer.constants), writer.fallible)
+
+
+_HELPERS: Final = {"+": "_add", "-": "_subtract", "*": "_multiply", "/": "_divide", "%": "_remainder"}
+_EMPTY: Final = Metamodel("none", ())
+
+
+class _Writer:
+    """Writes source, and remembers the literals and whether anything in it can fail."""
+
+    def __init__(
+        self, names: Mapping[str, str], types: Mapping[str, StaticType], constant: Callable[[int], str]
+    ) -> None:
+        self._names = names
+        self._types = types
+        self._constant = constant
+        self.constants: list[Value] = []
+        self.fallible = False
+
+    def write(self, node: Expression) -> str:
+        match node:
+            case Variable():
+                if node.name not in self._names:
+                    raise InvalidArgument(f"no source for variable `{node.name}`")
+                return self._names[node.name]
+            case Constant():
+                return "None" if node.value is None else self._literal(node.value)
+            case EnumLiteral():
+                return self._literal(node.literal)
+            case Navigation():
+                raise InvalidArgument(f"a path (`.{node.feature}`) has to be lowered before it is compiled")
+            case Unary():
+                return f"({'not ' if node.operator == '!' else '-'}{self.write(node.operand)})"
+            case Binary():
+                return self._binary(node)
+            case Conditional():
+                test, then, otherwise = map(self.write, (node.test, node.then, node.otherwise))
+                return f"({then} if {test} else {otherwise})"
+            case FunctionCall():
+                arguments = ", ".join(map(self.write, node.arguments))
+                self.fallible |= not FUNCTIONS[node.function].total
+                return f"_fn_{node.function}({arguments})"
+
+    def _literal(self, value: Value) -> str:
+        self.constants.append(value)
+        return self._constant(len(self.constants) - 1)
+
+    def _binary(self, node: Binary) -> str:
+        left, right = self.write(node.left), self.write(node.right)
+        match node.operator:
+            case "&&":
+                return f"({left} and {right})"
+            case "||":
+                return f"({left} or {right})"
+            case "==" | "!=" | "<" | "<=" | ">" | ">=":
+                return f"({left} {node.operator} {right})"
+        if node.operator in "+-*" and self._inline(node):
+            return f"({left} {node.operator} {right})"
+        self.fallible = True
+        return f"{_HELPERS[node.operator]}({left}, {right})"
+
+    def _inline(self, node: Binary) -> bool:
+        """Whether Python's own operator does exactly what ours does: on two ints, or two strings."""
+        left, right = self.type_of(node.left), self.type_of(node.right)
+        if left is Scalar.INT and right is Scalar.INT:
+            return True
+        return node.operator == "+" and Scalar.STRING in (left, right) and _textual(left) and _textual(right)
+
+    def type_of(self, node: Expression) -> StaticType | None:
+        """The type as far as it can be told; a literal's enum is not needed, its value is a string."""
+        if isinstance(node, EnumLiteral):
+            return Scalar.STRING
+        return ExpressionChecker(self._types, _EMPTY, True).type_of(node)
+
+
+def _textual(type_: StaticType | None) -> bool:
+    return type_ is Scalar.STRING or isinstance(type_, EnumType)

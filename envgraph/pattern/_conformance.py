@@ -1,0 +1,60 @@
+"""Conformance as queries: each match is a violation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from envgraph.metamodel import Annotation, Attribute, Class, Feature, Metamodel, Reference
+from envgraph.pattern._queries import (
+    Aggregate,
+    Body,
+    Check,
+    Comparison,
+    Negation,
+    Parameter,
+    PathConstraint,
+    Pattern,
+)
+from envgraph.pattern._terms import Binary, Constant, Variable
+
+_PACKAGE = "conformance"
+_OBJECT = "object"
+
+
+def conformance_patterns(metamodel: Metamodel) -> tuple[Pattern, ...]:
+    """Patterns whose matches are the objects that a metamodel does not allow in a finished model.
+
+    A reference with too few targets, an attribute without a value. Upper bounds, types and containment are refused by
+    the model at once and need no query. The pattern of feature `f` of class `C` is `conformance.C.f`.
+    """
+    return tuple(
+        _pattern(cls, feature)
+        for cls in metamodel.class_list
+        if metamodel.concrete(cls.name)
+        for feature in cls.features
+        if isinstance(feature, Attribute) or feature.lower > 0
+    )
+
+
+def _pattern(cls: Class, feature: Feature) -> Pattern:
+    if isinstance(feature, Attribute):
+        message = f"`{feature.name}` of $object$ has no value"
+    else:
+        message = f"`{feature.name}` of $object$ has fewer than {feature.lower} targets"
+    annotation = Annotation("Constraint", (), (("key", _OBJECT), ("severity", "error"), ("message", message)))
+    return Pattern(
+        feature.name,
+        (Parameter(_OBJECT, cls.name),),
+        (Body(tuple(_missing(cls, feature))),),
+        f"{_PACKAGE}.{cls.name}",
+        annotations=(annotation,),
+    )
+
+
+def _missing(cls: Class, feature: Feature) -> Iterator[Negation | Comparison | Check]:
+    path = PathConstraint(cls.name, (feature.name,), Variable(_OBJECT), Variable("_"))
+    if isinstance(feature, Reference) and feature.lower > 1:
+        yield Comparison("==", Variable("n"), Aggregate("count", path))
+        yield Check(Binary("<", Variable("n"), Constant(feature.lower)))
+    else:
+        yield Negation(path)

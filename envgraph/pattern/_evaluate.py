@@ -1,0 +1,144 @@
+"""The value of an expression, by walking its tree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.metamodel import Scalar, Value
+from envgraph.pattern._bodies import navigations
+from envgraph.pattern._operations import FUNCTIONS, add, bounded, divide, multiply, remainder, subtract
+from envgraph.pattern._terms import (
+    Binary,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Unary,
+    Variable,
+)
+
+Reader = Callable[[int, str], Value | int | None]
+"""Reads a single-valued feature of an object: the value, the id of the target, or None if there is none."""
+
+_STRICT: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
+    "+": add,
+    "-": subtract,
+    "*": multiply,
+    "/": divide,
+    "%": remainder,
+    "<": lambda left, right: left < right,
+    "<=": lambda left, right: left <= right,
+    ">": lambda left, right: left > right,
+    ">=": lambda left, right: left >= right,
+}
+
+
+def evaluate(
+    expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
+) -> Value | int | None:
+    """The value of a checked expression; enum literals are their names, objects their ids.
+
+    `&&`, `||` and `?:` evaluate only what they need. A path that leads nowhere gives None, which equals `none` alone
+    and which no operator or function takes.
+
+    Args:
+        expression: free of errors, as `check_expression` says.
+        values: of every variable in it.
+        read: reads the features of objects; may be missing when the expression has no path.
+
+    Raises:
+        EvaluationError: division by zero, overflow, a function outside its domain, an operand without a value.
+        InvalidArgument: a variable without an entry in `values`, or a path without `read`.
+    """
+    value: Value | int | None = _value(expression, values, read)
+    return bounded(value) if computes(expression) else value
+
+
+def computes(expression: Expression) -> bool:
+    """Whether the value may be a new one, which has to stay in bounds, and no truth value or float."""
+    match expression:
+        case Binary():
+            return expression.operator in ("+", "-", "*", "/", "%")
+        case Unary():
+            return expression.operator == "-"
+        case Conditional():
+            return computes(expression.then) or computes(expression.otherwise)
+        case FunctionCall():
+            return FUNCTIONS[expression.function].result not in (Scalar.BOOL, Scalar.FLOAT)
+        case _:
+            return False
+
+
+def holds(
+    expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
+) -> bool:
+    """Whether a `check` holds.
+
+    Every path in it (outside `== none`) must have a value, even where `||` would not look: that is what makes
+    `x.attr` a path constraint. An expression without a value does not hold, as in VIATRA.
+    """
+    return value_of(expression, values, read) is True
+
+
+def value_of(
+    expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
+) -> Value | int | None:
+    """The value of an `eval`, or None when it has none: then the body does not match. Paths as in `holds`."""
+    try:
+        if any(_value(path, values, read) is None for path in navigations(expression)):
+            return None
+        return evaluate(expression, values, read)
+    except EvaluationError:
+        return None
+
+
+def _value(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Any:
+    match node:
+        case Variable():
+            if node.name not in values:
+                raise InvalidArgument(f"no value for variable `{node.name}`")
+            return values[node.name]
+        case Constant():
+            return node.value
+        case EnumLiteral():
+            return node.literal
+        case Navigation():
+            if read is None:
+                raise InvalidArgument(f"no model to read `{node.feature}` from")
+            owner = _value(node.object, values, read)
+            return None if owner is None else read(owner, node.feature)
+        case Unary():
+            operand = _present(node.operand, values, read)
+            return not operand if node.operator == "!" else -operand
+        case Binary():
+            return _binary(node, values, read)
+        case Conditional():
+            return _value(node.then if _present(node.test, values, read) else node.otherwise, values, read)
+        case FunctionCall():
+            arguments = [_present(argument, values, read) for argument in node.arguments]
+            return FUNCTIONS[node.function].implementation(*arguments)
+
+
+def _binary(node: Binary, values: Mapping[str, Any], read: Reader | None) -> Any:
+    match node.operator:
+        case "&&":
+            return _present(node.left, values, read) and _present(node.right, values, read)
+        case "||":
+            return _present(node.left, values, read) or _present(node.right, values, read)
+        case "==":
+            return _value(node.left, values, read) == _value(node.right, values, read)
+        case "!=":
+            return _value(node.left, values, read) != _value(node.right, values, read)
+    return _STRICT[node.operator](_present(node.left, values, read), _present(node.right, values, read))
+
+
+def _present(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Any:
+    value = _value(node, values, read)
+    if value is None:
+        name = f"`{node.feature}`" if isinstance(node, Navigation) else "an operand"
+        raise EvaluationError(f"{name} has no value")
+    return value

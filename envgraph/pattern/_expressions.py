@@ -1,0 +1,416 @@
+"""Types of expressions, and what can be wrong with them.
+
+The language, the same in check, eval, set and rewards:
+
+- ints are exact, floats finite; `+ - *` of an int and a float give a float.
+- `/` of two ints truncates toward zero and `%` takes the sign of its left side (both as in Java and VIATRA; `mod`
+  takes the sign of the divisor). With a float, `/` is the ordinary quotient.
+- `+` concatenates as soon as one side is a string: `"p" + (n + 1)`. Floats read as in Python, truth values as `true`
+  and `false`, enum literals as their names.
+- `== !=` compare values of one type (an int with a float, too), or objects; `< <= > >=` numbers or strings.
+- `&& || !` take truth values; `test ? a : b` evaluates one branch, and both have one type.
+- `x.f.g` follows single-valued features of the static type; `x.f == none` asks whether the path leads nowhere.
+- The functions are those of `FUNCTIONS`.
+- Division by zero, a function outside its domain, a float that is not finite, an int result beyond 64 bits: no value.
+  In a check this is false, in an eval the body does not match (VIATRA does the same, and logs it); elsewhere it is an
+  `EvaluationError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from envgraph.errors import Diagnostic, Span, did_you_mean
+from envgraph.metamodel import EnumType, Metamodel, Reference, Scalar
+from envgraph.pattern._bodies import depth, none_test
+from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._operations import FUNCTIONS, Function
+from envgraph.pattern._spans import part
+from envgraph.pattern._terms import (
+    Binary,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Unary,
+    Variable,
+)
+from envgraph.pattern._types import NUMBERS, assignable, compatible, type_text, value_type
+
+MOST_LEVELS: Final = 100
+"""How deep an expression may nest; generated source nests alike, and Python stops at 200 parentheses."""
+
+
+def check_expression(
+    expression: Expression,
+    scope: Mapping[str, StaticType | None],
+    metamodel: Metamodel,
+    *,
+    expected: StaticType | None = None,
+    bare_objects: bool = True,
+) -> tuple[StaticType | None, list[Diagnostic]]:
+    """The static type of an expression and all that is wrong with it.
+
+    Args:
+        expression: the expression.
+        scope: type of every variable; None for one whose type is unknown because of an error reported elsewhere.
+        metamodel: what classes and features mean.
+        expected: the type that the place asks for: tells what `::literal` means, and another type is an error.
+        bare_objects: whether an object variable may stand alone, as in `set x.ref = y`; not so in check and eval.
+
+    Returns:
+        The type, None where it is unknown or the expression is `none`; and the diagnostics.
+    """
+    if depth(expression) > MOST_LEVELS:
+        hint = "compute a part of it with `v == eval(..)` first"
+        return None, [_problem("expression-too-deep", f"more than {MOST_LEVELS} levels", expression, hint)]
+    checker = ExpressionChecker(scope, metamodel, bare_objects)
+    type_ = checker.type_of(expression, expected)
+    if type_ and expected and not checker.problems and not assignable(type_, expected, metamodel):
+        checker.problems.append(wrong_type(expression, type_, expected))
+    return type_, checker.problems
+
+
+def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) -> Diagnostic:
+    """The diagnostic for an expression of one type where another is expected."""
+    hint = None
+    if (
+        isinstance(expected, EnumType)
+        and isinstance(expression, Constant)
+        and isinstance(expression.value, str)
+    ):
+        hint = enum_hint(expression.value, expected)
+    elif expected is Scalar.INT and type_ is Scalar.FLOAT:
+        hint = "`round`, `floor` or `toInt` make an int of it"
+    message = f"expected `{type_text(expected)}`, found `{type_text(type_)}`"
+    return _problem("wrong-type", message, expression, hint)
+
+
+def enum_hint(written: str, enum: EnumType) -> str | None:
+    """How to write the literal of an enum that someone wrote as a string."""
+    near = did_you_mean(written, enum.literals)
+    return near.replace("`", f"`{enum.name}::", 1) if near else None
+
+
+def _problem(code: str, message: str, expression: Expression, hint: str | None = None) -> Diagnostic:
+    return Diagnostic(code, message, expression.span, hint)
+
+
+class ExpressionChecker:
+    """Finds the type of one expression; collects `problems`, at most one for each mistake."""
+
+    def __init__(
+        self, scope: Mapping[str, StaticType | None], metamodel: Metamodel, bare_objects: bool
+    ) -> None:
+        self.scope = scope
+        self.metamodel = metamodel
+        self.bare_objects = bare_objects
+        self.problems: list[Diagnostic] = []
+
+    def _report(self, code: str, message: str, node: Expression, hint: str | None = None) -> None:
+        self.problems.append(_problem(code, message, node, hint))
+
+    def type_of(self, node: Expression, expected: StaticType | None = None) -> StaticType | None:
+        """The type, or None where it is unknown; then the reason has been reported, unless it is `none`."""
+        match node:
+            case Variable():
+                return self._variable(node)
+            case Constant():
+                return None if node.value is None else value_type(node.value)
+            case EnumLiteral():
+                return self.literal(node, expected)
+            case Navigation():
+                return self._navigation(node)
+            case Unary():
+                return self._unary(node)
+            case Binary():
+                return self._binary(node)
+            case Conditional():
+                return self._conditional(node, expected)
+            case FunctionCall():
+                return self._call(node)
+
+    def _variable(self, node: Variable) -> StaticType | None:
+        if node.anonymous:
+            self._report("unknown-variable", "`_` has no value", node, "give the variable a name")
+            return None
+        if node.name not in self.scope:
+            hint = did_you_mean(node.name, self.scope)
+            self._report("unknown-variable", f"unknown variable `{node.name}`", node, hint)
+            return None
+        type_ = self.scope[node.name]
+        if isinstance(type_, ObjectType) and not self.bare_objects:
+            message = f"`{node.name}` is an object, a `{type_.cls}`, where only data can stand"
+            self._report("bare-object", message, node, self._bare_hint(node.name, type_))
+            return None
+        return type_
+
+    def _bare_hint(self, name: str, type_: ObjectType) -> str:
+        feature = next(iter(self.metamodel.features(type_.cls)), None)
+        attribute = f"a feature such as `{name}.{feature}`" if feature else "a feature of it"
+        return f"use {attribute}; objects are compared by `==` and `!=` outside of check and eval"
+
+    def literal(self, node: EnumLiteral, expected: StaticType | None) -> StaticType | None:
+        """The enum of a literal; `::literal` takes the one that the place expects."""
+        enum: EnumType | None
+        if node.enum is not None:
+            enum = self.metamodel.enums.get(node.enum)
+            if enum is None:
+                hint = did_you_mean(node.enum, self.metamodel.enums)
+                self._at("unknown-enum", f"unknown enum `{node.enum}`", part(node.span, node.enum), hint)
+                return None
+        elif isinstance(expected, EnumType):
+            enum = expected
+        else:
+            self._report("unknown-enum", *self._no_enum(node, expected))
+            return None
+        if node.literal not in enum.literals:
+            message = f"enum `{enum.name}` has no literal `{node.literal}`"
+            span = part(node.span, node.literal, last=True)
+            self._at("unknown-literal", message, span, did_you_mean(node.literal, enum.literals))
+            return None
+        return enum
+
+    def _no_enum(self, node: EnumLiteral, expected: StaticType | None) -> tuple[str, Expression, str | None]:
+        owners = [enum.name for enum in self.metamodel.enum_types if node.literal in enum.literals]
+        hint = f"write `{owners[0]}::{node.literal}`" if owners else None
+        if expected is None:
+            return f"the enum of `::{node.literal}` is not known here", node, hint
+        return f"expected `{type_text(expected)}`, found the enum literal `::{node.literal}`", node, None
+
+    def _at(self, code: str, message: str, span: Span | None, hint: str | None) -> None:
+        self.problems.append(Diagnostic(code, message, span, hint))
+
+    def _navigation(self, node: Navigation) -> StaticType | None:
+        # The start of a path is the one place where an object variable may stand in a check.
+        if isinstance(node.object, Variable) and not node.object.anonymous and node.object.name in self.scope:
+            owner = self.scope[node.object.name]
+        else:
+            owner = self.type_of(node.object)
+        if owner is None:
+            return None
+        span = part(node.span, node.feature, last=True)
+        if not isinstance(owner, ObjectType):
+            message = f"a `{type_text(owner)}` has no features"
+            self._at("unknown-feature", message, span, None)
+            return None
+        feature = self.metamodel.feature(owner.cls, node.feature)
+        if feature is None:
+            hint = did_you_mean(node.feature, self.metamodel.features(owner.cls))
+            hint = hint or subclass_hint(owner.cls, node.feature, self.metamodel)
+            self._at("unknown-feature", f"`{owner.cls}` has no feature `{node.feature}`", span, hint)
+            return None
+        if isinstance(feature, Reference):
+            if feature.many:
+                hint = f"use a constraint: `{owner.cls}.{feature.name}(.., target)`, or an aggregate over it"
+                self._at("many-valued", f"`{feature}` leads to more than one object", span, hint)
+                return None
+            return ObjectType(feature.target)
+        return feature.type
+
+    def _unary(self, node: Unary) -> StaticType | None:
+        wanted = "bool" if node.operator == "!" else "number"
+        type_ = self._operand(node.operand, node.operator, wanted)
+        return Scalar.BOOL if node.operator == "!" else type_
+
+    def _operand(self, node: Expression, what: str, wanted: str) -> StaticType | None:
+        """The type of an operand that has to be of a kind."""
+        type_ = self.type_of(node)
+        if _is_none(node):
+            advice = "`none` can be compared with a path: `x.f == none`"
+            self._report("operand-type", f"`{what}` does not take `none`", node, advice)
+        elif type_ is not None and not _is_kind(type_, wanted):
+            hint = None
+            if isinstance(type_, ObjectType):
+                hint = f"use an attribute of `{type_.cls}`"
+            elif wanted == "bool" and type_ in NUMBERS:
+                hint = "compare it: `.. != 0`"
+            message = f"`{what}` takes {_KINDS[wanted]}, not `{type_text(type_)}`"
+            self._report("operand-type", message, node, hint)
+        else:
+            return type_
+        return None
+
+    def _binary(self, node: Binary) -> StaticType | None:
+        match node.operator:
+            case "&&" | "||":
+                self._operand(node.left, node.operator, "bool")
+                self._operand(node.right, node.operator, "bool")
+                return Scalar.BOOL
+            case "==" | "!=":
+                self._equality(node)
+                return Scalar.BOOL
+            case "<" | "<=" | ">" | ">=":
+                self._ordering(node)
+                return Scalar.BOOL
+            case "+":
+                return self._sum(node)
+            case _:
+                left = self._operand(node.left, node.operator, "number")
+                right = self._operand(node.right, node.operator, "number")
+                return _number(left, right)
+
+    def _sum(self, node: Binary) -> StaticType | None:
+        left = self._operand(node.left, "+", "data")
+        right = self._operand(node.right, "+", "data")
+        if Scalar.STRING in (left, right):
+            return Scalar.STRING
+        for side, type_ in ((node.left, left), (node.right, right)):
+            if type_ is not None and type_ not in NUMBERS:
+                message = f"`+` adds numbers or strings, not `{type_text(type_)}`"
+                self._report("operand-type", message, side)
+                return None
+        return _number(left, right)
+
+    def _ordering(self, node: Binary) -> None:
+        left = self._operand(node.left, node.operator, "ordered")
+        right = self._operand(node.right, node.operator, "ordered")
+        if left and right and (left in NUMBERS) != (right in NUMBERS):
+            message = f"`{node.operator}` cannot compare `{type_text(left)}` with `{type_text(right)}`"
+            self._report("operand-type", message, node)
+
+    def _equality(self, node: Binary) -> None:
+        if _is_none(node.left) or _is_none(node.right):
+            self._none_test(node)
+            return
+        left, right = self._sides(node)
+        if left is None or right is None:
+            return
+        if not (compatible(left, right, self.metamodel) or {left, right} <= set(NUMBERS)):
+            hint = None
+            for side, other in ((node.left, right), (node.right, left)):
+                if isinstance(side, Constant) and isinstance(side.value, str) and isinstance(other, EnumType):
+                    hint = enum_hint(side.value, other)
+            message = f"`{node.operator}` cannot compare `{type_text(left)}` with `{type_text(right)}`"
+            self._report("operand-type", message, node, hint)
+
+    def _sides(self, node: Binary) -> tuple[StaticType | None, StaticType | None]:
+        """Types of both sides; `::literal` on one side takes its enum from the other."""
+        if isinstance(node.left, EnumLiteral) and node.left.enum is None:
+            right = self.type_of(node.right)
+            return (self._literal_beside(node.left, right, node.right)), right
+        left = self.type_of(node.left)
+        if isinstance(node.right, EnumLiteral) and node.right.enum is None:
+            return left, self._literal_beside(node.right, left, node.left)
+        return left, self.type_of(node.right)
+
+    def _literal_beside(
+        self, node: EnumLiteral, other: StaticType | None, side: Expression
+    ) -> StaticType | None:
+        if other is None and not isinstance(side, EnumLiteral):
+            return None  # the other side has been reported
+        return self.literal(node, other)
+
+    def _none_test(self, node: Binary) -> None:
+        path = none_test(node)
+        if path is not None:
+            self.type_of(path)
+            return
+        side = node.right if _is_none(node.left) else node.left
+        if self.type_of(side) is not None or _is_none(side) or not self.problems:
+            hint = "only a path can be `none`: `x.f == none`"
+            self._report("none-test", "this has a value in every match", side, hint)
+
+    def _conditional(self, node: Conditional, expected: StaticType | None) -> StaticType | None:
+        self._operand(node.test, "?:", "bool")
+        first, second = node.then, node.otherwise
+        if isinstance(first, EnumLiteral) and first.enum is None and expected is None:
+            otherwise = self.type_of(second)
+            then = self.literal(first, otherwise)
+        else:
+            then = self.type_of(first, expected)
+            otherwise = self.type_of(second, expected or then)
+        if _is_none(first) or _is_none(second):
+            return otherwise if _is_none(first) else then
+        if then is None or otherwise is None:
+            return None
+        if then == otherwise:
+            return then
+        if isinstance(then, ObjectType) and isinstance(otherwise, ObjectType):
+            return self._common_class(node, then, otherwise)
+        hint = None
+        if {then, otherwise} == set(NUMBERS):
+            # Silently promoting would make the type of a value depend on the branch taken: `1 / 2` or `1.0 / 2`.
+            hint = "write the int as a float (`1.0`), or use `toFloat`"
+        message = f"the branches of `?:` are `{type_text(then)}` and `{type_text(otherwise)}`"
+        self._report("operand-type", message, node, hint)
+        return None
+
+    def _common_class(self, node: Conditional, then: ObjectType, otherwise: ObjectType) -> StaticType | None:
+        above = [
+            name for name in self.metamodel.supertypes(then.cls) if self.metamodel.is_a(otherwise.cls, name)
+        ]
+        if above:
+            return ObjectType(above[0])
+        self._report("operand-type", f"`{then.cls}` and `{otherwise.cls}` have no common superclass", node)
+        return None
+
+    def _call(self, node: FunctionCall) -> StaticType | None:
+        function = FUNCTIONS.get(node.function)
+        if function is None:
+            hint = did_you_mean(node.function, FUNCTIONS)
+            span = part(node.span, node.function)
+            self._at("unknown-function", f"unknown function `{node.function}`", span, hint)
+            return None
+        if not function.accepts_count(len(node.arguments)):
+            message = f"`{function.name}` does not take {len(node.arguments)} arguments"
+            self._report("wrong-arity", message, node, f"write `{function.signature}`")
+            return function.result
+        types = [
+            self._operand(argument, function.name, function.parameter(position))
+            for position, argument in enumerate(node.arguments)
+        ]
+        return function.result or _common_number(function, types)
+
+
+_KINDS: Final[Mapping[str, str]] = {
+    "bool": "truth values",
+    "number": "numbers",
+    "int": "an int",
+    "string": "strings",
+    "data": "data",
+    "ordered": "numbers or strings",
+}
+
+
+def _is_none(node: Expression) -> bool:
+    return isinstance(node, Constant) and node.value is None
+
+
+def _is_kind(type_: StaticType, kind: str) -> bool:
+    match kind:
+        case "bool":
+            return type_ is Scalar.BOOL
+        case "number":
+            return type_ in NUMBERS
+        case "int":
+            return type_ is Scalar.INT
+        case "string":
+            return type_ is Scalar.STRING
+        case "ordered":
+            return type_ in NUMBERS or type_ is Scalar.STRING
+        case _:
+            return not isinstance(type_, ObjectType)
+
+
+def _number(left: StaticType | None, right: StaticType | None) -> StaticType | None:
+    if left is None or right is None:
+        return None
+    return Scalar.FLOAT if Scalar.FLOAT in (left, right) else Scalar.INT
+
+
+def _common_number(function: Function, types: list[StaticType | None]) -> StaticType | None:
+    if any(type_ is None for type_ in types):
+        return None
+    return Scalar.FLOAT if Scalar.FLOAT in types else Scalar.INT
+
+
+def subclass_hint(cls: str, feature: str, metamodel: Metamodel) -> str | None:
+    """A hint when it is a subclass that has the feature."""
+    for sub in metamodel.class_list:
+        if metamodel.is_a(sub.name, cls) and any(own.name == feature for own in sub.features):
+            return f"its subclass `{sub.name}` has one: constrain the object with `{sub.name}(..)`"
+    return None

@@ -1,0 +1,226 @@
+"""Types of the variables of a body, from the places where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from envgraph.errors import Span
+from envgraph.metamodel import Metamodel, Scalar
+from envgraph.pattern._bodies import Reading, grouped_relations, terms_of
+from envgraph.pattern._expressions import ExpressionChecker
+from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._paths import ResolvedPath, closure_target, resolve_path
+from envgraph.pattern._queries import (
+    Aggregate,
+    Closure,
+    Comparison,
+    Evaluation,
+    Hash,
+    Parameter,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Relation,
+    Term,
+    TypeConstraint,
+)
+from envgraph.pattern._terms import Constant, EnumLiteral, Variable
+from envgraph.pattern._types import meet, static_type, value_type
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """What callers know of a pattern: its types (None where unknown) and the parameters they have to bind."""
+
+    pattern: Pattern
+    types: tuple[StaticType | None, ...]
+    inputs: tuple[int, ...] = ()
+
+
+Callee = Callable[[str], Signature | None]
+"""Finds a called pattern by the name that stands in the call; None where that failed, which is reported once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """A place that gives a term a type.
+
+    Attributes:
+        origin: "declaration", "constraint", "call" or "value"; a value is an eval, an aggregate or an enum literal.
+        what: names the place in messages.
+    """
+
+    term: Term
+    type: StaticType
+    origin: str
+    what: str
+    span: Span | None = None
+
+
+class BodyTypes:
+    """The static type of every variable of a body, as far as the body tells.
+
+    Attributes:
+        types: by variable name; united variables share one.
+        facts: every place that gave a type, in the order of the text.
+    """
+
+    def __init__(
+        self, reading: Reading, parameters: Sequence[Parameter], metamodel: Metamodel, callee: Callee
+    ) -> None:
+        self.reading = reading
+        self.metamodel = metamodel
+        self.callee = callee
+        self._declared = list(_declarations(parameters, metamodel))
+        self._roots: dict[str, StaticType] = {}
+        self.facts: list[Fact] = []
+        # What an arrow, an eval or a union says depends on the types of other variables, so it may take a round
+        # more for every step of such a chain; each round but the last gives at least one variable a better type.
+        for _ in range(2 * len(reading.names) + 2):
+            before = self._roots
+            self.facts = self._collect()
+            self._roots = self._combine()
+            if self._roots == before:
+                break
+        self._quantify()
+
+    @property
+    def types(self) -> Mapping[str, StaticType | None]:
+        """Type of every variable by name; None where the body does not tell."""
+        return {name: self.of(name) for name in self.reading.names}
+
+    def of(self, name: str) -> StaticType | None:
+        """The type of a variable, or None where the body does not tell."""
+        return self._roots.get(self.reading.root(name))
+
+    def of_term(self, term: Term) -> StaticType | None:
+        """The type of what stands in an argument; None for `_`, `#` and an enum literal without its enum."""
+        match term:
+            case Variable():
+                return None if term.anonymous else self.of(term.name)
+            case Constant():
+                return None if term.value is None else value_type(term.value)
+            case EnumLiteral():
+                return self.metamodel.enums.get(term.enum) if term.enum else None
+            case Evaluation():
+                return ExpressionChecker(self.types, self.metamodel, False).type_of(term.expression)
+            case Aggregate():
+                return self.aggregate_type(term)
+            case Hash():
+                return None
+
+    def path(self, path: PathConstraint) -> ResolvedPath | None:
+        """The path with its features looked up; without a type it starts at the static type of its source."""
+        cls: str | None = path.type
+        if not cls:
+            source = self.of_term(path.source)
+            cls = source.cls if isinstance(source, ObjectType) else None
+        if cls is None or cls not in self.metamodel.classes or not path.features:
+            return None
+        resolved = resolve_path(cls, path.features, self.metamodel)
+        return resolved if isinstance(resolved, ResolvedPath) else None
+
+    def columns(self, relation: Relation) -> list[StaticType | None]:
+        """The types that a relation gives its arguments; None where they are unknown."""
+        match relation:
+            case TypeConstraint():
+                return [static_type(relation.type, self.metamodel)]
+            case PathConstraint():
+                path = self.path(relation)
+                if path is None:
+                    known = relation.type in self.metamodel.classes
+                    return [ObjectType(relation.type) if known else None, None]
+                return [
+                    path.source,
+                    closure_target(path.source, path.target, relation.closure, self.metamodel),
+                ]
+            case PatternCall():
+                return self._call_columns(relation)
+
+    def _call_columns(self, call: PatternCall) -> list[StaticType | None]:
+        signature = self.callee(call.pattern)
+        if signature is None or len(signature.types) != len(call.arguments):
+            return [None] * len(call.arguments)
+        types = list(signature.types)
+        if call.closure is Closure.STAR and len(types) == 2 and types[0] and types[1]:
+            types[1] = closure_target(types[0], types[1], call.closure, self.metamodel)
+        return types
+
+    def aggregate_type(self, aggregate: Aggregate) -> StaticType | None:
+        """The type of the result of an aggregate."""
+        if aggregate.function == "count":
+            return Scalar.INT
+        if aggregate.function == "avg":
+            return Scalar.FLOAT
+        arguments = zip(terms_of(aggregate.over), self.columns(aggregate.over), strict=True)
+        return next((type_ for term, type_ in arguments if isinstance(term, Hash)), None)
+
+    def _collect(self) -> list[Fact]:
+        facts = list(self._declared)
+        for constraint in self.reading.body.constraints:
+            if isinstance(constraint, Comparison):
+                if constraint.operator == "==":
+                    facts.extend(self._comparison_facts(constraint))
+            elif isinstance(constraint, TypeConstraint | PathConstraint | PatternCall):
+                facts.extend(self._relation_facts(constraint))
+        return facts
+
+    def _relation_facts(self, relation: Relation) -> Iterator[Fact]:
+        origin = "call" if isinstance(relation, PatternCall) else "constraint"
+        for term, type_ in zip(terms_of(relation), self.columns(relation), strict=True):
+            if type_ is not None:
+                yield Fact(term, type_, origin, relation_text(relation), term.span or relation.span)
+
+    def _comparison_facts(self, comparison: Comparison) -> Iterator[Fact]:
+        for term, other in ((comparison.left, comparison.right), (comparison.right, comparison.left)):
+            if isinstance(term, Variable) and isinstance(other, Evaluation | Aggregate | EnumLiteral):
+                type_ = self.of_term(other)
+                if type_ is not None:
+                    yield Fact(term, type_, "value", "this value", other.span or comparison.span)
+
+    def _combine(self) -> dict[str, StaticType]:
+        roots: dict[str, StaticType] = {}
+        for fact in self.facts:
+            if isinstance(fact.term, Variable) and not fact.term.anonymous:
+                root = self.reading.root(fact.term.name)
+                both = meet(roots[root], fact.type, self.metamodel) if root in roots else fact.type
+                roots[root] = both or roots[root]
+        for constraint in self.reading.body.constraints:
+            # A number may stand for an int or a float, so it tells the type only where nothing else does.
+            if isinstance(constraint, Comparison) and constraint.operator == "==":
+                for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
+                    if isinstance(term, Variable) and not term.anonymous and isinstance(other, Constant):
+                        type_ = self.of_term(other)
+                        if type_ is not None:
+                            roots.setdefault(self.reading.root(term.name), type_)
+        return roots
+
+    def _quantify(self) -> None:
+        """Give the variables that are quantified inside a negation or an aggregate the types it tells."""
+        for number, (relation, _) in enumerate(grouped_relations(self.reading.body)):
+            for term, type_ in zip(terms_of(relation), self.columns(relation), strict=True):
+                if not isinstance(term, Variable) or term.anonymous or type_ is None:
+                    continue
+                if self.reading.quantified(term.name) == number:
+                    known = self._roots.get(term.name, type_)
+                    self._roots[term.name] = meet(known, type_, self.metamodel) or known
+
+
+def _declarations(parameters: Sequence[Parameter], metamodel: Metamodel) -> Iterator[Fact]:
+    for parameter in parameters:
+        type_ = static_type(parameter.type, metamodel) if parameter.type else None
+        if type_ is not None:
+            variable = Variable(parameter.name, parameter.span)
+            yield Fact(variable, type_, "declaration", f"parameter `{parameter.name}`", parameter.span)
+
+
+def relation_text(relation: Relation) -> str:
+    """How messages name a relation."""
+    match relation:
+        case TypeConstraint():
+            return f"`{relation.type}`"
+        case PathConstraint():
+            return f"`{'.'.join([*([relation.type] if relation.type else []), *relation.features])}`"
+        case PatternCall():
+            return f"`{relation.pattern}`"

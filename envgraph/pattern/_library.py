@@ -1,0 +1,160 @@
+"""The patterns that an engine knows."""
+
+from __future__ import annotations
+
+from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
+from envgraph.metamodel import Metamodel
+from envgraph.pattern._analysis import Analysis, Entry, Names
+from envgraph.pattern._bodies import Reading
+from envgraph.pattern._check import check_patterns
+from envgraph.pattern._inference import BodyTypes, Signature
+from envgraph.pattern._lowered import LoweredPattern, StaticType
+from envgraph.pattern._normal import lower_body
+from envgraph.pattern._paths import ResolvedPath
+from envgraph.pattern._queries import Body, Parameter, PathConstraint, Pattern
+from envgraph.pattern._terms import Variable
+from envgraph.pattern._types import type_text
+
+_PATHS = "#path"
+"""Package of the generated patterns; no text spells it."""
+
+
+class Library:
+    """Patterns over one metamodel, checked together, with their types and their normal forms.
+
+    Patterns are only ever added, and what a name in a registered pattern means never changes.
+
+    Args:
+        metamodel: what the names of classes and features mean.
+    """
+
+    def __init__(self, metamodel: Metamodel) -> None:
+        self.metamodel = metamodel
+        self._entries: dict[str, Entry] = {}
+        self._names = Names(())
+        self._generated: dict[str, Entry] = {}
+        self._lowered: dict[str, LoweredPattern] = {}
+
+    @property
+    def patterns(self) -> tuple[Pattern, ...]:
+        """The registered patterns, in the order they were added."""
+        return tuple(entry.pattern for entry in self._entries.values())
+
+    def names(self) -> tuple[str, ...]:
+        """Qualified names of the registered patterns, in the order they were added."""
+        return tuple(self._entries)
+
+    def check(self, *patterns: Pattern) -> list[Diagnostic]:
+        """All errors and warnings that adding these patterns would bring, in the order of their text."""
+        return check_patterns(Analysis(self.metamodel, self._entries, patterns))
+
+    def add(self, *patterns: Pattern) -> None:
+        """Register patterns, which may call each other and those that are registered already.
+
+        Raises:
+            ResolutionError: at least one of them has an error; all errors together. Nothing is added.
+        """
+        analysis = Analysis(self.metamodel, self._entries, patterns)
+        problems = check_patterns(analysis)
+        if has_errors(problems):
+            raise ResolutionError([problem for problem in problems if problem.severity is Severity.ERROR])
+        self._entries = analysis.entries
+        self._names = analysis.names
+
+    def resolve(self, name: str, package: str = "") -> Pattern | None:
+        """The pattern that a name means in a package, or None if it means none or several.
+
+        First a pattern of the package, then a qualified name, then a simple name that only one visible pattern has.
+        """
+        found, _ = self._names.candidates(name, package)
+        return found[0] if len(found) == 1 else None
+
+    def callee(self, caller: str, name: str) -> Pattern:
+        """The pattern that a name means in the calls of a registered pattern (qualified name).
+
+        Raises:
+            InvalidArgument: there is no such caller, or it calls nothing by that name.
+        """
+        calls = self._entry(caller).calls
+        if name not in calls:
+            raise InvalidArgument(f"pattern `{caller}` does not call `{name}`")
+        return self._entries[calls[name]].pattern
+
+    def get(self, qualified_name: str) -> Pattern:
+        """A registered pattern, or one generated for a path.
+
+        Raises:
+            InvalidArgument: there is none of that name.
+        """
+        return self._entry(qualified_name).pattern
+
+    def parameter_types(self, qualified_name: str) -> tuple[StaticType, ...]:
+        """Types of the parameters, declared or else inferred.
+
+        Raises:
+            InvalidArgument: there is no such pattern.
+        """
+        return _known(self._entry(qualified_name))
+
+    def inputs(self, qualified_name: str) -> tuple[int, ...]:
+        """Positions of the `in` parameters that nothing enumerates: whoever asks has to bind them.
+
+        Raises:
+            InvalidArgument: there is no such pattern.
+        """
+        return self._entry(qualified_name).inputs
+
+    def lowered(self, qualified_name: str) -> LoweredPattern:
+        """The normal form of a pattern. Its calls may name generated patterns, which are found here, too.
+
+        Raises:
+            InvalidArgument: there is no such pattern.
+        """
+        if qualified_name not in self._lowered:
+            self._lowered[qualified_name] = self._lower(self._entry(qualified_name))
+        return self._lowered[qualified_name]
+
+    def _entry(self, name: str) -> Entry:
+        entry = self._entries.get(name) or self._generated.get(name)
+        if entry is None:
+            hint = did_you_mean(name, self._entries)
+            raise InvalidArgument(f"unknown pattern `{name}`" + (f": {hint}" if hint else ""))
+        return entry
+
+    def _lower(self, entry: Entry) -> LoweredPattern:
+        pattern = entry.pattern
+        bodies = (
+            lower_body(pattern.parameters, self._types(entry, body), self._path_pattern, self.parameter_types)
+            for body in pattern.bodies
+        )
+        return LoweredPattern(
+            pattern.qualified_name,
+            tuple(parameter.name for parameter in pattern.parameters),
+            _known(entry),
+            tuple(body for body in bodies if body is not None),
+            entry.inputs,
+        )
+
+    def _types(self, entry: Entry, body: Body) -> BodyTypes:
+        def callee(name: str) -> Signature | None:
+            return self._entries[entry.calls[name]].signature if name in entry.calls else None
+
+        parameters = entry.pattern.parameters
+        return BodyTypes(Reading(body, parameters), parameters, self.metamodel, callee)
+
+    def _path_pattern(self, path: ResolvedPath) -> str:
+        """Register the binary pattern of a path; the same path always has the same name."""
+        name = f"{_PATHS}.{path}"
+        if name not in self._generated:
+            features = tuple(step.name for step in path.steps)
+            constraint = PathConstraint(path.cls, features, Variable("source"), Variable("target"))
+            parameters = (Parameter("source", path.cls), Parameter("target", type_text(path.target)))
+            pattern = Pattern(str(path), parameters, (Body((constraint,)),), _PATHS, private=True)
+            self._generated[name] = Entry(pattern, {}, (path.source, path.target))
+        return name
+
+
+def _known(entry: Entry) -> tuple[StaticType, ...]:
+    types = tuple(type_ for type_ in entry.types if type_ is not None)
+    assert len(types) == len(entry.types)
+    return types

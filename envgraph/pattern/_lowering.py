@@ -1,0 +1,440 @@
+"""From a body as it is written to the atoms that matchers compile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from envgraph.metamodel import Attribute, Feature, Metamodel, Scalar
+from envgraph.pattern._bodies import base_of, children, none_test, terms_of
+from envgraph.pattern._evaluate import holds, value_of
+from envgraph.pattern._inference import BodyTypes
+from envgraph.pattern._lowered import (
+    AggregateAtom,
+    Atom,
+    AttributeAtom,
+    CallAtom,
+    CheckAtom,
+    ClosureAtom,
+    EvaluationAtom,
+    InstanceAtom,
+    LinkAtom,
+    NegationAtom,
+    ObjectType,
+    RelationAtom,
+    StaticType,
+    UnequalAtom,
+)
+from envgraph.pattern._paths import ResolvedPath, resolve_path
+from envgraph.pattern._queries import (
+    Aggregate,
+    Check,
+    Closure,
+    Comparison,
+    Constraint,
+    Evaluation,
+    Hash,
+    Negation,
+    Parameter,
+    PathConstraint,
+    PatternCall,
+    Relation,
+    Term,
+    TypeConstraint,
+)
+from envgraph.pattern._slots import Slots, Unsatisfiable
+from envgraph.pattern._terms import (
+    Binary,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Unary,
+    Variable,
+)
+from envgraph.pattern._types import coerced, compatible, static_type, value_type
+
+PathName = Callable[[ResolvedPath], str]
+"""Registers the generated binary pattern of a path and gives its qualified name."""
+
+
+class BodyLowering:
+    """Turns the constraints of one checked body into atoms over slots.
+
+    Checks and evals come after all other constraints, because a path in them uses the variable that a path constraint
+    has already given to the same feature; the atoms still end up in the order of the text.
+
+    Attributes:
+        slots: the variables.
+        atoms: over slot numbers; expressions name a slot by its number.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter], body_types: BodyTypes, path_name: PathName) -> None:
+        self._types = body_types
+        self._metamodel: Metamodel = body_types.metamodel
+        self._path_name = path_name
+        self._groups = 0
+        self._targets: dict[tuple[int, Feature], int] = {}
+        self.slots = Slots(self._metamodel)
+        for parameter in parameters:
+            self.slots.fresh(body_types.of(parameter.name), parameter.name)
+        self.atoms = self._lower(body_types.reading.body.constraints)
+
+    def _lower(self, constraints: Sequence[Constraint]) -> list[Atom]:
+        buckets: list[list[Atom]] = []
+        later: list[tuple[list[Atom], Evaluation | Check, int]] = []
+        self._later = later
+        for constraint in constraints:
+            self._bucket: list[Atom] = []
+            buckets.append(self._bucket)
+            self._constraint(constraint)
+        self._index_functions(buckets)
+        for bucket, item, result in later:
+            self._bucket = bucket
+            if isinstance(item, Check):
+                self._check(item.expression)
+            else:
+                self._evaluation(item.expression, result)
+        return [atom for bucket in buckets for atom in bucket]
+
+    def _constraint(self, constraint: Constraint) -> None:
+        match constraint:
+            case Check():
+                self._later.append((self._bucket, constraint, -1))
+            case Comparison():
+                self._comparison(constraint)
+            case Negation():
+                self._negation(constraint.relation)
+            case TypeConstraint() | PathConstraint() | PatternCall():
+                self._positive(constraint)
+
+    # --- terms
+
+    def _slot(self, term: Term, expected: StaticType | None, group: int | None = None) -> int:
+        """The variable for an argument; what is no variable becomes one that is fixed or computed."""
+        match term:
+            case Variable():
+                if term.anonymous:
+                    return self.slots.fresh(expected)
+                return self.slots.named(term.name, self._types.of(term.name))
+            case Constant():
+                assert term.value is not None
+                slot = self.slots.fresh(expected or value_type(term.value))
+                self.slots.fix(slot, coerced(term.value, expected))
+                return slot
+            case EnumLiteral():
+                slot = self.slots.fresh(expected or self._types.of_term(term))
+                self.slots.fix(slot, term.literal)
+                return slot
+            case Hash():
+                return self.slots.fresh(expected)
+            case Evaluation() | Aggregate():
+                slot = self.slots.fresh(self._types.of_term(term) or expected)
+                self._compute(term, slot)
+                return slot
+
+    def _compute(self, term: Evaluation | Aggregate, result: int) -> None:
+        if isinstance(term, Evaluation):
+            self._later.append((self._bucket, term, result))
+        else:
+            self._aggregate(term, result)
+
+    # --- comparisons
+
+    def _comparison(self, comparison: Comparison) -> None:
+        left, right = comparison.left, comparison.right
+        if comparison.operator == "!=":
+            one, other = self._sides(left, right)
+            self._bucket.append(UnequalAtom(one, other))
+        elif isinstance(right, Evaluation | Aggregate) and not isinstance(left, Evaluation | Aggregate):
+            self._compute(right, self._slot(left, self._types.of_term(right)))
+        elif isinstance(left, Evaluation | Aggregate) and not isinstance(right, Evaluation | Aggregate):
+            self._compute(left, self._slot(right, self._types.of_term(left)))
+        else:
+            self.slots.unite(*self._sides(left, right))
+
+    def _sides(self, left: Term, right: Term) -> tuple[int, int]:
+        expected = self._comparable(left, right)
+        return self._slot(left, expected), self._slot(right, expected)
+
+    def _comparable(self, left: Term, right: Term) -> StaticType | None:
+        """The type that both sides are compared at; a number that is written takes that of the other side."""
+        one, other = self._types.of_term(left), self._types.of_term(right)
+        if isinstance(left, Constant) or one is None:
+            return other or one
+        return one
+
+    # --- positive relations
+
+    def _positive(self, relation: Relation) -> None:
+        columns = self._types.columns(relation)
+        slots = [self._slot(term, type_) for term, type_ in zip(terms_of(relation), columns, strict=True)]
+        match relation:
+            case TypeConstraint():
+                if isinstance(static_type(relation.type, self._metamodel), ObjectType):
+                    self._bucket.append(InstanceAtom(relation.type, slots[0], relation.exact))
+            case PathConstraint():
+                path = self._path(relation)
+                if relation.closure is Closure.ONCE:
+                    self._bucket.extend(self._steps(path, slots[0], slots[1]))
+                else:
+                    step = self._path_name(path)
+                    self._bucket.append(ClosureAtom(step, relation.closure, slots[0], slots[1]))
+            case PatternCall():
+                name = self._callee(relation)
+                if relation.closure is Closure.ONCE:
+                    self._bucket.append(CallAtom(name, tuple(slots)))
+                else:
+                    self._bucket.append(ClosureAtom(name, relation.closure, slots[0], slots[1]))
+
+    def _path(self, constraint: PathConstraint) -> ResolvedPath:
+        path = self._types.path(constraint)
+        assert path is not None
+        return path
+
+    def _callee(self, call: PatternCall) -> str:
+        signature = self._types.callee(call.pattern)
+        assert signature is not None
+        return signature.pattern.qualified_name
+
+    def _steps(self, path: ResolvedPath, source: int, target: int) -> Iterator[Atom]:
+        """One atom a step, with new variables between them, and the class of the source if no step implies it."""
+        if not self._metamodel.is_a(path.steps[0].owner, path.cls):
+            yield InstanceAtom(path.cls, source)
+        current = source
+        for position, feature in enumerate(path.steps):
+            last = position == len(path.steps) - 1
+            reached = (
+                target
+                if last
+                else self.slots.fresh(ResolvedPath(path.cls, path.steps[: position + 1]).target)
+            )
+            yield _feature_atom(feature, current, reached)
+            current = reached
+
+    # --- negations and aggregates
+
+    def _negation(self, relation: Relation) -> None:
+        grouped = self._group(relation)
+        if grouped is not None:
+            atom, local, _ = grouped
+            self._bucket.append(NegationAtom(atom, local))
+
+    def _aggregate(self, aggregate: Aggregate, result: int) -> None:
+        grouped = self._group(aggregate.over)
+        if grouped is not None:
+            atom, local, column = grouped
+            self._bucket.append(AggregateAtom(aggregate.function, atom, local, result, column))
+        elif aggregate.function in ("count", "sum"):
+            self.slots.fix(result, coerced(0, self.slots.type(result)))
+        else:
+            raise Unsatisfiable
+
+    def _group(self, relation: Relation) -> tuple[RelationAtom, frozenset[int], int | None] | None:
+        """The relation as one atom, with the variables that are free in it and the one that `#` marks.
+
+        None if an argument has a type that the relation never holds for: then the group is empty. The test is needed
+        for more than speed: object 3 and the number 3 look the same to a matcher.
+        """
+        number = self._groups
+        self._groups += 1
+        columns = self._types.columns(relation)
+        slots: list[int] = []
+        local: list[int] = []
+        column = None
+        possible = True
+        for term, type_ in zip(terms_of(relation), columns, strict=True):
+            slot = self._slot(term, type_)
+            slots.append(slot)
+            if self._is_local(term, number):
+                local.append(slot)
+            if isinstance(term, Hash):
+                column = slot
+            actual = self.slots.type(slot)
+            if actual is not None and type_ is not None and not compatible(actual, type_, self._metamodel):
+                possible = False
+        return (self._single(relation, slots, local), frozenset(local), column) if possible else None
+
+    def _is_local(self, term: Term, number: int) -> bool:
+        if isinstance(term, Variable):
+            return term.anonymous or self._types.reading.quantified(term.name) == number
+        return isinstance(term, Hash)
+
+    def _single(self, relation: Relation, slots: Sequence[int], local: Sequence[int]) -> RelationAtom:
+        match relation:
+            case TypeConstraint():
+                return InstanceAtom(relation.type, slots[0], relation.exact)
+            case PatternCall():
+                return CallAtom(self._callee(relation), tuple(slots))
+            case PathConstraint():
+                return self._single_path(self._path(relation), slots[0], slots[1], slots[0] in local)
+
+    def _single_path(self, path: ResolvedPath, source: int, target: int, free: bool) -> RelationAtom:
+        """A path as one atom: a link or attribute where that says it all, else a call of a generated pattern."""
+        first = path.steps[0]
+        actual = self.slots.type(source)
+        typed = not free and isinstance(actual, ObjectType) and self._metamodel.is_a(actual.cls, path.cls)
+        if len(path.steps) == 1 and (typed or self._metamodel.is_a(first.owner, path.cls)):
+            return _feature_atom(first, source, target)
+        return CallAtom(self._path_name(path), (source, target))
+
+    # --- expressions
+
+    def _index_functions(self, buckets: Sequence[Sequence[Atom]]) -> None:
+        """Remember which variable holds a single-valued feature of which object."""
+        for bucket in buckets:
+            for atom in bucket:
+                if isinstance(atom, AttributeAtom):
+                    self._targets.setdefault((self.slots.root(atom.object), atom.attribute), atom.value)
+                elif isinstance(atom, LinkAtom) and not atom.reference.many:
+                    self._targets.setdefault((self.slots.root(atom.source), atom.reference), atom.target)
+
+    def _check(self, expression: Expression) -> None:
+        """Each side of a conjunction is a constraint of its own; simple ones need no expression."""
+        if isinstance(expression, Binary) and expression.operator == "&&":
+            self._check(expression.left)
+            self._check(expression.right)
+            return
+        tested = none_test(expression)
+        if tested is not None and isinstance(expression, Binary):
+            self._none_constraint(tested, expression.operator == "==")
+            return
+        lifted = self._lift(expression)
+        variables = slots_in(lifted)
+        if not variables:
+            if not holds(lifted, {}):
+                raise Unsatisfiable
+        elif not self._as_equation(lifted):
+            self._bucket.append(CheckAtom(lifted, variables))
+
+    def _as_equation(self, expression: Expression) -> bool:
+        """Turn `a == b` over values of one type into a union, which a plan can use as a join or an index key."""
+        if not (isinstance(expression, Binary) and expression.operator == "=="):
+            return False
+        left, right = expression.left, expression.right
+        if isinstance(left, Variable) and isinstance(right, Variable):
+            one, other = int(left.name), int(right.name)
+            if self.slots.type(one) == self.slots.type(other):
+                self.slots.unite(one, other)
+                return True
+        for side, literal in ((left, right), (right, left)):
+            if isinstance(side, Variable) and isinstance(literal, Constant) and literal.value is not None:
+                slot = int(side.name)
+                own, type_ = value_type(literal.value), self.slots.type(slot)
+                if (
+                    own == type_
+                    or isinstance(literal.value, str)
+                    or (own is Scalar.INT and type_ is Scalar.FLOAT)
+                ):
+                    self.slots.fix(slot, coerced(literal.value, type_))
+                    return True
+        return False
+
+    def _evaluation(self, expression: Expression, result: int) -> None:
+        lifted = self._lift(expression)
+        if isinstance(lifted, Variable):
+            self.slots.unite(result, int(lifted.name))
+            return
+        variables = slots_in(lifted)
+        if variables:
+            self._bucket.append(EvaluationAtom(lifted, variables, result))
+            return
+        value = value_of(lifted, {})
+        if value is None:
+            raise Unsatisfiable
+        self.slots.fix(result, coerced(value, self.slots.type(result)))
+
+    def _lift(self, expression: Expression) -> Expression:
+        """The expression over slots: paths replaced by variables, enum literals by strings, `none` tests by counts."""
+        tested = none_test(expression)
+        if tested is not None and isinstance(expression, Binary):
+            return Binary(expression.operator, Variable(str(self._count_targets(tested))), Constant(0))
+        match expression:
+            case Variable():
+                slot = self.slots.named(expression.name, self._types.of(expression.name))
+                return Variable(str(slot))
+            case EnumLiteral():
+                return Constant(expression.literal)
+            case Navigation():
+                return Variable(str(self._follow(expression)))
+            case _:
+                return with_children(expression, [self._lift(child) for child in children(expression)])
+
+    def _follow(self, navigation: Navigation) -> int:
+        """The variable at the end of a path, with an atom for each step that has none yet."""
+        base, features = base_of(navigation)
+        assert isinstance(base, Variable)
+        current = self.slots.named(base.name, self._types.of(base.name))
+        for name in features:
+            feature = self._feature(current, name)
+            key = (self.slots.root(current), feature)
+            if key not in self._targets:
+                type_ = feature.type if isinstance(feature, Attribute) else ObjectType(feature.target)
+                self._targets[key] = self.slots.fresh(type_)
+                self._bucket.append(_feature_atom(feature, current, self._targets[key]))
+            current = self._targets[key]
+        return current
+
+    def _feature(self, slot: int, name: str) -> Feature:
+        owner = self.slots.type(slot)
+        assert isinstance(owner, ObjectType)
+        feature = self._metamodel.feature(owner.cls, name)
+        assert feature is not None
+        return feature
+
+    def _tested_path(self, navigation: Navigation) -> tuple[RelationAtom, int]:
+        """The relation from the start of a path to its end, and the free variable at the end."""
+        base, features = base_of(navigation)
+        assert isinstance(base, Variable)
+        source = self.slots.named(base.name, self._types.of(base.name))
+        owner = self.slots.type(source)
+        assert isinstance(owner, ObjectType)
+        path = resolve_path(owner.cls, features, self._metamodel)
+        assert isinstance(path, ResolvedPath)
+        target = self.slots.fresh(path.target)
+        return self._single_path(path, source, target, False), target
+
+    def _none_constraint(self, navigation: Navigation, absent: bool) -> None:
+        if absent:
+            atom, target = self._tested_path(navigation)
+            self._bucket.append(NegationAtom(atom, frozenset((target,))))
+        else:
+            self._follow(navigation)
+
+    def _count_targets(self, navigation: Navigation) -> int:
+        """A variable that is 0 if the path leads nowhere; a truth value inside a larger expression needs one."""
+        atom, target = self._tested_path(navigation)
+        result = self.slots.fresh(Scalar.INT)
+        self._bucket.append(AggregateAtom("count", atom, frozenset((target,)), result))
+        return result
+
+
+def _feature_atom(feature: Feature, source: int, target: int) -> AttributeAtom | LinkAtom:
+    if isinstance(feature, Attribute):
+        return AttributeAtom(feature, source, target)
+    return LinkAtom(feature, source, target)
+
+
+def slots_in(expression: Expression) -> tuple[int, ...]:
+    """The slots that a lifted expression reads, in the order of the text, each once."""
+    if isinstance(expression, Variable):
+        return (int(expression.name),)
+    return tuple(dict.fromkeys(slot for child in children(expression) for slot in slots_in(child)))
+
+
+def with_children(expression: Expression, parts: Sequence[Expression]) -> Expression:
+    """The same node over other operands."""
+    match expression:
+        case Navigation():
+            return Navigation(parts[0], expression.feature, expression.span)
+        case Unary():
+            return Unary(expression.operator, parts[0], expression.span)
+        case Binary():
+            return Binary(expression.operator, parts[0], parts[1], expression.span)
+        case Conditional():
+            return Conditional(parts[0], parts[1], parts[2], expression.span)
+        case FunctionCall():
+            return FunctionCall(expression.function, tuple(parts), expression.span)
+        case _:
+            return expression

@@ -1,0 +1,319 @@
+"""What the operators and functions of the expression language do with values.
+
+These are the functions that `evaluate` uses and that generated code calls by the names in `EXPRESSION_NAMESPACE`.
+Each of them either returns a value or raises `EvaluationError`; nothing else gets out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from envgraph.errors import EvaluationError
+from envgraph.metamodel import Scalar, Value
+
+MOST_CHARACTERS: Final = 1_000_000
+"""The longest string that may leave an expression."""
+
+_INT_LOW, _INT_HIGH = -(2**63), 2**63 - 1
+
+Number = int | float
+
+
+def text(value: Value) -> str:
+    """How a value reads inside a string: `true` and `false` for truth values, enum literals by their name."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if isinstance(value, str) else repr(value)
+
+
+def bounded(value: Any) -> Any:
+    """The value of a whole expression: ints fit 64 bits, strings a million characters.
+
+    Inside an expression ints are exact, however large. The bound is on what leaves it, because that is what a rule
+    stores and reads again: a loop of `x = x * x` ends with an error instead of exhausting the memory.
+    """
+    if type(value) is int and not _INT_LOW <= value <= _INT_HIGH:
+        raise EvaluationError("overflow: the result does not fit 64 bits")
+    if type(value) is str and len(value) > MOST_CHARACTERS:
+        raise EvaluationError(f"overflow: the result has more than {MOST_CHARACTERS} characters")
+    return value
+
+
+def finite(value: float) -> float:
+    """The number itself; infinity and NaN are an overflow."""
+    if value - value != 0:
+        raise EvaluationError("overflow: the result is no finite number")
+    return value
+
+
+def add(left: Value, right: Value) -> Value:
+    """`left + right`: concatenation as soon as one side is a string."""
+    if isinstance(left, str) or isinstance(right, str):
+        return text(left) + text(right)
+    return _arithmetic(lambda a, b: a + b, left, right)
+
+
+def subtract(left: Number, right: Number) -> Number:
+    """`left - right`."""
+    return _arithmetic(lambda a, b: a - b, left, right)
+
+
+def multiply(left: Number, right: Number) -> Number:
+    """`left * right`."""
+    return _arithmetic(lambda a, b: a * b, left, right)
+
+
+def _arithmetic(operation: Callable[[Any, Any], Any], left: Number, right: Number) -> Number:
+    try:
+        result: Number = operation(left, right)
+    except OverflowError as error:
+        raise EvaluationError(f"overflow: {error}") from None
+    return result if isinstance(result, int) else finite(result)
+
+
+def divide(left: Number, right: Number) -> Number:
+    """`left / right`; of two ints the quotient truncated toward zero, as in Java.
+
+    >>> divide(-7, 2), divide(-7, 2.0)
+    (-3, -3.5)
+    """
+    if right == 0:
+        raise EvaluationError("division by zero")
+    if isinstance(left, int) and isinstance(right, int):
+        quotient = left // right
+        return quotient + 1 if quotient < 0 and quotient * right != left else quotient
+    return _arithmetic(lambda a, b: a / b, left, right)
+
+
+def remainder(left: Number, right: Number) -> Number:
+    """`left % right`, with the sign of the left side, as in Java.
+
+    >>> remainder(-7, 2), remainder(7, -2)
+    (-1, 1)
+    """
+    if right == 0:
+        raise EvaluationError("division by zero")
+    if isinstance(left, int) and isinstance(right, int):
+        return left - divide(left, right) * right
+    return _guarded(math.fmod, left, right)  # type: ignore[no-any-return]
+
+
+def _guarded(function: Callable[..., Any], *arguments: Any) -> Any:
+    """A call of the standard library, whose own complaints become `EvaluationError`."""
+    try:
+        result = function(*arguments)
+    except (ValueError, OverflowError, ZeroDivisionError) as error:
+        raise EvaluationError(f"no value: {error}") from None
+    return finite(result) if isinstance(result, float) else result
+
+
+def _smallest(*numbers: Number) -> Number:
+    return _promoted(min(numbers), numbers)
+
+
+def _largest(*numbers: Number) -> Number:
+    return _promoted(max(numbers), numbers)
+
+
+def _promoted(chosen: Number, numbers: tuple[Number, ...]) -> Number:
+    """A float as soon as one of the numbers is: the type must not depend on which one was chosen."""
+    return _guarded(float, chosen) if any(isinstance(n, float) for n in numbers) else chosen
+
+
+def _square_root(number: Number) -> float:
+    return _guarded(math.sqrt, number)  # type: ignore[no-any-return]
+
+
+def _power(base: Number, exponent: Number) -> float:
+    return _guarded(math.pow, base, exponent)  # type: ignore[no-any-return]
+
+
+def _exponential(number: Number) -> float:
+    return _guarded(math.exp, number)  # type: ignore[no-any-return]
+
+
+def _logarithm(number: Number) -> float:
+    return _guarded(math.log, number)  # type: ignore[no-any-return]
+
+
+def _floor(number: Number) -> int:
+    return _guarded(math.floor, number)  # type: ignore[no-any-return]
+
+
+def _ceiling(number: Number) -> int:
+    return _guarded(math.ceil, number)  # type: ignore[no-any-return]
+
+
+def _round(number: Number) -> int:
+    # Not floor(number + 0.5): the sum rounds, and 0.49999999999999994 would become 1.
+    low = _floor(number)
+    return low + 1 if number - low >= 0.5 else low
+
+
+def _modulo(left: Number, right: Number) -> Number:
+    if right == 0:
+        raise EvaluationError("division by zero")
+    return _arithmetic(lambda a, b: a % b, left, right)
+
+
+def _to_int(number: Number) -> int:
+    return _guarded(math.trunc, number)  # type: ignore[no-any-return]
+
+
+def _to_float(number: Number) -> float:
+    return _guarded(float, number)  # type: ignore[no-any-return]
+
+
+def _length(string: str) -> int:
+    return len(string)
+
+
+def _is_empty(string: str) -> bool:
+    return not string
+
+
+def _starts_with(string: str, prefix: str) -> bool:
+    return string.startswith(prefix)
+
+
+def _ends_with(string: str, suffix: str) -> bool:
+    return string.endswith(suffix)
+
+
+def _contains(string: str, part: str) -> bool:
+    return part in string
+
+
+def _index_of(string: str, part: str) -> int:
+    return string.find(part)
+
+
+def _substring(string: str, start: int, end: int | None = None) -> str:
+    stop = len(string) if end is None else end
+    if not 0 <= start <= stop <= len(string):
+        raise EvaluationError(f"no characters {start} to {stop} in a string of {len(string)}")
+    return string[start:stop]
+
+
+def _replace(string: str, old: str, new: str) -> str:
+    # Bounded before it is built: one replacement can square the length.
+    if len(string) + string.count(old) * max(0, len(new) - len(old)) > MOST_CHARACTERS:
+        raise EvaluationError(f"overflow: the result has more than {MOST_CHARACTERS} characters")
+    return string.replace(old, new)
+
+
+Kind = Literal["number", "int", "string", "data"]
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A function of the expression language.
+
+    Attributes:
+        parameters: what each argument must be.
+        result: type of the result; None: float if an argument is one, else int.
+        optional: how many arguments at the end may be left out.
+        variadic: the last parameter may be repeated.
+        total: it has a value for all arguments.
+        doc: one line for the reference.
+    """
+
+    name: str
+    parameters: tuple[Kind, ...]
+    result: Scalar | None
+    implementation: Callable[..., Any]
+    doc: str
+    optional: int = 0
+    variadic: bool = False
+    total: bool = False
+
+    def accepts_count(self, count: int) -> bool:
+        """Whether it can be called with that many arguments."""
+        least = len(self.parameters) - self.optional
+        return count >= least and (self.variadic or count <= len(self.parameters))
+
+    def parameter(self, position: int) -> Kind:
+        """What the argument at a position must be."""
+        return self.parameters[min(position, len(self.parameters) - 1)]
+
+    @property
+    def signature(self) -> str:
+        """How a call looks, for hints and the reference."""
+        names = list(self.parameters)
+        required = names[: len(names) - self.optional]
+        extra = "".join(f"[, {name}]" for name in names[len(required) :])
+        return f"{self.name}({', '.join(required)}{extra}{', ...' if self.variadic else ''})"
+
+
+_INT, _FLOAT, _BOOL, _STRING = Scalar.INT, Scalar.FLOAT, Scalar.BOOL, Scalar.STRING
+
+_TABLE = (
+    Function("abs", ("number",), None, abs, "absolute value", total=True),
+    Function("min", ("number", "number"), None, _smallest, "smallest of two or more numbers", variadic=True),
+    Function("max", ("number", "number"), None, _largest, "largest of two or more numbers", variadic=True),
+    Function("sqrt", ("number",), _FLOAT, _square_root, "square root; none of a negative number"),
+    Function("pow", ("number", "number"), _FLOAT, _power, "power, always a float"),
+    Function("exp", ("number",), _FLOAT, _exponential, "e to the power of a number"),
+    Function("log", ("number",), _FLOAT, _logarithm, "natural logarithm of a positive number"),
+    Function("floor", ("number",), _INT, _floor, "largest int not above"),
+    Function("ceil", ("number",), _INT, _ceiling, "smallest int not below"),
+    Function("round", ("number",), _INT, _round, "nearest int, halves upward"),
+    Function("mod", ("number", "number"), None, _modulo, "remainder with the sign of the divisor"),
+    Function("toInt", ("number",), _INT, _to_int, "without the fraction"),
+    Function("toFloat", ("number",), _FLOAT, _to_float, "the same number as a float"),
+    Function("toString", ("data",), _STRING, text, "as it reads when added to a string", total=True),
+    Function("length", ("string",), _INT, _length, "number of characters", total=True),
+    Function("isEmpty", ("string",), _BOOL, _is_empty, "whether there are no characters", total=True),
+    Function(
+        "startsWith",
+        ("string", "string"),
+        _BOOL,
+        _starts_with,
+        "whether it starts with the other",
+        total=True,
+    ),
+    Function(
+        "endsWith", ("string", "string"), _BOOL, _ends_with, "whether it ends with the other", total=True
+    ),
+    Function(
+        "contains", ("string", "string"), _BOOL, _contains, "whether the other is a part of it", total=True
+    ),
+    Function(
+        "indexOf", ("string", "string"), _INT, _index_of, "where the other starts, from 0, or -1", total=True
+    ),
+    Function(
+        "substring",
+        ("string", "int", "int"),
+        _STRING,
+        _substring,
+        "characters from one index (from 0) up to another, excluded, or the end",
+        optional=1,
+    ),
+    Function(
+        "replace", ("string", "string", "string"), _STRING, _replace, "every second string becomes the third"
+    ),
+    Function("trim", ("string",), _STRING, str.strip, "without white space at both ends", total=True),
+    Function("toUpper", ("string",), _STRING, str.upper, "in upper case", total=True),
+    Function("toLower", ("string",), _STRING, str.lower, "in lower case", total=True),
+    Function("toUpperCase", ("string",), _STRING, str.upper, "in upper case", total=True),
+    Function("toLowerCase", ("string",), _STRING, str.lower, "in lower case", total=True),
+)
+
+FUNCTIONS: Final[Mapping[str, Function]] = {function.name: function for function in _TABLE}
+"""The standard library of expressions, by name."""
+
+EXPRESSION_NAMESPACE: Final[Mapping[str, object]] = {
+    "EvaluationError": EvaluationError,
+    "_add": add,
+    "_subtract": subtract,
+    "_multiply": multiply,
+    "_divide": divide,
+    "_remainder": remainder,
+    "_text": text,
+    "_bounded": bounded,
+    **{f"_fn_{function.name}": function.implementation for function in _TABLE},
+}
+"""Every global name that the source of `compile_expression` uses."""

@@ -1,0 +1,81 @@
+"""Feature paths: `Type.f1.f2`, step by step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
+from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._queries import Closure
+
+
+@dataclass(frozen=True, slots=True)
+class ResolvedPath:
+    """A path whose names mean something; all steps but the last are references."""
+
+    cls: str
+    steps: tuple[Feature, ...]
+
+    @property
+    def source(self) -> StaticType:
+        """The type that the path asks of its source."""
+        return ObjectType(self.cls)
+
+    @property
+    def target(self) -> StaticType:
+        """The type of what the path leads to."""
+        last = self.steps[-1]
+        return ObjectType(last.target) if isinstance(last, Reference) else last.type
+
+    @property
+    def functional(self) -> bool:
+        """Whether an object has at most one target."""
+        return not any(isinstance(step, Reference) and step.many for step in self.steps)
+
+    def __str__(self) -> str:
+        return ".".join([self.cls, *(step.name for step in self.steps)])
+
+
+@dataclass(frozen=True, slots=True)
+class BrokenPath:
+    """Where a path stops making sense: `features[position]` is not there on `cls`, or an attribute precedes it."""
+
+    position: int
+    cls: str
+    attribute: Attribute | None = None
+
+
+def resolve_path(cls: str, features: tuple[str, ...], metamodel: Metamodel) -> ResolvedPath | BrokenPath:
+    """Look up every step of a path that starts at a known class.
+
+    A feature is looked up on the static type only; one of a subclass has to be written on the subclass.
+    """
+    steps: list[Feature] = []
+    current = cls
+    for position, name in enumerate(features):
+        if steps and isinstance(steps[-1], Attribute):
+            return BrokenPath(position, current, steps[-1])
+        feature = metamodel.feature(current, name)
+        if feature is None:
+            return BrokenPath(position, current)
+        steps.append(feature)
+        if isinstance(feature, Reference):
+            current = feature.target
+    return ResolvedPath(cls, tuple(steps))
+
+
+def closure_target(
+    source: StaticType, target: StaticType, closure: Closure, metamodel: Metamodel
+) -> StaticType | None:
+    """The type of the far end of a closure whose steps go from `source` to `target`; None if nothing is known.
+
+    `*` also relates an object to itself, so its far end may be of the source type.
+    """
+    if closure is not Closure.STAR:
+        return target
+    if isinstance(source, ObjectType) and isinstance(target, ObjectType):
+        if metamodel.is_a(target.cls, source.cls):
+            return source
+        if metamodel.is_a(source.cls, target.cls):
+            return target
+    return None

@@ -1,0 +1,100 @@
+"""The variables of one body while it is being lowered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from envgraph.metamodel import Metamodel, Value
+from envgraph.pattern._lowered import StaticType
+from envgraph.pattern._types import coerced, meet
+
+
+class Unsatisfiable(Exception):
+    """The body holds for nothing, whatever the model; it is left out."""
+
+
+@dataclass(slots=True)
+class _Slot:
+    name: str | None
+    type: StaticType | None
+
+
+class Slots:
+    """Numbered variables, some of them united, some of them fixed to a value.
+
+    Numbers are given in the order of first mention, parameters first. The variable that stands for a united group is
+    the one with the lowest number, so a parameter if there is one.
+    """
+
+    def __init__(self, metamodel: Metamodel) -> None:
+        self._metamodel = metamodel
+        self._slots: list[_Slot] = []
+        self._by_name: dict[str, int] = {}
+        self._parent: list[int] = []
+        self._values: dict[int, Value] = {}
+
+    def fresh(self, type_: StaticType | None, name: str | None = None) -> int:
+        """A new variable."""
+        self._slots.append(_Slot(name, type_))
+        number = len(self._slots) - 1
+        self._parent.append(number)
+        if name is not None:
+            self._by_name[name] = number
+        return number
+
+    def named(self, name: str, type_: StaticType | None) -> int:
+        """The variable of a name; a new one at its first mention."""
+        return self._by_name[name] if name in self._by_name else self.fresh(type_, name)
+
+    def root(self, number: int) -> int:
+        """The variable that stands for this one."""
+        while self._parent[number] != number:
+            number = self._parent[number]
+        return number
+
+    def unite(self, one: int, other: int) -> None:
+        """Make two variables one.
+
+        Raises:
+            Unsatisfiable: they are fixed to different values, or nothing has both types.
+        """
+        low, high = sorted((self.root(one), self.root(other)))
+        if low == high:
+            return
+        first, second = self._slots[low].type, self._slots[high].type
+        if first is not None and second is not None:
+            both = meet(first, second, self._metamodel)
+            if both is None:
+                raise Unsatisfiable
+            self._slots[low].type = both
+        else:
+            self._slots[low].type = first or second
+        self._parent[high] = low
+        if high in self._values:
+            self.fix(low, self._values.pop(high))
+
+    def fix(self, number: int, value: Value) -> None:
+        """Give a variable one value.
+
+        Raises:
+            Unsatisfiable: it has another one.
+        """
+        root = self.root(number)
+        if self._values.setdefault(root, value) != value:
+            raise Unsatisfiable
+
+    def value(self, number: int) -> Value | None:
+        """The value a variable is fixed to, or None."""
+        root = self.root(number)
+        return coerced(self._values[root], self._slots[root].type) if root in self._values else None
+
+    def type(self, number: int) -> StaticType | None:
+        """The static type of a variable."""
+        return self._slots[self.root(number)].type
+
+    def name(self, number: int) -> str | None:
+        """The name of a variable in the text, or None."""
+        return self._slots[number].name
+
+    def __len__(self) -> int:
+        return len(self._slots)

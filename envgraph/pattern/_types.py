@@ -1,0 +1,122 @@
+"""Static types: what their names mean, and when two of them fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from envgraph.metamodel import EnumType, Metamodel, Scalar, Value, type_name
+from envgraph.pattern._lowered import ObjectType, StaticType
+
+NUMBERS = (Scalar.INT, Scalar.FLOAT)
+
+
+def static_type(name: str, metamodel: Metamodel) -> StaticType | None:
+    """The type that a name stands for: a class, an enum or a scalar; None if it stands for none.
+
+    >>> static_type("int", Metamodel("m", ()))
+    <Scalar.INT: 'int'>
+    """
+    if name in metamodel.classes:
+        return ObjectType(name)
+    if name in metamodel.enums:
+        return metamodel.enums[name]
+    return next((scalar for scalar in Scalar if scalar.value == name), None)
+
+
+def type_names(metamodel: Metamodel) -> list[str]:
+    """Every name that `static_type` understands."""
+    return [*metamodel.classes, *metamodel.enums, *(scalar.value for scalar in Scalar)]
+
+
+def type_text(type_: StaticType) -> str:
+    """How a type is written in a file."""
+    return type_.cls if isinstance(type_, ObjectType) else type_name(type_)
+
+
+def value_type(value: Value) -> Scalar:
+    """The type of a literal."""
+    if isinstance(value, bool):
+        return Scalar.BOOL
+    if isinstance(value, int):
+        return Scalar.INT
+    return Scalar.FLOAT if isinstance(value, float) else Scalar.STRING
+
+
+def is_subtype(type_: StaticType, above: StaticType, metamodel: Metamodel) -> bool:
+    """Whether every instance of one type is an instance of the other; an int is no float."""
+    if isinstance(type_, ObjectType) and isinstance(above, ObjectType):
+        return metamodel.is_a(type_.cls, above.cls)
+    return type_ == above
+
+
+def assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> bool:
+    """Whether a value of one type may be stored where the other is expected; an int may stand for a float."""
+    return is_subtype(type_, target, metamodel) or (type_ is Scalar.INT and target is Scalar.FLOAT)
+
+
+def compatible(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
+    """Whether something can be an instance of both types."""
+    return meet(one, other, metamodel) is not None
+
+
+def meet(one: StaticType, other: StaticType, metamodel: Metamodel) -> StaticType | None:
+    """The type of what is an instance of both, or None when nothing can be.
+
+    Of two classes that are not sub- and superclass it is the one class that covers all their common instances; where
+    several classes share them and none covers the others, the first type stands for the meet.
+    """
+    if is_subtype(one, other, metamodel):
+        return one
+    if is_subtype(other, one, metamodel):
+        return other
+    if not (isinstance(one, ObjectType) and isinstance(other, ObjectType)):
+        return None
+    common = common_subclasses(one.cls, other.cls, metamodel)
+    if not common:
+        return None
+    covering = [
+        cls.name
+        for cls in metamodel.class_list
+        if metamodel.is_a(cls.name, one.cls)
+        and metamodel.is_a(cls.name, other.cls)
+        and all(metamodel.is_a(sub, cls.name) for sub in common)
+    ]
+    return ObjectType(covering[0]) if covering else one
+
+
+def common_subclasses(one: str, other: str, metamodel: Metamodel) -> list[str]:
+    """The concrete classes whose instances are instances of both classes."""
+    return [name for name in metamodel.concrete(one) if metamodel.is_a(name, other)]
+
+
+def joins(types: Sequence[StaticType], metamodel: Metamodel) -> list[StaticType]:
+    """The least common supertypes: one in the ordinary case, none when there is no common supertype at all."""
+    first = types[0]
+    if not isinstance(first, ObjectType):
+        return [first] if all(type_ == first for type_ in types) else []
+    common = [
+        name
+        for name in metamodel.supertypes(first.cls)
+        if all(isinstance(type_, ObjectType) and metamodel.is_a(type_.cls, name) for type_ in types)
+    ]
+    return [
+        ObjectType(name)
+        for name in common
+        if not any(other != name and metamodel.is_a(other, name) for other in common)
+    ]
+
+
+def literal_fits(value: Value, type_: StaticType) -> bool:
+    """Whether a written constant (no enum literal) may stand where the type is expected."""
+    own = value_type(value)
+    return own == type_ or (own is Scalar.INT and type_ is Scalar.FLOAT)
+
+
+def coerced(value: Value, type_: StaticType | None) -> Value:
+    """The constant as it is stored: an int where a float is expected becomes one."""
+    return float(value) if type_ is Scalar.FLOAT and isinstance(value, int) else value
+
+
+def is_enum(type_: StaticType | None) -> bool:
+    """Whether the type is an enumeration."""
+    return isinstance(type_, EnumType)
