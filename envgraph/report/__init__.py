@@ -1,0 +1,11 @@
+"""Pictures, charts and the HTML report.
+
+>>> from envgraph.report import Series, line_chart
+>>> line_chart([Series("a", (0, 1), (2, 3))], x_label="x", y_label="y", title="t").startswith("<svg")
+True
+"""
+
+from envgraph.report._charts import COLOURS, Series, line_chart, ticks
+from envgraph.report._page import Card, Report, Section, Table, render_html
+
+__all__ = ["COLOURS", "Card", "Report", "Section", "Series", "Table", "line_chart", "render_html", "ticks"]

@@ -1,0 +1,154 @@
+"""Line charts as SVG text: no plotting library, nothing to load, crisp at any size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from math import ceil, floor, isfinite, log10
+
+from envgraph.errors import InvalidArgument
+
+# Okabe and Ito 2008: distinguishable with every common colour vision.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#555555")
+
+_WIDTH, _HEIGHT = 720, 300
+_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 14, 14, 44
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A line, and optionally a band around it.
+
+    Attributes:
+        label: for the legend.
+        x, y: coordinates of the points, of one length.
+        low, high: the band's edges at the points, or ().
+        dashed: draw it broken, for a baseline.
+    """
+
+    label: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    low: tuple[float, ...] = ()
+    high: tuple[float, ...] = ()
+    dashed: bool = False
+
+    def __post_init__(self) -> None:
+        lengths = {len(self.x), len(self.y), *(len(edge) for edge in (self.low, self.high) if edge)}
+        if len(lengths) != 1 or not self.x or bool(self.low) != bool(self.high):
+            raise InvalidArgument(f"series `{self.label}` needs points, and as many values on every line")
+        if not all(isfinite(value) for value in (*self.x, *self.y, *self.low, *self.high)):
+            raise InvalidArgument(f"series `{self.label}` has a value that is not finite")
+
+
+def ticks(low: float, high: float, about: int = 6) -> list[float]:
+    """Round numbers from at most `low` to at least `high`, a 1, 2 or 5 times a power of ten apart.
+
+    >>> ticks(0, 2.585)
+    [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
+    """
+    if not high > low:
+        low, high = low - 0.5, high + 0.5
+    rough = (high - low) / about
+    power = 10.0 ** floor(log10(rough))
+    step = next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough * 0.999)
+    first, last = floor(low / step + 1e-9), ceil(high / step - 1e-9)
+    return [round(number * step, 12) + 0.0 for number in range(first, last + 1)]
+
+
+def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: str) -> str:
+    """An SVG element with axes, grid, lines, bands and a legend below.
+
+    Args:
+        series: at least one; drawn in order, later ones on top.
+        x_label, y_label: what the axes show, with the unit.
+        title: for readers that see no picture.
+    """
+    if not series:
+        raise InvalidArgument("a chart needs at least one series")
+    xs = [value for one in series for value in one.x]
+    ys = [value for one in series for value in (*one.y, *one.low, *one.high)]
+    x_ticks, y_ticks = ticks(min(xs), max(xs), 8), ticks(min(ys), max(ys))
+    # The x axis ends at the data: a curve that stops before the frame looks unfinished.
+    frame = _Frame(min(xs), max(*xs, min(xs) + 1e-9), y_ticks[0], y_ticks[-1])
+    rows = ceil(len(series) / 4)
+    height = _HEIGHT + 20 * rows
+    parts = [
+        f'<svg class="chart" viewBox="0 0 {_WIDTH} {height}" role="img" aria-label="{escape(title)}">',
+        f"<title>{escape(title)}</title>",
+        *frame.axes([tick for tick in x_ticks if min(xs) <= tick <= max(xs)], y_ticks, x_label, y_label),
+    ]
+    colours = [COLOURS[place % len(COLOURS)] for place in range(len(series))]
+    parts.extend(frame.band(one, colour) for one, colour in zip(series, colours, strict=True) if one.low)
+    parts.extend(frame.line(one, colour) for one, colour in zip(series, colours, strict=True))
+    parts.extend(_legend(series, colours))
+    return "\n".join([*parts, "</svg>"])
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """Maps data to pixels."""
+
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+
+    def x(self, value: float) -> float:
+        return _LEFT + (value - self.x_low) / (self.x_high - self.x_low) * (_WIDTH - _LEFT - _RIGHT)
+
+    def y(self, value: float) -> float:
+        share = (value - self.y_low) / (self.y_high - self.y_low)
+        return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
+
+    def axes(
+        self, x_ticks: Sequence[float], y_ticks: Sequence[float], x_label: str, y_label: str
+    ) -> list[str]:
+        bottom, right = _HEIGHT - _BOTTOM, _WIDTH - _RIGHT
+        parts = []
+        for tick in y_ticks:
+            y = self.y(tick)
+            parts.append(f'<line class="grid" x1="{_LEFT}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}"/>')
+            parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{_number(tick)}</text>')
+        for tick in x_ticks:
+            x = self.x(tick)
+            parts.append(f'<line class="tick" x1="{x:.1f}" x2="{x:.1f}" y1="{bottom}" y2="{bottom + 4}"/>')
+            parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{_number(tick)}</text>')
+        parts.append(f'<line class="axis" x1="{_LEFT}" x2="{right}" y1="{bottom}" y2="{bottom}"/>')
+        middle = (_LEFT + right) / 2
+        parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{escape(x_label)}</text>')
+        centre = (_TOP + bottom) / 2
+        turned = f'transform="rotate(-90 14 {centre})"'
+        parts.append(f'<text x="14" y="{centre}" text-anchor="middle" {turned}>{escape(y_label)}</text>')
+        return parts
+
+    def points(self, xs: Sequence[float], ys: Sequence[float]) -> str:
+        return " ".join(f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in zip(xs, ys, strict=True))
+
+    def line(self, series: Series, colour: str) -> str:
+        if len(series.x) == 1:
+            x, y = self.x(series.x[0]), self.y(series.y[0])
+            return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="{colour}"/>'
+        dash = ' stroke-dasharray="5 4"' if series.dashed else ""
+        return f'<polyline class="line" points="{self.points(series.x, series.y)}" stroke="{colour}"{dash}/>'
+
+    def band(self, series: Series, colour: str) -> str:
+        edge = self.points(series.x + series.x[::-1], series.high + series.low[::-1])
+        return f'<polygon class="band" points="{edge}" fill="{colour}"/>'
+
+
+def _legend(series: Sequence[Series], colours: Sequence[str]) -> list[str]:
+    column = (_WIDTH - _LEFT - _RIGHT) / 4
+    parts = []
+    for place, (one, colour) in enumerate(zip(series, colours, strict=True)):
+        x, y = _LEFT + place % 4 * column, _HEIGHT + 10 + place // 4 * 20
+        dash = ' stroke-dasharray="5 4"' if one.dashed else ""
+        parts.append(f'<line class="line" x1="{x}" x2="{x + 22}" y1="{y}" y2="{y}" stroke="{colour}"{dash}/>')
+        parts.append(f'<text x="{x + 28}" y="{y + 4}">{escape(one.label)}</text>')
+    return parts
+
+
+def _number(value: float) -> str:
+    """A tick's label: thousands separated by a thin space, no trailing zeros."""
+    return f"{value:,.0f}".replace(",", "\u2009") if abs(value) >= 1000 else f"{value:g}"

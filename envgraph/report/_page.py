@@ -1,0 +1,89 @@
+"""The report: one HTML page that needs nothing but itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """One environment of the family.
+
+    Attributes:
+        name: such as "E6".
+        picture: SVG text.
+        facts: label and value, shown below the picture.
+        fixed: whether it is the initial environment.
+    """
+
+    name: str
+    picture: str
+    facts: tuple[tuple[str, str], ...]
+    fixed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of text.
+
+    Attributes:
+        caption: what it shows.
+        columns: heads.
+        rows: as many cells each as there are heads.
+        numeric: places of the columns that are set flush right.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numeric: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A headed part of the page: paragraphs, then charts (SVG text), then tables."""
+
+    title: str
+    text: tuple[str, ...] = ()
+    charts: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Everything that a report shows; the page is a function of it alone.
+
+    Attributes:
+        title, summary: head of the page.
+        cards: the family, from the easiest environment to the target.
+        legend: name and colour of each glyph.
+        sections: in order.
+        facts: how to make the same again (seed, versions, settings), shown at the end.
+    """
+
+    title: str
+    summary: str
+    cards: tuple[Card, ...] = ()
+    legend: tuple[tuple[str, str], ...] = ()
+    sections: tuple[Section, ...] = ()
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+
+def render_html(report: Report) -> str:
+    """The page, as text. Everything but the pictures and charts is escaped.
+
+    >>> "<h1>A &lt; B</h1>" in render_html(Report("A < B", ""))
+    True
+    """
+    environment = Environment(
+        loader=PackageLoader("envgraph.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2").render(report=report, svg=Markup) + "\n"

@@ -1,0 +1,109 @@
+"""Charts and the page."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from itertools import pairwise
+from xml.etree import ElementTree as ET
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from envgraph.errors import InvalidArgument
+from envgraph.report import Card, Report, Section, Series, Table, line_chart, render_html, ticks
+
+SVG = '<svg viewBox="0 0 1 1"></svg>'
+
+
+def chart(*series: Series) -> ET.Element:
+    return ET.fromstring(line_chart(series, x_label="steps", y_label="reward <1>", title="A & B"))
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
+def test_ticks_cover_the_range_evenly(low: float, width: float) -> None:
+    marks = ticks(low, low + width)
+    assert marks[0] <= low + 1e-6 * width and marks[-1] >= low + width - 1e-6 * width
+    steps = [b - a for a, b in pairwise(marks)]
+    assert 2 <= len(marks) <= 9
+    assert max(steps) - min(steps) < 1e-6 * max(steps)
+
+
+def test_ticks_of_a_single_value_surround_it() -> None:
+    assert ticks(2.0, 2.0)[0] < 2.0 < ticks(2.0, 2.0)[-1]
+
+
+def test_a_chart_places_points_by_their_values() -> None:
+    (line,) = chart(Series("up", (0, 10), (0, 5))).iter("polyline")
+    (x1, y1), (x2, y2) = (map(float, point.split(",")) for point in line.attrib["points"].split())
+    assert x1 < x2 and y1 > y2  # pixels count downwards
+
+
+def test_a_chart_is_escaped_and_labelled() -> None:
+    root = chart(Series("<b>", (0, 1), (0, 1)))
+    texts = [element.text for element in root.iter("text")]
+    assert {"steps", "reward <1>", "<b>"} <= set(texts)
+    assert root.attrib["aria-label"] == "A & B"
+
+
+def test_a_band_has_its_edges_and_a_baseline_is_dashed() -> None:
+    root = chart(Series("s", (0, 1), (1, 1), low=(0, 0), high=(2, 2), dashed=True))
+    (band,) = root.iter("polygon")
+    assert len(band.attrib["points"].split()) == 4
+    (line,) = root.iter("polyline")
+    assert "stroke-dasharray" in line.attrib
+
+
+def test_one_point_is_drawn_as_a_dot() -> None:
+    assert len(list(chart(Series("dot", (1,), (1,))).iter("circle"))) == 1
+
+
+def test_series_with_missing_or_infinite_values_are_refused() -> None:
+    for arguments in ({"x": (0, 1), "y": (0,)}, {"x": (), "y": ()}, {"x": (0,), "y": (float("inf"),)}):
+        with pytest.raises(InvalidArgument):
+            Series("bad", **arguments)  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument):
+        line_chart([], x_label="", y_label="", title="")
+
+
+class _Balanced(HTMLParser):
+    """Fails on tags that are not closed in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.links: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.links += [value or "" for key, value in attrs if key in ("src", "href")]
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_well_formed_self_contained_and_escaped() -> None:
+    report = Report(
+        title="Family <1>",
+        summary="six & more",
+        cards=(Card("E1", SVG, (("complexity", "0.5"),), fixed=True),),
+        legend=(("Road", "#d0d0d0"),),
+        sections=(
+            Section("S", ("p < q",), (SVG,), (Table("c", ("a", "b"), (("x", "<y>"),), frozenset({1})),)),
+        ),
+        facts={"seed": "42"},
+    )
+    html = render_html(report)
+    parser = _Balanced()
+    parser.feed(html)
+    assert not parser.open and not parser.links
+    assert "@import" not in html and "url(" not in html
+    assert "Family &lt;1&gt;" in html and "&lt;y&gt;" in html and "p &lt; q" in html
+    assert html.count(SVG) == 2
+    assert re.search(r'<td class="number">&lt;y&gt;</td>', html)
+
+
+def test_the_page_is_a_function_of_the_report() -> None:
+    assert render_html(Report("t", "s")) == render_html(Report("t", "s"))
