@@ -1,0 +1,115 @@
+"""An environment as arrays: every reachable state, every action, every outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.errors import InvalidArgument
+
+PROBABILITY_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tabular:
+    """A Markov decision process with observations; S states, A actions, at most K outcomes of an action.
+
+    An action with fewer than K outcomes is padded with outcomes of probability 0. A state in which an episode has
+    ended is an absorbing row: it leads to itself with reward 0 and `terminated` 0, and nobody steps from it.
+
+    Two tables are equal only if they are the same object, as for the arrays in them.
+
+    Attributes:
+        next_state: int32 [S, A, K], a state from 0.
+        probability: float64 [S, A, K]; sums to 1 over K.
+        reward: float64 [S, A, K], in the units of the behaviour's `reward` clauses.
+        terminated: int8 [S, A, K]; the outcome goes on (0), ends the episode in success (1) or in failure (2).
+        observation: int32 [S]; what the agent sees of a state, an index from 0. States may look alike.
+        start_states: int32 [N], different states.
+        start_probability: float64 [N]; sums to 1.
+        n_observations: how many observations there are, the same for all members of a family.
+        observation_shape: sizes of the components of an observation; the first varies fastest in the index.
+        action_names: one name an action, in the order of the indices.
+    """
+
+    next_state: NDArray[np.int32]
+    probability: NDArray[np.float64]
+    reward: NDArray[np.float64]
+    terminated: NDArray[np.int8]
+    observation: NDArray[np.int32]
+    start_states: NDArray[np.int32]
+    start_probability: NDArray[np.float64]
+    n_observations: int
+    observation_shape: tuple[int, ...]
+    action_names: tuple[str, ...]
+
+    @property
+    def n_states(self) -> int:
+        """S, the number of states."""
+        return int(self.next_state.shape[0])
+
+    @property
+    def n_actions(self) -> int:
+        """A, the number of actions."""
+        return int(self.next_state.shape[1])
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether every action has one outcome (K is 1); the start may still be drawn."""
+        return int(self.next_state.shape[2]) == 1
+
+    def check(self) -> None:
+        """Verify what the attributes promise.
+
+        Raises:
+            InvalidArgument: a shape, an index, a probability or a name is wrong; the message says which.
+        """
+        self._check_shapes()
+        self._check_indices()
+        self._check_distribution("probability", self.probability)
+        self._check_distribution("start_probability", self.start_probability)
+        _require(bool(np.isfinite(self.reward).all()), "`reward` has values that are not finite")
+
+    def _check_shapes(self) -> None:
+        _require(self.next_state.ndim == 3, "`next_state` needs three axes: state, action, outcome")
+        _require(0 not in self.next_state.shape, "a table needs a state, an action and an outcome")
+        for name in ("probability", "reward", "terminated"):
+            shape = getattr(self, name).shape
+            _require(
+                shape == self.next_state.shape, f"`{name}` is {shape}, `next_state` {self.next_state.shape}"
+            )
+        _require(self.observation.shape == (self.n_states,), "`observation` needs one value a state")
+        starts = self.start_states.shape
+        _require(len(starts) == 1 and starts[0] > 0, "a table needs a start state")
+        _require(self.start_probability.shape == starts, "`start_probability` needs one value a start state")
+        _require(len(self.action_names) == self.n_actions, "`action_names` needs one name an action")
+        _require(len(set(self.action_names)) == self.n_actions, "`action_names` has a name twice")
+        size = prod(self.observation_shape)
+        _require(size == self.n_observations, f"`observation_shape` spans {size}, not {self.n_observations}")
+
+    def _check_indices(self) -> None:
+        _require(_within(self.next_state, self.n_states), "`next_state` names a state that is not there")
+        _require(_within(self.start_states, self.n_states), "`start_states` names a state that is not there")
+        _require(
+            len(np.unique(self.start_states)) == len(self.start_states), "`start_states` has a state twice"
+        )
+        _require(_within(self.observation, self.n_observations), "`observation` is outside its range")
+        _require(_within(self.terminated, 3), "`terminated` is 0, 1 or 2")
+
+    @staticmethod
+    def _check_distribution(name: str, values: NDArray[np.float64]) -> None:
+        _require(bool((values >= 0.0).all()), f"`{name}` has negative values")
+        close = np.abs(values.sum(axis=-1) - 1.0) <= PROBABILITY_TOLERANCE
+        _require(bool(close.all()), f"`{name}` does not sum to 1")
+
+
+def _within(values: NDArray[np.int32] | NDArray[np.int8], size: int) -> bool:
+    return bool(((values >= 0) & (values < size)).all())
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise InvalidArgument(message)
