@@ -17,7 +17,7 @@ Row = dict[str, tuple[Any, Any]]
 
 RECOVERY: dict[str, tuple[str, ...]] = {
     "metamodel": ("definition", "member"),
-    "model": ("definition", "member"),
+    "model": ("definition", "entry", "assignment", "part", "line"),
     "query": ("definition", "constraint"),
     "rules": ("definition", "part", "statement"),
     "environment": ("definition", "clause"),

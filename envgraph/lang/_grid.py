@@ -1,0 +1,183 @@
+"""`grid` literals: rows of letters, and what the letters stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from lark import Token, Tree
+
+from envgraph.errors import Diagnostic, Note, Span
+from envgraph.lang._parsing import Parsed, tokens, trees
+from envgraph.metamodel import Metamodel
+
+Report = Callable[[Diagnostic], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What a letter stands for: a class, with features if `body` is there; `cls` None is no object."""
+
+    cls: str | None
+    where: Span
+    body: Tree[Token] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """`column x next right`: the attribute that holds the index, and the reference to the next object."""
+
+    attribute: Token
+    next: Token | None
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A letter of the grid; columns and rows count from 0."""
+
+    column: int
+    row: int
+    letter: str
+    where: Span
+    entry: Entry | None
+
+
+@dataclass(slots=True)
+class GridText:
+    """A grid literal as it is written; errors in it have been reported."""
+
+    name: Token
+    cells: list[Cell]
+    width: int
+    height: int
+    axes: dict[str, Axis] = field(default_factory=dict)
+
+
+def read_grid(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel | None, report: Report) -> GridText:
+    """The cells of a `grid` tree, row by row; a letter that stands for nothing has no entry."""
+    parts = _parts(parsed, tree, report)
+    name = tokens(tree.children)[0]
+    axes = {kind: _axis(parts[kind]) for kind in ("column", "row") if kind in parts}
+    if "rows" not in parts:
+        if not parsed.diagnostics:
+            hint = 'write `rows """` and the letters, a line for each row'
+            report(Diagnostic("missing-rows", f"the grid `{name}` has no rows", parsed.span(name), hint))
+        return GridText(name, [], 0, 0, axes)
+    legend, given = _legend(parsed, parts.get("legend"), metamodel, report)
+    lines = list(_lines(parsed, tokens(parts["rows"].children)[0], keep_blanks=" " in legend))
+    _check_lengths(lines, report)
+    cells = _cells(lines, legend, parsed.lost, given, report)
+    return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
+
+
+def _parts(parsed: Parsed, tree: Tree[Token], report: Report) -> dict[str, Tree[Token]]:
+    parts: dict[str, Tree[Token]] = {}
+    for part in trees(tree.children):
+        first = parts.setdefault(part.data, part)
+        if first is not part:
+            note = Note("the first one is here", parsed.span(first))
+            message = f"the grid has `{part.data}` twice"
+            report(Diagnostic("duplicate-definition", message, parsed.span(part), notes=(note,)))
+    return parts
+
+
+def _axis(part: Tree[Token]) -> Axis:
+    attribute, *after = tokens(part.children)
+    return Axis(attribute, after[0] if after else None)
+
+
+def _legend(
+    parsed: Parsed, tree: Tree[Token] | None, metamodel: Metamodel | None, report: Report
+) -> tuple[Mapping[str, Entry], bool]:
+    """Letter to entry, and whether the file gives the legend; without one it is the glyphs of the classes."""
+    if tree is None:
+        nowhere = parsed.source.span(0, 0)
+        classes = metamodel.class_list if metamodel else ()
+        return {cls.glyph.letter: Entry(cls.name, nowhere) for cls in classes if cls.glyph}, False
+    legend: dict[str, Entry] = {}
+    for part in trees(tree.children):
+        key, *cls = tokens(part.children)
+        where = parsed.span(cls[0] if cls else key)
+        entry = Entry(str(cls[0]) if cls else None, where, next(iter(trees(part.children, "body")), None))
+        if len(key) != 1:
+            report(Diagnostic("bad-legend", f"`{key}` is not a single letter", parsed.span(key)))
+        elif key in legend:
+            report(Diagnostic("duplicate-definition", f"the legend has `{key}` twice", parsed.span(key)))
+        else:
+            legend[str(key)] = entry
+    return legend, True
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    text: str
+    where: Span
+
+
+def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
+    """The rows without the indentation that they share, or without blanks where a blank means nothing."""
+    offset = (token.start_pos or 0) + (3 if token.type == "TEXT" else 1)
+    rows: list[tuple[str, int]] = []
+    for row in str(token).split("\n"):
+        rows.append((row.removesuffix("\r"), offset))
+        offset += len(row) + 1
+    while rows and not rows[0][0].strip():
+        del rows[0]
+    while rows and not rows[-1][0].strip():
+        del rows[-1]
+    shared = min((len(row) - len(row.lstrip()) for row, _ in rows if row.strip()), default=0)
+    width = max((len(row.rstrip()) for row, _ in rows), default=0)
+    for row, start in rows:
+        if keep_blanks:
+            row = row.rstrip().ljust(width)
+            indent = shared
+        else:
+            row = row.rstrip()
+            indent = len(row) - len(row.lstrip())
+        yield _Line(row[indent:], parsed.source.span(start + indent, start + len(row)))
+
+
+def _check_lengths(lines: Sequence[_Line], report: Report) -> None:
+    for line in lines[1:]:
+        if len(line.text) != len(lines[0].text):
+            note = Note(f"the first row has {len(lines[0].text)}", lines[0].where)
+            message = f"this row has {_count(line.text)}"
+            report(
+                Diagnostic(
+                    "unequal-rows", message, line.where, "all rows have the same length", notes=(note,)
+                )
+            )
+
+
+def _count(text: str) -> str:
+    return "1 letter" if len(text) == 1 else f"{len(text)} letters"
+
+
+def _cells(
+    lines: Sequence[_Line], legend: Mapping[str, Entry], lost: frozenset[str], given: bool, report: Report
+) -> list[Cell]:
+    cells: list[Cell] = []
+    unknown: set[str] = set()
+    for row, line in enumerate(lines):
+        for column, letter in enumerate(line.text):
+            start = line.where.start + column
+            where = line.where.source.span(start, start + 1)
+            entry = legend.get(letter)
+            if entry is None and letter not in unknown and not (given and letter in lost):
+                unknown.add(letter)
+                report(_unknown_letter(letter, where, legend, given))
+            cells.append(Cell(column, row, letter, where, entry))
+    return cells
+
+
+def _unknown_letter(letter: str, where: Span, legend: Mapping[str, Entry], given: bool) -> Diagnostic:
+    known = ", ".join(f"`{one}`" for one in legend)
+    if given:
+        hint = f"the legend has {known}" if known else "the legend is empty"
+    else:
+        hint = (
+            f"the classes have the glyphs {known}"
+            if known
+            else "give the grid a `legend`, or classes a `@glyph`"
+        )
+    return Diagnostic("unknown-letter", f"the letter `{letter}` stands for no class", where, hint)

@@ -1,0 +1,26 @@
+"""What a file asks for from other files, and what is left of it when it has errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from envgraph.errors import Diagnostic, Span
+
+
+@dataclass(frozen=True, slots=True)
+class Import:
+    """`import "path"`: the path as written, relative to the importing file."""
+
+    path: str
+    span: Span = field(compare=False, repr=False)
+    alias: str | None = None
+
+
+def without_consequences(diagnostics: Iterable[Diagnostic], lost: frozenset[str]) -> list[Diagnostic]:
+    """Leaves out what follows from other errors: names that may be defined in what could not be read."""
+    return [
+        one
+        for one in diagnostics
+        if not (one.code.startswith("unknown-") and one.span and one.span.text.removeprefix("^") in lost)
+    ]
