@@ -1,5 +1,45 @@
 """An agent's behaviour over a model, and the environment as arrays."""
 
+from envgraph.env._behaviour import (
+    Action,
+    Agent,
+    Behaviour,
+    Branch,
+    Domain,
+    DrawGraph,
+    DrawGrid,
+    EachStep,
+    Effect,
+    Observation,
+    ObserveAttribute,
+    ObserveFind,
+    ObserveObject,
+    ObserveRange,
+    OnFind,
+    OnReset,
+    RuleCall,
+    Token,
+)
 from envgraph.env._tabular import Tabular
 
-__all__ = ["Tabular"]
+__all__ = [
+    "Action",
+    "Agent",
+    "Behaviour",
+    "Branch",
+    "Domain",
+    "DrawGraph",
+    "DrawGrid",
+    "EachStep",
+    "Effect",
+    "Observation",
+    "ObserveAttribute",
+    "ObserveFind",
+    "ObserveObject",
+    "ObserveRange",
+    "OnFind",
+    "OnReset",
+    "RuleCall",
+    "Tabular",
+    "Token",
+]
