@@ -1,0 +1,748 @@
+"""The model: what may be written, and everything that can be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Literal
+
+from envgraph.errors import InvalidArgument, RuleError, TypeMismatch, did_you_mean
+from envgraph.graph._facts import Listener
+from envgraph.graph._hashing import condense
+from envgraph.graph._history import History, Savepoint, Version
+from envgraph.graph._node import Node, assign_features
+from envgraph.graph._store import Relation, Store
+from envgraph.metamodel import (
+    Attribute,
+    EnumType,
+    Feature,
+    Metamodel,
+    Reference,
+    Scalar,
+    Value,
+    accepts,
+    type_name,
+)
+
+Semantics = Literal["dpo", "spo"]
+
+_KINDS: Mapping[Scalar, type] = {Scalar.INT: int, Scalar.FLOAT: float, Scalar.BOOL: bool, Scalar.STRING: str}
+
+
+class Model:
+    """A typed attributed graph that instantiates a metamodel.
+
+    People use handles (`create`, `node`, `model["name"]`); programs use ids, which are ints from 0, never
+    used twice within the history of one version. Features are the resolved `Attribute` and `Reference` objects of
+    `metamodel`.
+
+    Every write is type-checked and raises `TypeMismatch`. What else is refused raises `RuleError` with a reason: "full"
+    (upper bound), "containment" (a cycle), "dangling", "lost-link". Lower bounds are not checked on writing; see
+    `check_conformance`.
+
+    The order in which objects and links are listed is that of their creation until something is removed; a
+    removal from an extent, or from an object with more than 32 links of a reference, moves the last
+    one into the gap. In any case the order belongs to the state: it is the same however a version was reached.
+
+    Args:
+        metamodel: what the objects are instances of.
+        name: for reports.
+    """
+
+    def __init__(self, metamodel: Metamodel, name: str = "model") -> None:
+        self.metamodel = metamodel
+        self.name = name
+        self.store = Store(metamodel)
+        self._history = History(self, self.store)
+        self._layout = _Layout(metamodel, self.store)
+
+    # --- handles
+
+    def create(self, cls: str, /, *, object_name: str | None = None, **features: object) -> Node:
+        """Create an object, set its features, and return a handle to it.
+
+        Args:
+            cls: a concrete class.
+            object_name: unique name of the object, or None.
+            **features: attribute values; targets as `Node`s, for a many-reference an iterable of them.
+
+        Raises:
+            TypeMismatch: an unknown or abstract class, an unknown feature, a value of the wrong type.
+            InvalidArgument: the object name is taken.
+            RuleError: a reference is full. The object is not created then.
+        """
+        if self._history.loading:
+            return self._create(cls, object_name, features)
+        with self.transaction():
+            return self._create(cls, object_name, features)
+
+    def _create(self, cls: str, object_name: str | None, features: Mapping[str, object]) -> Node:
+        node = Node(self, self.new(cls, object_name))
+        assign_features(node, features)
+        return node
+
+    def node(self, id: int) -> Node:
+        """A handle to an object.
+
+        Raises:
+            InvalidArgument: there is no such object.
+        """
+        if not self.alive(id):
+            raise InvalidArgument(f"`{self.name}` has no object {id!r}")
+        return Node(self, id)
+
+    def nodes(self, cls: str | None = None) -> list[Node]:
+        """Handles to all objects, or to the instances of a class, subclasses included."""
+        ids = self.store.nodes() if cls is None else self.extent(cls)
+        return [Node(self, id) for id in ids]
+
+    def __getitem__(self, object_name: str) -> Node:
+        """The object with this name.
+
+        Raises:
+            InvalidArgument: no object has it.
+        """
+        found = self.find_object(object_name)
+        if found is None:
+            hint = did_you_mean(
+                object_name, (name for name, id in self.store.by_name.items() if id is not None)
+            )
+            raise InvalidArgument(
+                f"`{self.name}` has no object `{object_name}`" + (f"; {hint}" if hint else "")
+            )
+        return Node(self, found)
+
+    def __contains__(self, item: object) -> bool:
+        """Whether an object has this name, or this handle stands for an object of the model."""
+        if isinstance(item, Node):
+            return item.model is self and self.alive(item.id)
+        return isinstance(item, str) and self.find_object(item) is not None
+
+    def __len__(self) -> int:
+        return sum(map(len, self.store.extents))
+
+    def __bool__(self) -> bool:
+        """True: a model without objects is a model."""
+        return True
+
+    def __repr__(self) -> str:
+        return f"<Model {self.name}: {len(self)} objects of {self.metamodel.name}>"
+
+    # --- objects
+
+    def new(self, cls: str, object_name: str | None = None) -> int:
+        """Create an object whose attributes have their initial values, and return its id.
+
+        Raises:
+            TypeMismatch: an unknown or abstract class.
+            InvalidArgument: the object name is taken.
+        """
+        number = self._concrete(cls)
+        if object_name is not None:
+            self._check_free(object_name)
+        return self._new_at(self.store.next_id, number, object_name)
+
+    def _new_at(self, node: int, cls: int, object_name: str | None) -> int:
+        """Create an object with an id that was never used; for reading models back."""
+        store = self.store
+        if node >= store.next_id:
+            store.next_id = node + 1
+            if len(store.classes) <= node + 1:
+                store.reserve(2 * node + 2)
+        store.enter(node, cls)
+        for attribute, initial in self._layout.initials[cls]:
+            store.put(node, attribute, initial)
+        if object_name is not None:
+            store.rename(node, object_name)
+        return node
+
+    def delete(self, node: int, semantics: Semantics = "dpo") -> None:
+        """Delete an object and everything it contains.
+
+        Args:
+            node: the object.
+            semantics: "dpo" refuses while other links would be left dangling: links between a deleted object and one
+                that stays, except the link from the container. "spo" deletes those too.
+
+        Raises:
+            RuleError: reason "dangling"; `details` has a line for each such link.
+        """
+        self._check_alive(node)
+        tree = self._contained_tree(node)
+        if semantics == "dpo":
+            dangling = list(self._dangling(tree))
+            if dangling:
+                raise RuleError(
+                    f"{self.describe(node)} cannot be deleted: {len(dangling)} links would be left dangling",
+                    reason="dangling",
+                    details=dangling,
+                )
+        elif semantics != "spo":
+            raise InvalidArgument(f'semantics is "dpo" or "spo", not {semantics!r}')
+        for gone in tree:
+            for relation, source, target in list(self._incident(gone)):
+                self.store.disconnect(relation, source, target)
+        for gone in reversed(tree):
+            self._erase(gone)
+
+    def _erase(self, node: int) -> None:
+        store = self.store
+        for attribute, _ in self._layout.initials[store.classes[node]]:
+            if store.values[attribute][node] is not None:
+                store.put(node, attribute, None)
+        if store.names[node] is not None:
+            store.rename(node, None)
+        store.leave(node)
+
+    def _contained_tree(self, root: int) -> list[int]:
+        tree = [root]
+        for node in tree:
+            for relation in self._layout.containments[self.store.classes[node]]:
+                tree.extend(relation.forward[node])
+        return tree
+
+    def _incident(self, node: int) -> Iterator[tuple[Relation, int, int]]:
+        """All links of an object, each once."""
+        return self._links(node, self._layout.incident[self.store.classes[node]])
+
+    def _links(self, node: int, ends: Iterable[tuple[Relation, bool]]) -> Iterator[tuple[Relation, int, int]]:
+        loops = set()
+        for relation, outgoing in ends:
+            for other in (relation.forward if outgoing else relation.backward)[node]:
+                if other == node:  # listed from both its ends
+                    if relation.fact.index in loops:
+                        continue
+                    loops.add(relation.fact.index)
+                yield (relation, node, other) if outgoing else (relation, other, node)
+
+    def _dangling(self, tree: Sequence[int]) -> Iterator[str]:
+        inside = set(tree)
+        for node in tree:
+            for relation, source, target in self._incident(node):
+                if source in inside and target in inside:
+                    continue
+                if node == tree[0] and (relation.contained if source == node else relation.containment):
+                    continue
+                yield f"{self.describe(source)} -{relation.reference.name}-> {self.describe(target)}"
+
+    def retype(self, node: int, cls: str, lossy: bool = False) -> None:
+        """Make an object a direct instance of another class; identity, name and shared features stay.
+
+        Values of attributes that the new class lacks go; attributes that it adds get their initial values.
+
+        Args:
+            node: the object.
+            cls: a concrete class.
+            lossy: drop links that the new class does not allow, instead of refusing.
+
+        Raises:
+            TypeMismatch: an unknown or abstract class.
+            RuleError: reason "lost-link"; `details` has a line for each such link.
+        """
+        store = self.store
+        old = store.classes[node]
+        new = self._concrete(cls)
+        if old < 0:
+            self._check_alive(node)
+        if old == new:
+            return
+        dropped, gained, forbidden = self._layout.retyping(old, new)
+        lost = list(self._links(node, forbidden))
+        if lost:
+            self._lose(node, cls, lost, lossy)
+        for attribute in dropped:
+            if store.values[attribute][node] is not None:
+                store.put(node, attribute, None)
+        store.leave(node)
+        store.enter(node, new)
+        for attribute, initial in gained:
+            store.put(node, attribute, initial)
+
+    def _lose(self, node: int, cls: str, lost: Sequence[tuple[Relation, int, int]], lossy: bool) -> None:
+        if not lossy:
+            raise RuleError(
+                f"{self.describe(node)} cannot become `{cls}`: {len(lost)} links would be lost",
+                reason="lost-link",
+                details=[
+                    f"{self.describe(source)} -{relation.reference.name}-> {self.describe(target)}"
+                    for relation, source, target in lost
+                ],
+            )
+        for relation, source, target in lost:
+            self.store.disconnect(relation, source, target)
+
+    def class_of(self, node: int) -> str:
+        """Name of an object's class.
+
+        Raises:
+            InvalidArgument: there is no such object.
+        """
+        index = self.store.classes[node] if 0 <= node < len(self.store.classes) else -1
+        if index < 0:
+            self._check_alive(node)
+        return self.metamodel.class_list[index].name
+
+    def alive(self, node: int) -> bool:
+        """Whether there is an object with this id."""
+        return isinstance(node, int) and 0 <= node < self.store.next_id and self.store.classes[node] >= 0
+
+    def extent(self, cls: str) -> Sequence[int]:
+        """Instances of a class and its subclasses, concrete classes in the order of declaration.
+
+        Not to be kept, nor written to the model while iterating.
+        """
+        extents = self._layout.extents.get(cls)
+        if extents is None:
+            raise self._unknown_class(cls)
+        if len(extents) == 1:
+            return extents[0]
+        return [node for extent in extents for node in extent]
+
+    def exact_extent(self, cls: str) -> Sequence[int]:
+        """Instances of exactly this class. Not to be kept, nor written to the model while iterating."""
+        index = self._layout.numbers.get(cls)
+        if index is None:
+            raise self._unknown_class(cls)
+        return self.store.extents[index]
+
+    def object_name(self, node: int) -> str | None:
+        """Name of an object, or None."""
+        return self.store.names[node]
+
+    def find_object(self, object_name: str) -> int | None:
+        """The object with this name, or None."""
+        return self.store.by_name.get(object_name)
+
+    def set_object_name(self, node: int, object_name: str | None) -> None:
+        """Give an object another name, or none.
+
+        Raises:
+            InvalidArgument: the name is taken by another object.
+        """
+        self._check_alive(node)
+        if object_name == self.store.names[node]:
+            return
+        if object_name is not None:
+            self._check_free(object_name)
+        self.store.rename(node, object_name)
+
+    def describe(self, node: int) -> str:
+        """An object for messages: its name, or class and id."""
+        if not self.alive(node):
+            return f"object {node!r}"
+        return f"`{self.store.names[node] or f'{self.class_of(node)}#{node}'}`"
+
+    # --- attributes
+
+    def value(self, node: int, attribute: Attribute) -> Value | None:
+        """Value of an attribute, or None: unset, or not an attribute of the object's class."""
+        return self.store.values[attribute.index][node]
+
+    def set_value(self, node: int, attribute: Attribute, value: Value | None) -> None:
+        """Set or (None) clear an attribute; an int for a float attribute becomes a float.
+
+        Raises:
+            TypeMismatch: the value is not of the attribute's type, or the object's class lacks the attribute.
+        """
+        index = attribute.index
+        layout = self._layout
+        if not layout.attribute_ok[index][self.store.classes[node]]:
+            raise self._lacks(node, attribute)
+        kind = layout.kinds[index]
+        if value is not None and (type(value) is not kind or layout.checked[index]):
+            value = self._coerced(attribute, value)
+        if self.store.values[index][node] != value:
+            self.store.put(node, index, value)
+
+    def _coerced(self, attribute: Attribute, value: Value) -> Value:
+        if not accepts(attribute.type, value):
+            raise self._wrong_value(attribute, value)
+        return self._layout.kinds[attribute.index](value)  # type: ignore[no-any-return]
+
+    # --- links
+
+    def targets(self, node: int, reference: Reference) -> Sequence[int]:
+        """Targets of an object's links. Not to be kept, nor written to the model while iterating."""
+        return self.store.forward[reference.index][node]
+
+    def target(self, node: int, reference: Reference) -> int | None:
+        """The first target, or None."""
+        ends = self.store.forward[reference.index][node]
+        return ends[0] if ends else None
+
+    def sources(self, node: int, reference: Reference) -> Sequence[int]:
+        """Objects with a link to this one. Not to be kept, nor written to the model while iterating."""
+        return self.store.backward[reference.index][node]
+
+    def has_link(self, source: int, reference: Reference, target: int) -> bool:
+        """Whether there is such a link."""
+        return target in self.store.forward[reference.index][source]
+
+    def link(self, source: int, reference: Reference, target: int) -> bool:
+        """Add a link, and so its opposite; False if it was there already.
+
+        An object moves out of its old container when it is linked into another.
+
+        Raises:
+            TypeMismatch: an end is not of the class that the reference demands.
+            RuleError: the reference, or its opposite at the target, is "full"; the link would be a cycle of
+                "containment".
+        """
+        relation = self.store.relations[reference.index]
+        classes = self.store.classes
+        if not (relation.source_ok[classes[source]] and relation.target_ok[classes[target]]):
+            raise self._wrong_link(source, reference, target)
+        if relation.contained:
+            assert relation.opposite is not None
+            return self.link(target, relation.opposite, source)
+        ends = relation.forward[source]
+        if target in ends:
+            return False
+        if len(ends) >= relation.upper:
+            raise self._full(source, reference)
+        if relation.containment:
+            self._move_out(source, target)
+        elif len(relation.backward[target]) >= relation.opposite_upper:
+            assert relation.opposite is not None
+            raise self._full(target, relation.opposite)
+        self.store.connect(relation, source, target)
+        return True
+
+    def _move_out(self, container: int, node: int) -> None:
+        """Take an object out of its container, to put it into another, if that one is not inside it."""
+        above: int | None = container
+        while above is not None:
+            if above == node:
+                raise RuleError(
+                    f"{self.describe(node)} cannot be put into {self.describe(container)}, which is inside it",
+                    reason="containment",
+                )
+            found = self.container(above)
+            above = found and found[0]
+        old = self.container(node)
+        if old:
+            self.store.disconnect(self.store.relations[old[1].index], old[0], node)
+
+    def unlink(self, source: int, reference: Reference, target: int) -> bool:
+        """Remove a link, and so its opposite; False if there is none."""
+        relation = self.store.relations[reference.index]
+        if target not in relation.forward[source]:
+            return False
+        self.store.disconnect(relation, source, target)
+        return True
+
+    def set_target(self, source: int, reference: Reference, target: int | None) -> None:
+        """Make `target` the only target; None clears the reference.
+
+        Unlike `link` this replaces: the old target goes, and where the opposite of a single reference is taken,
+        the object that holds it lets go.
+
+        Raises:
+            TypeMismatch: an end is not of the class that the reference demands.
+            RuleError: a cycle of "containment", or a full many-valued opposite; then nothing has changed.
+        """
+        self.set_targets(source, reference, () if target is None else (target,))
+
+    def set_targets(self, source: int, reference: Reference, targets: Sequence[int]) -> None:
+        """Make these the targets, in this order, as `set_target` does for one.
+
+        Raises:
+            InvalidArgument: a target is named twice.
+        """
+        relation = self.store.relations[reference.index]
+        classes = self.store.classes
+        if not relation.source_ok[classes[source]]:
+            raise self._wrong_link(source, reference, None)
+        for target in targets:
+            if not relation.target_ok[classes[target]]:
+                raise self._wrong_link(source, reference, target)
+        old = relation.forward[source]
+        if len(old) == len(targets) and tuple(old) == tuple(targets):
+            return
+        if len(targets) > relation.upper:
+            raise self._full(source, reference)
+        if len(targets) > 1 and len(set(targets)) < len(targets):
+            raise InvalidArgument(f"the targets of `{reference}` are different objects")
+        with self._all_or_nothing():
+            self._replace(relation, source, targets)
+
+    def _replace(self, relation: Relation, source: int, targets: Sequence[int]) -> None:
+        disconnect = self.store.disconnect
+        kept = [target for target in relation.forward[source] if target in targets]
+        for target in tuple(relation.forward[source]):
+            # Keep a prefix that is in place already: fewer changes, and the order comes out as asked.
+            if target not in kept or kept != list(targets[: len(kept)]):
+                disconnect(relation, source, target)
+        for target in targets:
+            if relation.opposite_upper == 1 and relation.backward[target]:
+                holder = relation.backward[target][0]
+                if holder != source:
+                    if relation.containment:
+                        continue  # `link` moves it
+                    disconnect(relation, holder, target)
+        for target in targets:
+            self.link(source, relation.reference, target)
+
+    def container(self, node: int) -> tuple[int, Reference] | None:
+        """The object that contains this one, and by which reference; None for a root."""
+        for relation in self._layout.containers[self.store.classes[node]]:
+            holders = relation.backward[node]
+            if holders:
+                return holders[0], relation.reference
+        return None
+
+    # --- transactions and versions
+
+    def savepoint(self) -> Savepoint:
+        """Open a savepoint; they nest. Close it with `rollback` or `release`, innermost first.
+
+        Raises:
+            TransactionError: the model is loading.
+        """
+        return self._history.savepoint()
+
+    def rollback(self, savepoint: Savepoint) -> None:
+        """Restore the state at the innermost savepoint exactly (ids, order, hash), and close it.
+
+        Raises:
+            TransactionError: it is not the innermost open one.
+        """
+        self._history.rollback(savepoint)
+
+    def release(self, savepoint: Savepoint) -> None:
+        """Close the innermost savepoint and keep what was changed since.
+
+        Raises:
+            TransactionError: it is not the innermost open one.
+        """
+        self._history.release(savepoint)
+
+    @contextmanager
+    def transaction(self) -> Iterator[Savepoint]:
+        """Everything inside happens, or, if an exception leaves the block, nothing of it."""
+        savepoint = self.savepoint()
+        try:
+            yield savepoint
+        except BaseException:
+            self.rollback(savepoint)
+            raise
+        self.release(savepoint)
+
+    @contextmanager
+    def _all_or_nothing(self) -> Iterator[None]:
+        if self._history.loading:
+            yield
+        else:
+            with self.transaction():
+                yield
+
+    @contextmanager
+    def loading(self) -> Iterator[None]:
+        """Build a model without a journal and without telling listeners of each change.
+
+        The listeners hear `restored` at the end.
+
+        Raises:
+            TransactionError: a savepoint is open or a version is held; or, inside the block, a savepoint is asked for.
+        """
+        self._history.begin_loading()
+        listeners = self.store.listeners[:]
+        self.store.listeners.clear()
+        try:
+            yield
+        finally:
+            self._history.end_loading()
+            self.store.listeners.extend(listeners)
+            self.store.restored()
+
+    def commit(self) -> Version:
+        """Name the present state. The version lives as long as somebody holds it.
+
+        Raises:
+            TransactionError: a savepoint is open.
+        """
+        return self._history.commit()
+
+    def checkout(self, version: Version, *, discard: bool = False) -> None:
+        """Put the model into a committed state, exactly as it was then: ids, order, hash.
+
+        Args:
+            version: a version of this model.
+            discard: lose uncommitted changes instead of refusing.
+
+        Raises:
+            TransactionError: a version of another model, an open savepoint, or uncommitted changes.
+        """
+        self._history.checkout(version, discard)
+
+    @property
+    def version(self) -> Version | None:
+        """The version that the model is in; None if there are uncommitted changes, or nobody holds a version."""
+        return self._history.version()
+
+    @property
+    def in_transaction(self) -> bool:
+        """Whether a savepoint is open."""
+        return self._history.depth > 0
+
+    # --- observation
+
+    def state_hash(self) -> int:
+        """A 64-bit hash of all facts by identity: (node, class), (node, attribute, value), (source, reference, target).
+
+        Kept incrementally, and the same in every process. Names of objects and the order of links do not count.
+        """
+        return condense(self.store.total)
+
+    @property
+    def revision(self) -> int:
+        """A number that is another one whenever the state may be another one; for caches."""
+        return self.store.revision
+
+    def subscribe(self, listener: Listener) -> None:
+        """Tell a listener of every change from now on, after those that are there already."""
+        self.store.listeners.append(listener)
+
+    def unsubscribe(self, listener: Listener) -> None:
+        """Stop telling a listener.
+
+        Raises:
+            InvalidArgument: it is not subscribed.
+        """
+        for index, other in enumerate(self.store.listeners):
+            if other is listener:
+                del self.store.listeners[index]
+                return
+        raise InvalidArgument("the listener is not subscribed")
+
+    # --- what is wrong
+
+    def _concrete(self, cls: str) -> int:
+        number = self._layout.concrete.get(cls)
+        if number is None:
+            if cls in self.metamodel.classes:
+                below = ", ".join(f"`{name}`" for name in self.metamodel.concrete(cls)) or "none"
+                raise TypeMismatch(f"`{cls}` is abstract; its concrete subclasses: {below}")
+            raise self._unknown_class(cls)
+        return number
+
+    def _check_alive(self, node: int) -> None:
+        if not self.alive(node):
+            raise InvalidArgument(f"`{self.name}` has no object {node!r}: it was deleted, or undone")
+
+    def _check_free(self, object_name: str) -> None:
+        if self.find_object(object_name) is not None:
+            raise InvalidArgument(f"`{self.name}` has an object `{object_name}` already")
+
+    def _unknown_class(self, cls: str) -> TypeMismatch:
+        hint = did_you_mean(cls, self.metamodel.classes)
+        return TypeMismatch(f"unknown class `{cls}`" + (f"; {hint}" if hint else ""))
+
+    def _lacks(self, node: int, feature: Feature) -> Exception:
+        if not self.alive(node):
+            return InvalidArgument(f"`{self.name}` has no object {node!r}: it was deleted, or undone")
+        return TypeMismatch(f"`{self.class_of(node)}` has no feature `{feature.name}`; `{feature.owner}` has")
+
+    def _wrong_value(self, attribute: Attribute, value: object) -> TypeMismatch:
+        hint = None
+        if isinstance(attribute.type, EnumType) and isinstance(value, str):
+            hint = did_you_mean(value, attribute.type.literals) or "one of " + ", ".join(
+                attribute.type.literals
+            )
+        text = f"`{attribute}` takes {type_name(attribute.type)}, not {value!r} ({type(value).__name__})"
+        return TypeMismatch(text + (f"; {hint}" if hint else ""))
+
+    def _wrong_link(self, source: int, reference: Reference, target: int | None) -> Exception:
+        for end in (source, target):
+            if end is not None and not self.alive(end):
+                return InvalidArgument(f"`{self.name}` has no object {end!r}: it was deleted, or undone")
+        if not self.metamodel.is_a(self.class_of(source), reference.owner):
+            return self._lacks(source, reference)
+        assert target is not None
+        return TypeMismatch(
+            f"`{reference}` leads to `{reference.target}`, but {self.describe(target)} is of class "
+            f"`{self.class_of(target)}`"
+        )
+
+    def _full(self, node: int, reference: Reference) -> RuleError:
+        ends = self.store.forward[reference.index][node]
+        return RuleError(
+            f"{self.describe(node)} has {len(ends)} of at most {reference.upper} targets of `{reference.name}` already",
+            reason="full",
+            details=[f"{self.describe(node)} -{reference.name}-> {self.describe(other)}" for other in ends],
+        )
+
+
+class _Layout:
+    """What follows from the metamodel, in tables for the hot paths; class and feature numbers are indexes."""
+
+    def __init__(self, metamodel: Metamodel, store: Store) -> None:
+        classes = metamodel.class_list
+        self.numbers = {cls.name: index for index, cls in enumerate(classes)}
+        self.concrete = {cls.name: index for index, cls in enumerate(classes) if not cls.abstract}
+        self.extents = {
+            cls.name: tuple(store.extents[self.numbers[name]] for name in metamodel.concrete(cls.name))
+            for cls in classes
+        }
+        self.initials = tuple(
+            tuple(
+                (f.index, f.initial)
+                for f in metamodel.features(cls.name).values()
+                if isinstance(f, Attribute)
+            )
+            for cls in classes
+        )
+        self.attribute_ok = tuple(
+            (*(metamodel.is_a(cls.name, attribute.owner) for cls in classes), False)
+            for attribute in metamodel.attributes
+        )
+        self.kinds: tuple[type, ...] = tuple(
+            str if isinstance(a.type, EnumType) else _KINDS[a.type] for a in metamodel.attributes
+        )
+        # The type of the value does not tell everything: NaN, or a string that is no literal.
+        self.checked = tuple(
+            isinstance(a.type, EnumType) or a.type is Scalar.FLOAT for a in metamodel.attributes
+        )
+        self.containments = tuple(
+            tuple(r for r in store.relations if r.containment and r.source_ok[index])
+            for index in range(len(classes))
+        )
+        self.containers = (
+            *(
+                tuple(r for r in store.relations if r.containment and r.target_ok[index])
+                for index in range(len(classes))
+            ),
+            (),
+        )
+        self.incident = tuple(tuple(_incident(store, index)) for index in range(len(classes)))
+        self._retypings: dict[tuple[int, int], _Retyping] = {}
+
+    def retyping(self, old: int, new: int) -> _Retyping:
+        """Attributes that go, attributes that come with their values, and links that must not be there."""
+        found = self._retypings.get((old, new))
+        if found is None:
+            before = {attribute for attribute, _ in self.initials[old]}
+            after = {attribute for attribute, _ in self.initials[new]}
+            found = (
+                tuple(attribute for attribute, _ in self.initials[old] if attribute not in after),
+                tuple(
+                    (attribute, initial)
+                    for attribute, initial in self.initials[new]
+                    if attribute not in before
+                ),
+                tuple(end for end in self.incident[old] if end not in self.incident[new]),
+            )
+            self._retypings[old, new] = found
+        return found
+
+
+_Retyping = tuple[tuple[int, ...], tuple[tuple[int, Value], ...], tuple[tuple[Relation, bool], ...]]
+
+
+def _incident(store: Store, cls: int) -> Iterator[tuple[Relation, bool]]:
+    """The relations that objects of a class take part in; True as source, False as target."""
+    for relation in store.relations:
+        if relation.source_ok[cls]:
+            yield relation, True
+        if relation.opposite is None and relation.target_ok[cls]:
+            yield relation, False

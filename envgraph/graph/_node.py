@@ -1,0 +1,228 @@
+"""Handles: objects and their many-references, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
+from envgraph.metamodel import Attribute, Feature, Reference, Value
+
+if TYPE_CHECKING:
+    from envgraph.graph._model import Model
+
+
+class Node:
+    """An object of a model: light, compared by model and id.
+
+    Features are attributes of the handle: `tile.x`, `tile.x = 3`, `tile.right = other`, `forest.states.append(tile)`. A
+    reference with more than one target reads as `Targets`. None is an attribute without a value or an empty single
+    reference. `node["id"]` reaches a feature whose name the handle itself uses (`id`, `model`, `cls`, ...).
+    """
+
+    __slots__ = ("id", "model")
+
+    id: int
+    model: Model
+
+    def __init__(self, model: Model, id: int) -> None:
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "id", id)
+
+    @property
+    def cls(self) -> str:
+        """Name of the object's class."""
+        return self.model.class_of(self.id)
+
+    @property
+    def object_name(self) -> str | None:
+        """Name of the object, or None; assign to rename it."""
+        self.model.class_of(self.id)
+        return self.model.object_name(self.id)
+
+    @object_name.setter
+    def object_name(self, name: str | None) -> None:
+        self.model.set_object_name(self.id, name)
+
+    @property
+    def container(self) -> Node | None:
+        """The object that contains this one, or None."""
+        self.model.class_of(self.id)
+        found = self.model.container(self.id)
+        return Node(self.model, found[0]) if found else None
+
+    def is_a(self, cls: str) -> bool:
+        """Whether the object is an instance of a class or of one of its subclasses."""
+        return self.model.metamodel.is_a(self.cls, cls)
+
+    def delete(self, semantics: Literal["dpo", "spo"] = "dpo") -> None:
+        """Delete the object and what it contains; see `Model.delete`."""
+        self.model.delete(self.id, semantics)
+
+    def retype(self, cls: str, lossy: bool = False) -> None:
+        """Make the object an instance of another class; see `Model.retype`."""
+        self.model.retype(self.id, cls, lossy)
+
+    def __getattr__(self, name: str) -> Any:
+        # Special names are never features: looking them up must not depend on a model (copying, pickling).
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return _read(self, _feature(self, name))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _OWN_NAMES:
+            if name == "object_name":
+                object.__setattr__(self, name, value)
+                return
+            raise AttributeError(
+                f'`{name}` belongs to the handle; write `node["{name}"] = ...` for a feature of that name'
+            )
+        _write(self, _feature(self, name), value)
+
+    def __getitem__(self, name: str) -> Any:
+        """A feature by name."""
+        return _read(self, _feature(self, name))
+
+    def __setitem__(self, name: str, value: object) -> None:
+        """Set a feature by name."""
+        _write(self, _feature(self, name), value)
+
+    def __dir__(self) -> list[str]:
+        names = set(object.__dir__(self))
+        if self.model.alive(self.id):
+            names.update(self.model.metamodel.features(self.cls))
+        return sorted(names)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Node) and self.model is other.model and self.id == other.id
+
+    def __hash__(self) -> int:
+        return hash((id(self.model), self.id))
+
+    def __repr__(self) -> str:
+        if not self.model.alive(self.id):
+            return f"<no object {self.id}>"
+        name = self.model.object_name(self.id)
+        key = (f"{key}={self[key]!r}" for key in self.model.metamodel.key(self.cls))
+        return f"<{' '.join([f'{self.cls}#{self.id}', *([name] if name else []), *key])}>"
+
+
+_OWN_NAMES = frozenset(name for name in dir(Node) if not name.startswith("_"))
+
+
+class Targets(Sequence[Node]):
+    """The targets of a many-reference, live: reading and writing it reads and writes the model.
+
+    Iterating goes over the targets as they were at the start.
+    """
+
+    __slots__ = ("_reference", "_source")
+
+    def __init__(self, source: Node, reference: Reference) -> None:
+        self._source = source
+        self._reference = reference
+
+    def _ids(self) -> Sequence[int]:
+        self._source.cls  # noqa: B018 - raises for an object that is gone
+        return self._source.model.targets(self._source.id, self._reference)
+
+    def append(self, target: Node) -> None:
+        """Add a target; nothing happens if it is one already. See `Model.link`."""
+        model = self._source.model
+        model.link(self._source.id, self._reference, _target(model, self._reference, target))
+
+    def extend(self, targets: Iterable[Node]) -> None:
+        """Add several targets."""
+        for target in list(targets):
+            self.append(target)
+
+    def remove(self, target: Node) -> None:
+        """Remove a target.
+
+        Raises:
+            InvalidArgument: it is none.
+        """
+        model = self._source.model
+        if not model.unlink(self._source.id, self._reference, _target(model, self._reference, target)):
+            raise InvalidArgument(f"{target!r} is not among the targets of `{self._reference.name}`")
+
+    def clear(self) -> None:
+        """Remove all targets."""
+        self._source.model.set_targets(self._source.id, self._reference, ())
+
+    def __len__(self) -> int:
+        return len(self._ids())
+
+    def __iter__(self) -> Iterator[Node]:
+        model = self._source.model
+        return (Node(model, id) for id in tuple(self._ids()))
+
+    def __contains__(self, item: object) -> bool:
+        return isinstance(item, Node) and item.model is self._source.model and item.id in self._ids()
+
+    @overload
+    def __getitem__(self, index: int) -> Node: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Node]: ...
+    def __getitem__(self, index: int | slice) -> Node | list[Node]:
+        ids = self._ids()
+        if isinstance(index, slice):
+            return [Node(self._source.model, id) for id in ids[index]]
+        return Node(self._source.model, ids[index])
+
+    def __eq__(self, other: object) -> bool:
+        """Equal to a list, tuple or other view of the same nodes in the same order."""
+        if isinstance(other, list | tuple | Targets):
+            return list(self) == list(other)
+        return NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return repr(list(self))
+
+
+def assign_features(node: Node, features: Mapping[str, object]) -> None:
+    """Set several features."""
+    for name, value in features.items():
+        _write(node, _feature(node, name, TypeMismatch), value)
+
+
+def _feature(node: Node, name: str, error: type[Exception] = AttributeError) -> Feature:
+    features = node.model.metamodel.features(node.cls)
+    found = features.get(name)
+    if found is None:
+        hint = did_you_mean(name, features)
+        raise error(f"`{node.cls}` has no feature `{name}`" + (f"; {hint}" if hint else ""))
+    return found
+
+
+def _read(node: Node, feature: Feature) -> Value | Node | Targets | None:
+    if isinstance(feature, Attribute):
+        return node.model.value(node.id, feature)
+    if feature.many:
+        return Targets(node, feature)
+    target = node.model.target(node.id, feature)
+    return None if target is None else Node(node.model, target)
+
+
+def _write(node: Node, feature: Feature, value: object) -> None:
+    model = node.model
+    if isinstance(feature, Attribute):
+        model.set_value(node.id, feature, value)  # type: ignore[arg-type]  # checked there
+    elif feature.many:
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise TypeMismatch(f"`{feature}` takes several objects: write a list of them, not {value!r}")
+        model.set_targets(node.id, feature, [_target(model, feature, target) for target in value])
+    else:
+        model.set_target(node.id, feature, None if value is None else _target(model, feature, value))
+
+
+def _target(model: Model, reference: Reference, target: object) -> int:
+    if not isinstance(target, Node):
+        raise TypeMismatch(
+            f"`{reference}` leads to `{reference.target}`, not to {target!r} ({type(target).__name__})"
+        )
+    if target.model is not model:
+        raise TypeMismatch(f"{target!r} is an object of another model")
+    return target.id

@@ -1,0 +1,314 @@
+"""The data of a model in id-indexed columns, and the elementary changes to it.
+
+Nothing here says what is allowed: `Model` does. Every change is recorded in the journal (while recording), added to
+the hash and told to the listeners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import repeat
+from sys import maxsize
+
+from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
+from envgraph.graph._hashing import class_code, node_salts, reference_code, value_code
+from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Journal
+from envgraph.metamodel import Metamodel, Reference, Value
+
+CROWD = 32
+"""Adjacency of more targets than this is an `IndexedSet`, of fewer an immutable tuple; nothing else decides."""
+
+Ends = list[tuple[int, ...] | IndexedSet[int]]
+"""Column of adjacency: for each node the objects at the other ends of its links."""
+
+_CODES_KEPT = 1 << 16
+
+
+class Relation:
+    """How one reference is stored; the two references of an opposite pair share columns, crossed over.
+
+    Attributes:
+        fact: the reference that facts about these links name (see `LinkFact`).
+        flipped: facts have source and target the other way round.
+        symmetric: the reference is its own opposite; `forward` and `backward` are one column.
+        forward, backward: targets of each source, sources of each target.
+        source_ok, target_ok: by index of a class, whether its objects may stand there; one more entry at the end,
+            False, is what the class index -1 of a missing object finds.
+        upper, opposite_upper: how many links a source and a target may have.
+        containment, contained: the source owns the target, or the other way round.
+        code: the reference's number in the hash.
+    """
+
+    __slots__ = (
+        "backward",
+        "code",
+        "contained",
+        "containment",
+        "fact",
+        "flipped",
+        "forward",
+        "opposite",
+        "opposite_upper",
+        "reference",
+        "source_ok",
+        "symmetric",
+        "target_ok",
+        "upper",
+    )
+
+    def __init__(self, reference: Reference, metamodel: Metamodel, forward: Ends, backward: Ends) -> None:
+        opposite = metamodel.opposite(reference)
+        self.reference = reference
+        self.opposite = opposite
+        self.flipped = opposite is not None and opposite.index < reference.index
+        self.fact = opposite if self.flipped and opposite else reference
+        self.symmetric = opposite is not None and opposite.index == reference.index
+        self.forward = forward
+        self.backward = backward
+        self.source_ok = _accepted(metamodel, reference.owner)
+        self.target_ok = _accepted(metamodel, reference.target)
+        self.upper = maxsize if reference.upper is None else reference.upper
+        self.opposite_upper = maxsize if opposite is None or opposite.upper is None else opposite.upper
+        self.containment = reference.containment
+        self.contained = opposite is not None and opposite.containment
+        self.code = reference_code(self.fact)
+
+    def ends(self, source: int, target: int) -> tuple[int, int]:
+        """Source and target of the fact for a link of this reference."""
+        if self.flipped or (self.symmetric and source > target):
+            return target, source
+        return source, target
+
+
+def _accepted(metamodel: Metamodel, above: str) -> tuple[bool, ...]:
+    return (*(metamodel.is_a(cls.name, above) for cls in metamodel.class_list), False)
+
+
+class Store:
+    """Columns of a model. Lists keep their identity for the life of the model, so that others may hold them.
+
+    Reading them directly is for matchers; writing is for `Model` alone.
+
+    Attributes:
+        classes: index of each node's class in `metamodel.class_list`, -1 for no such object.
+        place: position of each node in its extent.
+        extents: for each class the objects of exactly that class.
+        values: for each attribute (by `index`) the column of values, None where there is none.
+        forward, backward: for each reference (by `index`) the columns of targets and of sources.
+        relations: for each reference how it is stored.
+        names: name of each object, or None; `by_name` maps back (to None for names no longer in use).
+        next_id: id of the next new object; the columns are longer, and empty from there on.
+        journal: see `_journal`; written only while `recording`.
+        total: the sum behind the state hash.
+        revision: grows with every change and every restoration.
+
+    Invariants: an adjacency is a tuple if it has at most `CROWD` elements, else an `IndexedSet`; forward and backward
+    hold the same links; a node that does not exist has no name, value or link.
+    """
+
+    def __init__(self, metamodel: Metamodel) -> None:
+        self.metamodel = metamodel
+        self.classes: list[int] = []
+        self.place: list[int] = []
+        self.extents = tuple(Extent(i, self.classes, self.place) for i in range(len(metamodel.class_list)))
+        self.values: tuple[list[Value | None], ...] = tuple([] for _ in metamodel.attributes)
+        self.forward, self.backward, self._adjacency = _columns(metamodel)
+        self.relations = tuple(
+            Relation(reference, metamodel, self.forward[reference.index], self.backward[reference.index])
+            for reference in metamodel.references
+        )
+        self.names: list[str | None] = []
+        self.by_name: dict[str, int | None] = {}
+        self.next_id = 0
+        self.journal: Journal = []
+        self.recording = False
+        self.listeners: list[Listener] = []
+        self.total = 0
+        self.revision = 0
+        self.salts: tuple[list[int], list[int]] = ([], [])
+        self._source_salts, self._target_salts = self.salts
+        self._class_codes = tuple(class_code(cls) for cls in metamodel.class_list)
+        self._value_codes: tuple[dict[Value, int], ...] = tuple({} for _ in metamodel.attributes)
+        self.reserve(64)
+
+    def reserve(self, count: int) -> None:
+        """Make the columns long enough for ids below `count`, and one more that never exists."""
+        more = count + 1 - len(self.classes)
+        if more <= 0:
+            return
+        for salts, drawn in zip(self.salts, node_salts(len(self.classes), count + 1), strict=True):
+            salts.extend(drawn)
+        self.classes.extend(repeat(-1, more))
+        self.place.extend(repeat(0, more))
+        self.names.extend(repeat(None, more))
+        for column in self.values:
+            column.extend(repeat(None, more))
+        for ends in self._adjacency:
+            ends.extend(repeat((), more))
+
+    # --- elementary changes
+
+    def enter(self, node: int, cls: int) -> None:
+        """The object becomes an instance of a class; it was none of any."""
+        extent = self.extents[cls]
+        extent.add(node)
+        if self.recording:
+            self.journal.extend((extent, node, None, OUT))
+        self.total += self._source_salts[node] * self._class_codes[cls]
+        self.revision += 1
+        if self.listeners:
+            self._inserted(ClassFact(self.metamodel.class_list[cls].name, node))
+
+    def leave(self, node: int) -> None:
+        """The object is no longer an instance of its class."""
+        cls = self.classes[node]
+        if self.listeners:
+            self._removing(ClassFact(self.metamodel.class_list[cls].name, node))
+        extent = self.extents[cls]
+        place = extent.take(node)
+        if self.recording:
+            self.journal.extend((extent, node, place, IN))
+        self.total -= self._source_salts[node] * self._class_codes[cls]
+        self.revision += 1
+
+    def put(self, node: int, attribute: int, value: Value | None) -> None:
+        """The object gets another value in an attribute, or None."""
+        column = self.values[attribute]
+        old = column[node]
+        codes = self._value_codes[attribute]
+        change = 0
+        if old is not None:
+            if self.listeners:
+                self._removing(ValueFact(self.metamodel.attributes[attribute], node, old))
+            change -= codes.get(old) or self._code(attribute, old)
+        column[node] = value
+        if value is not None:
+            change += codes.get(value) or self._code(attribute, value)
+        if self.recording:
+            self.journal.extend((column, node, old, SET))
+        self.total += self._source_salts[node] * change
+        self.revision += 1
+        if value is not None and self.listeners:
+            self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
+
+    def connect(self, relation: Relation, source: int, target: int) -> None:
+        """A link that was not there."""
+        self._add(relation.forward, source, target)
+        if not (relation.symmetric and source == target):
+            self._add(relation.backward, target, source)
+        first, second = relation.ends(source, target)
+        self.total += relation.code * self._source_salts[first] * self._target_salts[second]
+        self.revision += 1
+        if self.listeners:
+            self._inserted(LinkFact(relation.fact, first, second))
+
+    def disconnect(self, relation: Relation, source: int, target: int) -> None:
+        """A link goes."""
+        first, second = relation.ends(source, target)
+        if self.listeners:
+            self._removing(LinkFact(relation.fact, first, second))
+        self._drop(relation.forward, source, target)
+        if not (relation.symmetric and source == target):
+            self._drop(relation.backward, target, source)
+        self.total -= relation.code * self._source_salts[first] * self._target_salts[second]
+        self.revision += 1
+
+    def rename(self, node: int, name: str | None) -> None:
+        """The object gets another name, or none. Names are no facts: listeners and hash ignore them."""
+        old = self.names[node]
+        if old is not None:
+            self._map(old, None)
+        if name is not None:
+            self._map(name, node)
+        if self.recording:
+            self.journal.extend((self.names, node, old, SET))
+        self.names[node] = name
+        self.revision += 1
+
+    # --- parts of them
+
+    def _map(self, name: str, node: int | None) -> None:
+        if self.recording:
+            self.journal.extend((self.by_name, name, self.by_name.get(name), SET))
+        self.by_name[name] = node
+
+    def _add(self, column: Ends, node: int, other: int) -> None:
+        old = column[node]
+        if len(old) < CROWD:
+            column[node] = (*old, other)
+        elif isinstance(old, IndexedSet):
+            old.add(other)
+            if self.recording:
+                self.journal.extend((old, other, None, OUT))
+            return
+        else:
+            column[node] = IndexedSet((*old, other))
+        if self.recording:
+            self.journal.extend((column, node, old, SET))
+
+    def _drop(self, column: Ends, node: int, other: int) -> None:
+        old = column[node]
+        if isinstance(old, tuple):
+            index = old.index(other)
+            column[node] = old[:index] + old[index + 1 :]
+        elif len(old) > CROWD + 1:
+            index = old.take(other)
+            if self.recording:
+                self.journal.extend((old, other, index, IN))
+            return
+        else:
+            index = old.position[other]
+            rest = list(old)
+            rest[index] = rest[-1]
+            column[node] = tuple(rest[:-1])
+        if self.recording:
+            self.journal.extend((column, node, old, SET))
+
+    def _code(self, attribute: int, value: Value) -> int:
+        codes = self._value_codes[attribute]
+        if len(codes) >= _CODES_KEPT:
+            codes.clear()
+        codes[value] = number = value_code(self.metamodel.attributes[attribute], value)
+        return number
+
+    def _inserted(self, fact: Fact) -> None:
+        for listener in self.listeners:
+            listener.inserted(fact)
+
+    def _removing(self, fact: Fact) -> None:
+        for listener in self.listeners:
+            listener.removing(fact)
+
+    def restored(self) -> None:
+        """The state was replaced by an undo or redo: a new revision, and the listeners forget what they knew."""
+        self.revision += 1
+        for listener in self.listeners:
+            listener.restored()
+
+    # --- reading
+
+    def nodes(self) -> Iterator[int]:
+        """All objects, class by class in the order of declaration."""
+        for extent in self.extents:
+            yield from extent
+
+
+def _columns(metamodel: Metamodel) -> tuple[tuple[Ends, ...], tuple[Ends, ...], list[Ends]]:
+    """Forward and backward columns of every reference, and each column once."""
+    forward: list[Ends] = []
+    backward: list[Ends] = []
+    distinct: list[Ends] = []
+    for reference in metamodel.references:
+        opposite = metamodel.opposite(reference)
+        if opposite is None or opposite.index > reference.index:
+            pair: tuple[Ends, Ends] = ([], [])
+            distinct.extend(pair)
+        elif opposite.index == reference.index:
+            both: Ends = []
+            pair = (both, both)
+            distinct.append(both)
+        else:
+            pair = (backward[opposite.index], forward[opposite.index])
+        forward.append(pair[0])
+        backward.append(pair[1])
+    return tuple(forward), tuple(backward), distinct
