@@ -1,0 +1,51 @@
+"""Tabular agents, curricula, training and evaluation.
+
+Environments come as `envgraph.env.Tabular`. `run_experiment` trains one agent for each curriculum and seed and
+evaluates it on the target; `train_curriculum` and `evaluate` are its parts. The defaults of `TrainingSettings` are
+the published settings. `value_iteration` gives the best policy of a known table, `chain_transfer` predicts from the
+tables alone how well a family teaches.
+
+>>> from envgraph.learn import TrainingSettings, sequences
+>>> [curriculum.label for curriculum in sequences(["E1", "E2", "E3"], "suffixes")]
+['E1-E3', 'E2-E3']
+"""
+
+from envgraph.learn._curricula import Curriculum, sequences
+from envgraph.learn._evaluation import Evaluation, evaluate, evaluate_policy
+from envgraph.learn._experiment import FamilyMember, run_experiment, train_run
+from envgraph.learn._intervals import mean_interval, wilson_interval
+from envgraph.learn._planning import Optimum, greedy_return, value_iteration
+from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
+from envgraph.learn._settings import Epsilon, TrainingSettings
+from envgraph.learn._training import Curve, Training, available_backends, train_curriculum
+from envgraph.learn._transfer import chain_transfer, hit_probability, softened_policy
+
+__all__ = [
+    "Curriculum",
+    "Curve",
+    "Epsilon",
+    "Evaluation",
+    "Experiment",
+    "FamilyMember",
+    "Optimum",
+    "RunResult",
+    "Summary",
+    "Training",
+    "TrainingSettings",
+    "available_backends",
+    "chain_transfer",
+    "evaluate",
+    "evaluate_policy",
+    "greedy_return",
+    "hit_probability",
+    "mean_interval",
+    "read_csv",
+    "run_experiment",
+    "sequences",
+    "softened_policy",
+    "train_curriculum",
+    "train_run",
+    "value_iteration",
+    "wilson_interval",
+    "write_csv",
+]

@@ -1,0 +1,185 @@
+"""Curricula times seeds: train, evaluate on the target, collect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from envgraph.env import Tabular
+from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.learn._curricula import Curriculum, sequences
+from envgraph.learn._evaluation import evaluate
+from envgraph.learn._results import Experiment, RunResult
+from envgraph.learn._settings import TrainingSettings
+from envgraph.learn._stage import Table
+from envgraph.learn._training import Backend, Training, choose_backend, initial_values, prepare, train
+
+TRAINING, EVALUATION = 0, 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FamilyMember:
+    """An environment of a family.
+
+    Attributes:
+        name: what curricula call it.
+        tabular: its table.
+        complexity: what the family is ordered by, where it is known; not used in training.
+    """
+
+    name: str
+    tabular: Tabular
+    complexity: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.complexity is not None and not isfinite(self.complexity):
+            raise InvalidArgument(f"the complexity of `{self.name}` is not finite")
+
+
+def run_experiment(
+    family: Sequence[FamilyMember],
+    settings: TrainingSettings,
+    curricula: Sequence[Curriculum] | None = None,
+    *,
+    seeds: Sequence[int] | None = None,
+    workers: int = 1,
+    backend: Backend = "auto",
+    progress: Callable[[int, int], None] | None = None,
+) -> Experiment:
+    """Train on each curriculum with each seed, and evaluate each agent on the last environment of the family.
+
+    A run's randomness depends on its seed and on the environments of its curriculum alone. So neither the number of
+    workers, nor the loop, nor which other curricula and seeds are run, changes a result.
+
+    Args:
+        family: the environments from the easiest to the target.
+        settings: how to train.
+        curricula: by default the suffixes and the baselines, as in the paper.
+        seeds: whole numbers from 0; by default 0, 1, ... as many as the settings say.
+        workers: how many runs go on at a time; joblib decides where, by default in processes for the loop on lists
+            and in threads for the compiled one.
+        backend: which loop trains.
+        progress: called with the number of finished runs and of all runs, after each run.
+
+    Raises:
+        InvalidArgument: the environments disagree, a curriculum names one that is not there, or a number is wrong.
+    """
+    names = [member.name for member in family]
+    if curricula is None:
+        curricula = (*sequences(names, "suffixes"), *sequences(names, "baselines"))
+    seeds = range(settings.seeds) if seeds is None else seeds
+    _check(names, curricula, seeds, workers)
+    steps = (
+        settings.steps_per_environment * sum(sum(curriculum.shares) for curriculum in curricula) * len(seeds)
+    )
+    backend = choose_backend(backend, steps)
+    prepared = _prepare(family)
+    tasks = [(prepared, curriculum, settings, seed, backend) for curriculum in curricula for seed in seeds]
+    results: list[RunResult] = []
+    for result in _run_all(tasks, workers, backend):
+        results.append(result)
+        if progress:
+            progress(len(results), len(tasks))
+    return Experiment(tuple(results))
+
+
+def train_run(
+    family: Sequence[FamilyMember],
+    curriculum: Curriculum,
+    settings: TrainingSettings,
+    seed: int,
+    *,
+    backend: Backend = "auto",
+) -> tuple[RunResult, Training]:
+    """One run of an experiment, with the agent that it trained; the result is the one in the experiment.
+
+    Raises:
+        InvalidArgument: as for `run_experiment`.
+    """
+    _check([member.name for member in family], [curriculum], [seed], workers=1)
+    steps = settings.steps_per_environment * sum(curriculum.shares)
+    return _run(_prepare(family), curriculum, settings, seed, choose_backend(backend, steps))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Prepared:
+    """A family made ready once for all its runs: a position for each name, a table for each position."""
+
+    positions: dict[str, int]
+    tables: tuple[Table, ...]
+    target: Tabular
+
+
+def _prepare(family: Sequence[FamilyMember]) -> _Prepared:
+    positions = {member.name: position for position, member in enumerate(family)}
+    return _Prepared(positions, prepare([member.tabular for member in family]), family[-1].tabular)
+
+
+_Task = tuple[_Prepared, Curriculum, TrainingSettings, int, Backend]
+
+
+def _run_all(tasks: Sequence[_Task], workers: int, backend: Backend) -> Iterator[RunResult]:
+    """Results in the order of the tasks."""
+    if workers == 1:
+        yield from (_run_result(*task) for task in tasks)
+        return
+    prefer = "threads" if backend == "numba" else "processes"
+    pool = Parallel(n_jobs=workers, prefer=prefer, return_as="generator")
+    yield from pool(delayed(_run_result)(*task) for task in tasks)
+
+
+def _run_result(
+    prepared: _Prepared, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
+) -> RunResult:
+    """Without the agent, which a worker process would have to send back."""
+    return _run(prepared, curriculum, settings, seed, backend)[0]
+
+
+def _run(
+    prepared: _Prepared, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
+) -> tuple[RunResult, Training]:
+    stages = tuple(prepared.positions[stage] for stage in curriculum.stages)
+    steps = [share * settings.steps_per_environment for share in curriculum.shares]
+    tables = [prepared.tables[stage] for stage in stages]
+    rng = _generator(seed, TRAINING, stages)
+    training = train(tables, settings, rng, steps, initial_values(tables[0], settings), backend)
+    rng = _generator(seed, EVALUATION, stages)
+    found = evaluate(training.q, prepared.target, settings.evaluation_episodes, settings.limit, rng)
+    result = RunResult(
+        kind=curriculum.kind,
+        label=curriculum.label,
+        seed=seed,
+        steps=sum(steps),
+        episodes=training.curve.episodes[-1],
+        success_rate=found.success_rate,
+        mean_return=found.mean_return,
+        mean_length=found.mean_length,
+        curve=training.curve,
+    )
+    return result, training
+
+
+def _generator(seed: int, role: int, stages: tuple[int, ...]) -> np.random.Generator:
+    """Independent streams for training and evaluation, for each seed and sequence of environments."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(role, *stages)))
+
+
+def _check(names: Sequence[str], curricula: Sequence[Curriculum], seeds: Sequence[int], workers: int) -> None:
+    if not names or len(set(names)) != len(names):
+        raise InvalidArgument("a family needs environments with different names")
+    for curriculum in curricula:
+        for stage in curriculum.stages:
+            if stage not in names:
+                hint = did_you_mean(stage, names)
+                raise InvalidArgument(f"no environment is called `{stage}`" + (f"; {hint}" if hint else ""))
+    labels = [(curriculum.kind, curriculum.label) for curriculum in curricula]
+    if not labels or len(set(labels)) != len(labels):
+        raise InvalidArgument("an experiment needs curricula with different labels")
+    if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
+        raise InvalidArgument("an experiment needs different seeds from 0")
+    if workers < 1:
+        raise InvalidArgument(f"`workers` is {workers}, it must be at least 1")

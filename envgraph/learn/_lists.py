@@ -1,0 +1,94 @@
+"""The training loop on plain Python lists: it needs no compiler, and the compiled loop is compared with it."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
+from itertools import pairwise, repeat
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.learn._stage import Stage, StageOutcome, Table
+
+BLOCK = 16_384
+
+# Reward, next state, its observation, how the episode ends (0: it goes on).
+Outcome = tuple[float, int, int, int]
+
+
+def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
+    """Train on a table; `q` [observations, actions] is changed in place."""
+    rate, discount, step_decay, episode_decay, minimum = stage.factors
+    each_step, stochastic, n_actions = step_decay != 1.0, table.n_outcomes > 1, table.n_actions
+    transitions, chances = _transitions(table), table.cumulative.reshape(-1, table.n_outcomes).tolist()
+    starts = list(zip(table.start_states.tolist(), table.start_observations.tolist(), strict=True))
+    start_chances = table.start_cumulative.tolist()
+
+    # The greedy action of each observation and its value are kept, which spares two passes over a row each step.
+    rows: list[list[float]] = q.tolist()
+    best = [max(row) for row in rows]
+    greedy = [row.index(top) for row, top in zip(rows, best, strict=True)]
+
+    epsilon, limit, total, episodes, successes = stage.epsilon, stage.settings.limit, 0.0, 0, 0
+    left = limit
+    curve: list[tuple[float, int, int]] = []
+    state, seen = starts[bisect_right(start_chances, rng.random())] if len(starts) > 1 else starts[0]
+    for before, after in pairwise([0, *stage.points]):
+        for u, v, w in _draws(table, after - before, rng):
+            action = int(u / epsilon * n_actions) if u < epsilon else greedy[seen]
+            at = state * n_actions + action
+            choice = transitions[at]
+            outcome = choice[bisect_right(chances[at], v)] if stochastic else choice[0]
+            reward, state, following, ended = outcome
+            total += reward
+            row = rows[seen]
+            old = row[action]
+            target = reward if ended else reward + discount * best[following]
+            row[action] = new = old + rate * (target - old)
+            if action == greedy[seen]:
+                if new < old:
+                    best[seen] = top = max(row)
+                    greedy[seen] = row.index(top)
+                else:
+                    best[seen] = new
+            elif new > best[seen] or (new == best[seen] and action < greedy[seen]):
+                best[seen], greedy[seen] = new, action
+            seen = following
+            left -= 1
+            if each_step:
+                epsilon = max(minimum, epsilon * step_decay)
+            if ended or not left:
+                episodes += 1
+                successes += ended == 1
+                epsilon = max(minimum, epsilon * episode_decay)
+                left = limit
+                state, seen = starts[bisect_right(start_chances, w)]
+        curve.append((total, episodes, successes))
+    q[:] = rows
+    return StageOutcome(epsilon, curve)
+
+
+def _transitions(table: Table) -> list[list[Outcome]]:
+    """The outcomes of each action of each state."""
+    columns: tuple[list[Any], ...] = (
+        table.reward.tolist(),
+        table.next_state.tolist(),
+        table.next_observation.tolist(),
+        table.terminated.tolist(),
+    )
+    flat = list(zip(*columns, strict=True))
+    return [flat[start : start + table.n_outcomes] for start in range(0, len(flat), table.n_outcomes)]
+
+
+def _draws(table: Table, steps: int, rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:
+    """Rows (u, v, w) of so many steps; 0 for what the table does not need."""
+    for start in range(0, steps, BLOCK):
+        block = rng.random((min(BLOCK, steps - start), table.draws))
+        columns: list[Iterable[float]] = block.T.tolist()
+        if table.n_outcomes == 1:
+            columns.insert(1, repeat(0.0))
+        if len(table.start_states) == 1:
+            columns.append(repeat(0.0))
+        yield from zip(*columns, strict=False)

@@ -1,0 +1,209 @@
+"""What an experiment found, as data and as CSV files."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import TypeVar
+
+from envgraph.errors import EnvgraphError, InvalidArgument
+from envgraph.learn._curricula import Kind
+from envgraph.learn._intervals import mean_interval, wilson_interval
+from envgraph.learn._training import Curve
+
+Parsed = TypeVar("Parsed")
+
+RUN_COLUMNS = ("kind", "label", "seed", "steps", "episodes", "success_rate", "mean_return", "mean_length")
+SUMMARY_COLUMNS = (
+    "kind",
+    "label",
+    "runs",
+    "success_rate",
+    "success_low",
+    "success_high",
+    "mean_return",
+    "return_low",
+    "return_high",
+)
+CURVE_COLUMNS = ("kind", "label", "seed", "step", "cumulative_reward", "episodes", "successes")
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """One training run and its evaluation on the target.
+
+    Attributes:
+        kind: curriculum or baseline.
+        label: the curriculum's label.
+        seed: the run's seed.
+        steps: training steps in all.
+        episodes: training episodes finished in all.
+        success_rate: of the greedy policy on the target, from 0 to 1.
+        mean_return: likewise, undiscounted.
+        mean_length: likewise, in steps.
+        curve: the way there.
+    """
+
+    kind: Kind
+    label: str
+    seed: int
+    steps: int
+    episodes: int
+    success_rate: float
+    mean_return: float
+    mean_length: float
+    curve: Curve
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """All runs of one curriculum.
+
+    Attributes:
+        kind: curriculum or baseline.
+        label: the curriculum's label.
+        runs: how many.
+        success_rate: mean over the runs.
+        success_interval: Wilson's, each run counting as one trial.
+        mean_return: mean over the runs.
+        return_interval: Student's; None for a single run.
+    """
+
+    kind: Kind
+    label: str
+    runs: int
+    success_rate: float
+    success_interval: tuple[float, float]
+    mean_return: float
+    return_interval: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """All runs, curriculum by curriculum and then by seed."""
+
+    runs: tuple[RunResult, ...]
+
+    def summaries(self, confidence: float = 0.95) -> tuple[Summary, ...]:
+        """One summary a curriculum, in the order in which their first runs stand."""
+        groups: dict[tuple[Kind, str], list[RunResult]] = {}
+        for run in self.runs:
+            groups.setdefault((run.kind, run.label), []).append(run)
+        return tuple(_summary(group, confidence) for group in groups.values())
+
+
+def _summary(group: Sequence[RunResult], confidence: float) -> Summary:
+    success = fmean(run.success_rate for run in group)
+    returns = [run.mean_return for run in group]
+    return Summary(
+        kind=group[0].kind,
+        label=group[0].label,
+        runs=len(group),
+        success_rate=success,
+        success_interval=wilson_interval(success, len(group), confidence),
+        mean_return=fmean(returns),
+        return_interval=mean_interval(returns, confidence),
+    )
+
+
+def write_csv(experiment: Experiment, directory: Path) -> tuple[Path, Path, Path]:
+    """Write `runs.csv`, `summary.csv` and `curves.csv` into a directory, which is made where it is missing.
+
+    One row a run, a curriculum, and a point of a run's curve. Numbers are written so that reading gives them back
+    exactly; equal experiments give equal files.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    runs, summary, curves = (directory / name for name in ("runs.csv", "summary.csv", "curves.csv"))
+    _write(runs, RUN_COLUMNS, (_run_row(run) for run in experiment.runs))
+    _write(summary, SUMMARY_COLUMNS, (_summary_row(one) for one in experiment.summaries()))
+    _write(curves, CURVE_COLUMNS, (row for run in experiment.runs for row in _curve_rows(run)))
+    return runs, summary, curves
+
+
+def read_csv(directory: Path) -> Experiment:
+    """Read back what `write_csv` wrote; the summary is computed anew.
+
+    Raises:
+        InvalidArgument: a file is missing, or a line of it does not read as such a result.
+    """
+    points: dict[tuple[str, str, str], list[tuple[int, float, int, int]]] = {}
+
+    def point(row: list[str]) -> None:
+        kind, label, seed, step, reward, episodes, successes = row
+        points.setdefault((kind, label, seed), []).append(
+            (int(step), float(reward), int(episodes), int(successes))
+        )
+
+    def run(row: list[str]) -> RunResult:
+        kind, label, seed, steps, episodes, *numbers = row
+        success_rate, mean_return, mean_length = map(float, numbers)
+        curve = Curve(*zip(*points[kind, label, seed], strict=True))
+        return RunResult(
+            _kind(kind),
+            label,
+            int(seed),
+            int(steps),
+            int(episodes),
+            success_rate,
+            mean_return,
+            mean_length,
+            curve,
+        )
+
+    _read(directory / "curves.csv", CURVE_COLUMNS, point)
+    return Experiment(tuple(_read(directory / "runs.csv", RUN_COLUMNS, run)))
+
+
+def _run_row(run: RunResult) -> tuple[object, ...]:
+    return tuple(getattr(run, column) for column in RUN_COLUMNS)
+
+
+def _summary_row(one: Summary) -> tuple[object, ...]:
+    low, high = one.return_interval or (None, None)
+    head = (one.kind, one.label, one.runs, one.success_rate)
+    return (*head, *one.success_interval, one.mean_return, low, high)
+
+
+def _curve_rows(run: RunResult) -> Iterable[tuple[object, ...]]:
+    curve = run.curve
+    for point in zip(curve.steps, curve.reward, curve.episodes, curve.successes, strict=True):
+        yield (run.kind, run.label, run.seed, *point)
+
+
+def _write(path: Path, columns: Sequence[str], rows: Iterable[tuple[object, ...]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parsed]) -> list[Parsed]:
+    """Every row but the header, parsed; what does not parse is named with its line."""
+    parsed: list[Parsed] = []
+    line = 1
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.reader(file, strict=True)
+            if tuple(next(reader, ())) != tuple(columns):
+                raise InvalidArgument(f"{path}:1: the columns must be {', '.join(columns)}")
+            for row in reader:
+                line = reader.line_num
+                parsed.append(parse(row))
+    except OSError as error:
+        raise InvalidArgument(f"{path}: {error.strerror}") from error
+    except EnvgraphError:
+        raise
+    except (ValueError, KeyError, csv.Error) as error:
+        raise InvalidArgument(f"{path}:{line}: not a line of such a result") from error
+    return parsed
+
+
+def _kind(text: str) -> Kind:
+    if text == "curriculum":
+        return "curriculum"
+    if text == "baseline":
+        return "baseline"
+    raise ValueError(text)

@@ -1,0 +1,139 @@
+"""How an agent is trained; the defaults are the published settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from math import isfinite
+from typing import Any, Literal, get_args
+
+from envgraph.errors import InvalidArgument, did_you_mean
+
+Per = Literal["episode", "step"]
+Reset = Literal["stage", "never"]
+
+
+@dataclass(frozen=True, slots=True)
+class Epsilon:
+    """How often the agent explores: epsilon starts at `start` and is multiplied by `decay` down to `minimum`.
+
+    Attributes:
+        start: probability of a random action at the beginning.
+        decay: factor after each finished episode or each step, see `per`.
+        minimum: epsilon never falls below it.
+        per: "episode" (an episode that the budget cuts short does not count) or "step".
+        reset: back to `start` at each "stage" of a curriculum, or "never".
+    """
+
+    start: float = 1.0
+    decay: float = 0.995
+    minimum: float = 0.05
+    per: Per = "episode"
+    reset: Reset = "stage"
+
+    def __post_init__(self) -> None:
+        _within("epsilon.start", self.start, 0.0, 1.0)
+        _within("epsilon.decay", self.decay, 0.0, 1.0)
+        _within("epsilon.minimum", self.minimum, 0.0, self.start)
+        _one_of("epsilon.per", self.per, get_args(Per))
+        _one_of("epsilon.reset", self.reset, get_args(Reset))
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingSettings:
+    """Tabular Q-learning and its evaluation.
+
+    Attributes:
+        learning_rate: weight of a new target in the Q-value, in (0, 1].
+        discount: weight of the next state's value, in [0, 1].
+        epsilon: exploration.
+        steps_per_environment: length of a stage, in steps; the running episode is cut at its end.
+        evaluation_episodes: how many episodes an evaluation samples where it is not exact.
+        seeds: how many training runs; the seeds are 0, 1, ...
+        initial_value: what every Q-value is at first; above the returns of a short episode is optimistic.
+        limit: steps after which an episode is truncated (the Q-value of the last step still bootstraps).
+        checkpoint: steps between two points of a learning curve.
+
+    Raises:
+        InvalidArgument: a value is outside its range.
+
+    >>> TrainingSettings(steps_per_environment=10_000).epsilon.decay
+    0.995
+    """
+
+    learning_rate: float = 0.1
+    discount: float = 0.99
+    epsilon: Epsilon = field(default_factory=Epsilon)
+    steps_per_environment: int = 50_000
+    evaluation_episodes: int = 3_000
+    seeds: int = 30
+    initial_value: float = 0.0
+    limit: int = 200
+    checkpoint: int = 1_000
+
+    def __post_init__(self) -> None:
+        _within("learning_rate", self.learning_rate, 0.0, 1.0)
+        if self.learning_rate == 0:
+            raise InvalidArgument("`learning_rate` must be positive")
+        _within("discount", self.discount, 0.0, 1.0)
+        for name in ("steps_per_environment", "evaluation_episodes", "seeds", "limit", "checkpoint"):
+            _positive(name, getattr(self, name))
+        if not isfinite(self.initial_value):
+            raise InvalidArgument("`initial_value` must be finite")
+
+    @classmethod
+    def from_spec(cls, spec: object, **overrides: Any) -> TrainingSettings:
+        """Settings from what a family file says under `[training]`.
+
+        Args:
+            spec: a mapping, or an object with attributes, of the names above; what is missing or None keeps its
+                default. `epsilon` is one in turn. `agent` may be there and must be "q_learning".
+            overrides: values that win over the spec, such as the `limit` of an environment; None is ignored.
+
+        Raises:
+            InvalidArgument: a value is outside its range, or a mapping has an unknown key.
+
+        >>> TrainingSettings.from_spec({"seeds": 5, "epsilon": {"minimum": 0.1}}, limit=50).epsilon.minimum
+        0.1
+        """
+        _one_of("agent", _chosen(spec, ("agent",)).get("agent", "q_learning"), ("q_learning",))
+        values = _read(spec, cls, also=("agent",)) | _read(overrides, cls)
+        epsilon = values.get("epsilon")
+        if epsilon is not None and not isinstance(epsilon, Epsilon):
+            values["epsilon"] = Epsilon(**_read(epsilon, Epsilon))
+        return cls(**values)
+
+
+def _read(spec: object, cls: type[Any], also: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The fields of a dataclass that a spec has a value for."""
+    names = tuple(one.name for one in fields(cls))
+    if isinstance(spec, Mapping):
+        for key in spec:
+            if key not in names and key not in also:
+                hint = did_you_mean(str(key), names)
+                raise InvalidArgument(f"unknown training setting `{key}`" + (f"; {hint}" if hint else ""))
+    return _chosen(spec, names)
+
+
+def _chosen(spec: object, names: tuple[str, ...]) -> dict[str, Any]:
+    found = {
+        name: spec.get(name) if isinstance(spec, Mapping) else getattr(spec, name, None) for name in names
+    }
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _within(name: str, value: float, low: float, high: float) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise InvalidArgument(f"`{name}` is {value!r}, it must be a number from {low} to {high}")
+
+
+def _positive(name: str, value: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise InvalidArgument(f"`{name}` is {value!r}, it must be a whole number of at least 1")
+
+
+def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        hint = did_you_mean(str(value), known)
+        names = " or ".join(repr(one) for one in known)
+        raise InvalidArgument(f"`{name}` is {value!r}, it must be {names}" + (f"; {hint}" if hint else ""))

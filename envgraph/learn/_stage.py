@@ -1,0 +1,123 @@
+"""What both training loops work on: a flat table, a stage, and the random draws of its steps.
+
+Both loops consume the same draws, so they give the same result bit for bit. A stage first takes one number for the
+start of its first episode (only where there are several start states). Then each step takes one row of numbers in
+[0, 1), whatever happens in it:
+
+    u            explore where u < epsilon; u / epsilon is uniform again and picks the action
+    v            picks the outcome, only in stochastic tables
+    w            picks the start of the next episode, should this step end one; only where there are several starts
+
+Rows are drawn in blocks; the numbers do not depend on the size of the blocks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env import Tabular
+from envgraph.learn._settings import TrainingSettings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A `Tabular` for a loop that samples: outcome k of action a in state s stands at (s * A + a) * K + k.
+
+    Attributes:
+        cumulative: an outcome is the first whose value is above v. The last one that can happen has infinity, so
+            that rounding never leads into the padding.
+        next_observation: observation of the next state.
+        start_cumulative: like `cumulative`, for the start states.
+    """
+
+    n_observations: int
+    n_actions: int
+    n_outcomes: int
+    next_state: NDArray[np.int64]
+    next_observation: NDArray[np.int64]
+    reward: NDArray[np.float64]
+    terminated: NDArray[np.int64]
+    cumulative: NDArray[np.float64]
+    start_states: NDArray[np.int64]
+    start_observations: NDArray[np.int64]
+    start_cumulative: NDArray[np.float64]
+
+    @property
+    def draws(self) -> int:
+        """How many random numbers a step takes."""
+        return 1 + int(self.n_outcomes > 1) + int(len(self.start_states) > 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A stretch of training on one table.
+
+    Attributes:
+        steps: its length.
+        epsilon: exploration at its beginning.
+        settings: everything else.
+    """
+
+    steps: int
+    epsilon: float
+    settings: TrainingSettings
+
+    @property
+    def factors(self) -> tuple[float, float, float, float, float]:
+        """Learning rate, discount, the factors on epsilon after a step and after an episode, and its minimum."""
+        settings, epsilon = self.settings, self.settings.epsilon
+        decays = (1.0, epsilon.decay) if epsilon.per == "episode" else (epsilon.decay, 1.0)
+        return settings.learning_rate, settings.discount, *decays, epsilon.minimum
+
+    @property
+    def points(self) -> list[int]:
+        """Steps, counted from the stage's beginning, at which the learning curve is read: its end is the last."""
+        inner = range(self.settings.checkpoint, self.steps, self.settings.checkpoint)
+        return [*inner, self.steps]
+
+
+@dataclass(frozen=True, slots=True)
+class StageOutcome:
+    """What a stage leaves beside the Q-values.
+
+    Attributes:
+        epsilon: exploration at its end.
+        curve: at each of its points, totals since its beginning: reward, finished episodes, successes among them.
+    """
+
+    epsilon: float
+    curve: list[tuple[float, int, int]]
+
+
+def flatten(tabular: Tabular) -> Table:
+    """The table of an environment for the training loops."""
+    next_state = tabular.next_state.astype(np.int64).ravel()
+    observation = tabular.observation.astype(np.int64)
+    starts = tabular.start_states.astype(np.int64)
+    return Table(
+        n_observations=tabular.n_observations,
+        n_actions=tabular.n_actions,
+        n_outcomes=int(tabular.next_state.shape[2]),
+        next_state=next_state,
+        next_observation=observation[next_state],
+        reward=tabular.reward.astype(np.float64).ravel(),
+        terminated=tabular.terminated.astype(np.int64).ravel(),
+        cumulative=accumulate(tabular.probability).ravel(),
+        start_states=starts,
+        start_observations=observation[starts],
+        start_cumulative=accumulate(tabular.start_probability),
+    )
+
+
+def accumulate(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cumulative probabilities over the last axis, infinite from the last outcome that can happen.
+
+    >>> accumulate(np.array([0.5, 0.25, 0.25, 0.0])).tolist()
+    [0.5, 0.75, inf, inf]
+    """
+    possible = probability > 0.0
+    last = possible.shape[-1] - 1 - np.argmax(np.flip(possible, -1), -1, keepdims=True)
+    return np.where(np.arange(possible.shape[-1]) < last, np.cumsum(probability, -1), np.inf)

@@ -1,0 +1,180 @@
+"""Tabular Q-learning over a sequence of environments, with a choice of two equal loops.
+
+Watkins and Dayan 1992: Q(o, a) += learning_rate * (reward + discount * max Q(o', .) - Q(o, a)), where nothing follows
+a terminated step. What is not in the formula is as published with the paper: the greedy action is the lowest of equals;
+each environment begins a new episode; an episode that reaches the time limit is over, but its last step bootstraps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env import Tabular
+from envgraph.errors import InvalidArgument
+from envgraph.learn._settings import TrainingSettings
+from envgraph.learn._stage import Stage, StageOutcome, Table, flatten
+
+Backend = Literal["auto", "python", "numba"]
+
+# Importing numba and compiling the loop takes as long as this many steps on lists.
+COMPILING_PAYS = 8_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """How training went, read every `checkpoint` steps of a stage and at its end; totals since the beginning.
+
+    Attributes:
+        steps: steps so far.
+        reward: cumulative reward, running episodes included.
+        episodes: finished episodes, truncated ones included.
+        successes: episodes among them that ended in success.
+    """
+
+    steps: tuple[int, ...]
+    reward: tuple[float, ...]
+    episodes: tuple[int, ...]
+    successes: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Training:
+    """A trained agent.
+
+    Attributes:
+        q: float64 [observations, actions], its Q-values.
+        curve: how it came to them.
+        epsilon: exploration at the end.
+    """
+
+    q: NDArray[np.float64]
+    curve: Curve
+    epsilon: float
+
+
+def available_backends() -> tuple[Backend, ...]:
+    """The training loops that can run here, fastest first; numba comes with the extra `fast`."""
+    return ("numba", "python") if find_spec("numba") else ("python",)
+
+
+def choose_backend(backend: Backend, steps: int) -> Backend:
+    """The loop that takes so many steps soonest; the choice never changes a result.
+
+    Raises:
+        InvalidArgument: the name is unknown, or numba is asked for and not installed.
+    """
+    if backend not in get_args(Backend):
+        raise InvalidArgument(f"unknown backend {backend!r}, it must be 'auto', 'python' or 'numba'")
+    if backend == "auto":
+        return available_backends()[0] if steps >= COMPILING_PAYS else "python"
+    if backend not in available_backends():
+        raise InvalidArgument("backend 'numba' needs numba: pip install 'envgraph[fast]'")
+    return backend
+
+
+def train_curriculum(
+    tabulars: Sequence[Tabular],
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    *,
+    steps: Sequence[int] | None = None,
+    q: NDArray[np.float64] | None = None,
+    backend: Backend = "auto",
+) -> Training:
+    """Train one agent on one environment after the other; direct training is a sequence of one.
+
+    Args:
+        tabulars: the environments, in the order of training; they must agree in observations and actions.
+        settings: how to train.
+        rng: where all randomness comes from; it is advanced.
+        steps: length of each stage; by default `settings.steps_per_environment`.
+        q: Q-values to begin with, left as they are; by default `settings.initial_value` everywhere.
+        backend: which loop runs; both give the same result.
+
+    Raises:
+        InvalidArgument: the environments disagree or are not well formed, or an argument does not fit them.
+    """
+    tables = prepare(tabulars)
+    lengths = [settings.steps_per_environment] * len(tables) if steps is None else list(steps)
+    if len(lengths) != len(tables) or min(lengths) < 1:
+        raise InvalidArgument(
+            f"`steps` is {lengths}: it needs a positive length for each of {len(tables)} stages"
+        )
+    values = initial_values(tables[0], settings) if q is None else _copied(q, tables[0])
+    return train(tables, settings, rng, lengths, values, choose_backend(backend, sum(lengths)))
+
+
+def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
+    """The tables that `train` works on, checked; they can be used for any number of runs."""
+    if not tabulars:
+        raise InvalidArgument("a curriculum needs an environment")
+    first = tabulars[0]
+    for tabular in tabulars:
+        tabular.check()
+        if (tabular.n_observations, tabular.action_names) != (first.n_observations, first.action_names):
+            raise InvalidArgument(
+                "the environments of a curriculum must have the same observations and actions"
+            )
+    return tuple(flatten(tabular) for tabular in tabulars)
+
+
+def train(
+    tables: Sequence[Table],
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    steps: Sequence[int],
+    q: NDArray[np.float64],
+    backend: Backend,
+) -> Training:
+    """`train_curriculum` without its checks; `q` is changed in place, and the backend is not "auto"."""
+    run_stage = _loop(backend)
+    epsilon = settings.epsilon.start
+    outcomes: list[tuple[Stage, StageOutcome]] = []
+    for table, length in zip(tables, steps, strict=True):
+        if settings.epsilon.reset == "stage":
+            epsilon = settings.epsilon.start
+        stage = Stage(length, epsilon, settings)
+        outcome = run_stage(table, stage, q, rng)
+        epsilon = outcome.epsilon
+        outcomes.append((stage, outcome))
+    return Training(q, _join(outcomes), epsilon)
+
+
+def _loop(
+    backend: Backend,
+) -> Callable[[Table, Stage, NDArray[np.float64], np.random.Generator], StageOutcome]:
+    if backend == "numba":
+        from envgraph.learn._compiled import run_stage
+    else:
+        from envgraph.learn._lists import run_stage
+    return run_stage
+
+
+def initial_values(table: Table, settings: TrainingSettings) -> NDArray[np.float64]:
+    """Q-values [observations, actions] to begin with; adding 0.0 turns -0.0, which sorts badly, into 0.0."""
+    return np.full((table.n_observations, table.n_actions), settings.initial_value + 0.0)
+
+
+def _copied(q: NDArray[np.float64], table: Table) -> NDArray[np.float64]:
+    shape = (table.n_observations, table.n_actions)
+    if q.shape != shape or not np.isfinite(q).all():
+        raise InvalidArgument(f"`q` is {q.shape}: it needs finite values, {shape}")
+    return np.ascontiguousarray(q, np.float64) + 0.0
+
+
+def _join(outcomes: Sequence[tuple[Stage, StageOutcome]]) -> Curve:
+    """One curve for all stages: each begins where the one before it ends."""
+    points: list[tuple[int, float, int, int]] = []
+    for stage, outcome in outcomes:
+        steps, reward, episodes, successes = points[-1] if points else (0, 0.0, 0, 0)
+        points.extend(
+            (steps + at, reward + total, episodes + finished, successes + reached)
+            for at, (total, finished, reached) in zip(stage.points, outcome.curve, strict=True)
+        )
+    return Curve(*zip(*points, strict=True))

@@ -1,0 +1,105 @@
+"""The loop on lists and the compiled loop are one trainer."""
+
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from envgraph.env import Tabular
+from envgraph.errors import InvalidArgument
+from envgraph.learn import (
+    Epsilon,
+    Training,
+    TrainingSettings,
+    _lists,
+    _training,
+    available_backends,
+    train_curriculum,
+)
+from envgraph.learn._training import COMPILING_PAYS, Backend, choose_backend
+from tests.unit.learn.forest_tables import published_family
+from tests.unit.learn.small_tables import random_table
+
+needs_numba = pytest.mark.skipif(
+    find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
+)
+SETTINGS = TrainingSettings(steps_per_environment=3_000, checkpoint=700, limit=30)
+
+
+def trained(tables: list[Tabular], settings: TrainingSettings, backend: Backend, seed: int = 5) -> Training:
+    return train_curriculum(tables, settings, np.random.default_rng(seed), backend=backend)
+
+
+def assert_identical(one: Training, other: Training) -> None:
+    assert one.q.tobytes() == other.q.tobytes()
+    assert (one.curve, one.epsilon) == (other.curve, other.epsilon)
+
+
+@needs_numba
+def test_loops_agree_on_the_published_family() -> None:
+    settings = TrainingSettings(steps_per_environment=20_000)
+    family = published_family()
+    assert_identical(trained(family, settings, "python"), trained(family, settings, "numba"))
+
+
+@needs_numba
+@pytest.mark.parametrize(("outcomes", "starts"), [(1, 1), (3, 1), (1, 4), (4, 3)])
+@pytest.mark.parametrize(
+    "epsilon",
+    [Epsilon(), Epsilon(decay=0.999, per="step", reset="never"), Epsilon(start=0.0, minimum=0.0)],
+    ids=["episode", "step", "greedy"],
+)
+def test_loops_agree_on_random_tables(outcomes: int, starts: int, epsilon: Epsilon) -> None:
+    for seed in range(5):
+        tables = [random_table(seed * 2 + stage, outcomes, starts) for stage in range(2)]
+        settings = replace(SETTINGS, epsilon=epsilon, learning_rate=0.3, initial_value=0.5)
+        assert_identical(trained(tables, settings, "python"), trained(tables, settings, "numba"))
+
+
+@needs_numba
+def test_loops_agree_where_ties_are_everywhere() -> None:
+    """Rewards of 0 and 1 with learning rate 1: Q-values meet again and again, and the lowest action counts."""
+    for seed in range(10):
+        table = random_table(seed)
+        table = replace(table, reward=(table.reward > 0.0).astype(float))
+        settings = replace(SETTINGS, learning_rate=1.0, discount=1.0, limit=5)
+        assert_identical(trained([table], settings, "python"), trained([table], settings, "numba"))
+
+
+@pytest.mark.parametrize("backend", available_backends())
+def test_draws_do_not_depend_on_the_size_of_blocks(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    tables = [random_table(1), random_table(2)]
+    whole = trained(tables, SETTINGS, backend)
+    monkeypatch.setattr(_lists, "BLOCK", 7)
+    if backend == "numba":
+        from envgraph.learn import _compiled
+
+        monkeypatch.setattr(_compiled, "BLOCK", 7)
+    assert_identical(whole, trained(tables, SETTINGS, backend))
+
+
+@pytest.mark.parametrize("backend", available_backends())
+def test_both_loops_leave_the_generator_at_the_same_place(backend: Backend) -> None:
+    rng, expected = np.random.default_rng(3), np.random.default_rng(3)
+    train_curriculum([random_table(1), random_table(2)], SETTINGS, rng, backend=backend)
+    expected.random(2 * (1 + 3 * SETTINGS.steps_per_environment))
+    assert rng.random() == expected.random()
+
+
+def test_short_training_runs_on_lists() -> None:
+    assert choose_backend("auto", COMPILING_PAYS - 1) == "python"
+    assert choose_backend("auto", COMPILING_PAYS) == available_backends()[0]
+
+
+def test_without_numba_everything_runs_on_lists(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_training, "find_spec", lambda name: None)
+    assert available_backends() == ("python",)
+    assert choose_backend("auto", COMPILING_PAYS) == "python"
+    with pytest.raises(InvalidArgument, match="envgraph\\[fast\\]"):
+        choose_backend("numba", 1)
+
+
+def test_an_unknown_backend_is_refused() -> None:
+    with pytest.raises(InvalidArgument, match="unknown backend 'jax'"):
+        choose_backend("jax", 1)  # type: ignore[arg-type]

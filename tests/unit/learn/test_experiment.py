@@ -1,0 +1,131 @@
+"""Experiments: curricula times seeds."""
+
+import numpy as np
+import pytest
+
+from envgraph.errors import InvalidArgument
+from envgraph.learn import (
+    Curriculum,
+    Experiment,
+    FamilyMember,
+    TrainingSettings,
+    available_backends,
+    evaluate,
+    run_experiment,
+    sequences,
+    train_run,
+)
+from envgraph.learn._training import Backend
+from tests.unit.learn.small_tables import random_table
+
+FAMILY = [FamilyMember(f"E{number}", random_table(number), number / 3) for number in (1, 2, 3)]
+NAMES = [member.name for member in FAMILY]
+SETTINGS = TrainingSettings(
+    steps_per_environment=400, evaluation_episodes=20, limit=25, checkpoint=100, seeds=3
+)
+
+
+def small(backend: Backend = "python", workers: int = 1) -> Experiment:
+    return run_experiment(FAMILY, SETTINGS, workers=workers, backend=backend)
+
+
+def test_runs_are_the_papers_curricula_and_baselines_for_each_seed() -> None:
+    found = [(run.kind, run.label, run.seed, run.steps) for run in small().runs]
+    curricula = [("curriculum", "E1-E3", 1_200), ("curriculum", "E2-E3", 800)]
+    baselines = [("baseline", name, 1_200) for name in NAMES]
+    expected = [
+        (kind, label, seed, steps) for kind, label, steps in curricula + baselines for seed in range(3)
+    ]
+    assert found == expected
+
+
+@pytest.mark.parametrize("backend", available_backends())
+def test_results_do_not_depend_on_workers_or_loop(backend: Backend) -> None:
+    """The loop on lists runs in processes, the compiled one in threads."""
+    assert small(backend, workers=2) == small()
+
+
+def test_a_run_does_not_depend_on_what_else_is_run() -> None:
+    alone = run_experiment(FAMILY, SETTINGS, sequences(NAMES)[1:], seeds=[2])
+    assert alone.runs == tuple(run for run in small().runs if (run.label, run.seed) == ("E2-E3", 2))
+
+
+def test_runs_of_different_seeds_and_curricula_differ() -> None:
+    rewards = [run.curve.reward for run in small().runs]
+    assert len(set(rewards)) == len(rewards)
+
+
+def test_evaluation_does_not_disturb_training() -> None:
+    thorough = TrainingSettings(
+        **{name: getattr(SETTINGS, name) for name in ("steps_per_environment", "limit")}
+    )
+    curves = [
+        run_experiment(FAMILY, settings, seeds=[0]).runs[0].curve.reward[-1]
+        for settings in (SETTINGS, thorough)
+    ]
+    assert curves[0] == curves[1]
+
+
+def test_a_single_run_is_the_one_in_the_experiment() -> None:
+    result, training = train_run(FAMILY, sequences(NAMES, "baselines")[0], SETTINGS, 1)
+    assert result in small().runs
+    assert training.q.shape == (7, 3) and training.curve == result.curve
+
+
+def test_agents_are_evaluated_on_the_target() -> None:
+    family = [FamilyMember(f"E{seed}", random_table(seed, outcomes=1)) for seed in (1, 2, 3)]
+    for curriculum in sequences(NAMES, "baselines"):
+        result, training = train_run(family, curriculum, SETTINGS, 0)
+        target, first = (
+            evaluate(training.q, family[at].tabular, 1, 25, np.random.default_rng(0)) for at in (-1, 0)
+        )
+        assert (result.success_rate, result.mean_return) == (target.success_rate, target.mean_return)
+        assert result.mean_return != first.mean_return
+
+
+def test_sequences_of_different_environments_draw_differently() -> None:
+    twins = [FamilyMember(name, random_table(1)) for name in NAMES]
+    rewards = {
+        run.curve.reward[-1] for run in run_experiment(twins, SETTINGS, sequences(NAMES, "baselines")).runs
+    }
+    assert len(rewards) == 9
+
+
+def test_progress_is_told_after_each_run() -> None:
+    told: list[tuple[int, int]] = []
+    run_experiment(FAMILY, SETTINGS, sequences(NAMES), progress=lambda *numbers: told.append(numbers))
+    assert told == [(number, 6) for number in range(1, 7)]
+
+
+def test_a_curriculum_of_ones_own_may_repeat_an_environment() -> None:
+    mine = Curriculum("curriculum", "there and back", ("E1", "E3", "E1", "E3"), (1, 2, 1, 1))
+    (run,) = run_experiment(FAMILY, SETTINGS, [mine], seeds=[0]).runs
+    assert (run.label, run.steps) == ("there and back", 2_000)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"family": []}, "different names"),
+        ({"family": [FAMILY[0], FAMILY[0]]}, "different names"),
+        ({"curricula": []}, "different labels"),
+        ({"curricula": sequences(NAMES) * 2}, "different labels"),
+        ({"curricula": sequences(["E1", "E22"])}, "no environment is called `E22`; did you mean `E2`"),
+        ({"seeds": []}, "seeds"),
+        ({"seeds": [1, 1]}, "seeds"),
+        ({"seeds": [-1]}, "seeds"),
+        ({"workers": 0}, "`workers`"),
+        (
+            {"family": [*FAMILY[:2], FamilyMember("E3", random_table(1, starts=1), None)], "backend": "x"},
+            "backend",
+        ),
+    ],
+)
+def test_arguments_that_make_no_experiment_are_refused(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidArgument, match=message):
+        run_experiment(**({"family": FAMILY, "settings": SETTINGS} | arguments))  # type: ignore[arg-type]
+
+
+def test_a_complexity_is_a_number() -> None:
+    with pytest.raises(InvalidArgument, match="complexity of `E1`"):
+        FamilyMember("E1", random_table(1), float("nan"))

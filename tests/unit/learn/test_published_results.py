@@ -1,0 +1,63 @@
+"""The paper's experiment on its published maps, from tables that no code of envgraph made."""
+
+import csv
+
+import pytest
+
+from envgraph.learn import (
+    FamilyMember,
+    TrainingSettings,
+    available_backends,
+    greedy_return,
+    run_experiment,
+    sequences,
+)
+from tests.unit.learn.forest_tables import DATA, family, published_family
+
+NAMES = ["E1", "E2", "E3", "E4", "E5", "E6"]
+PUBLISHED = [FamilyMember(name, table) for name, table in zip(NAMES, published_family(), strict=True)]
+# Compiled, 20 seeds take a third of a second; on lists two seeds take about a second.
+SEEDS = range(20) if "numba" in available_backends() else range(2)
+BACKEND = available_backends()[0]
+
+
+def test_the_best_return_on_the_target_is_10_2() -> None:
+    assert greedy_return(PUBLISHED[-1].tabular) == pytest.approx(10.2, abs=1e-12)
+
+
+def test_the_whole_curriculum_succeeds_with_every_seed_and_direct_training_with_none() -> None:
+    curricula = (*sequences(NAMES, "full"), *sequences(NAMES, "direct"))
+    found = run_experiment(PUBLISHED, TrainingSettings(), curricula, seeds=SEEDS, backend=BACKEND)
+    taught, direct = found.runs[: len(SEEDS)], found.runs[len(SEEDS) :]
+    assert [(run.label, run.steps, run.success_rate) for run in taught] == [("E1-E6", 300_000, 1.0)] * len(
+        SEEDS
+    )
+    assert [run.mean_return for run in taught] == pytest.approx([10.2] * len(SEEDS))
+    assert [(run.label, run.steps, run.success_rate) for run in direct] == [("E6", 300_000, 0.0)] * len(SEEDS)
+
+
+def test_the_baselines_give_the_published_table() -> None:
+    with (DATA / "evaluation_results.csv").open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["agent_type"] == "baseline"]
+    found = run_experiment(
+        PUBLISHED, TrainingSettings(), sequences(NAMES, "baselines"), seeds=SEEDS[:2], backend=BACKEND
+    )
+    for row, summary in zip(rows, found.summaries(), strict=True):
+        assert row["label"] == f"Baseline ({summary.label})"
+        assert (summary.mean_return, summary.success_rate) == pytest.approx(
+            (float(row["mean_reward"]), float(row["success_rate"]))
+        )
+
+
+def test_optimism_solves_the_target_directly() -> None:
+    settings = TrainingSettings(steps_per_environment=5_000, initial_value=1.0)
+    found = run_experiment(PUBLISHED, settings, sequences(NAMES, "direct"), seeds=range(5))
+    assert found.summaries()[0].success_rate == 1.0
+
+
+def test_every_published_random_map_can_be_stepped_through() -> None:
+    files = sorted((DATA / "random-families").glob("*.json"))
+    assert len(files) == 30
+    for path in files:
+        for table in family(f"random-families/{path.name}"):
+            table.check()
