@@ -6,27 +6,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Literal
 
-from envgraph.errors import InvalidArgument, RuleError, TypeMismatch, did_you_mean
+from envgraph.errors import InvalidArgument
+from envgraph.graph import _refusals as refusals
 from envgraph.graph._facts import Listener
 from envgraph.graph._hashing import condense
 from envgraph.graph._history import History, Savepoint, Version
+from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
 from envgraph.graph._store import Relation, Store
-from envgraph.metamodel import (
-    Attribute,
-    EnumType,
-    Feature,
-    Metamodel,
-    Reference,
-    Scalar,
-    Value,
-    accepts,
-    type_name,
-)
+from envgraph.metamodel import Attribute, Metamodel, Reference, Value, accepts
 
 Semantics = Literal["dpo", "spo"]
-
-_KINDS: Mapping[Scalar, type] = {Scalar.INT: int, Scalar.FLOAT: float, Scalar.BOOL: bool, Scalar.STRING: str}
 
 
 class Model:
@@ -54,7 +44,7 @@ class Model:
         self.name = name
         self.store = Store(metamodel)
         self._history = History(self, self.store)
-        self._layout = _Layout(metamodel, self.store)
+        self._layout = Layout(metamodel, self.store)
 
     # --- handles
 
@@ -88,7 +78,7 @@ class Model:
             InvalidArgument: there is no such object.
         """
         if not self.alive(id):
-            raise InvalidArgument(f"`{self.name}` has no object {id!r}")
+            raise refusals.missing(self, id)
         return Node(self, id)
 
     def nodes(self, cls: str | None = None) -> list[Node]:
@@ -104,12 +94,7 @@ class Model:
         """
         found = self.find_object(object_name)
         if found is None:
-            hint = did_you_mean(
-                object_name, (name for name, id in self.store.by_name.items() if id is not None)
-            )
-            raise InvalidArgument(
-                f"`{self.name}` has no object `{object_name}`" + (f"; {hint}" if hint else "")
-            )
+            raise refusals.unknown_object(self, object_name)
         return Node(self, found)
 
     def __contains__(self, item: object) -> bool:
@@ -172,11 +157,7 @@ class Model:
         if semantics == "dpo":
             dangling = list(self._dangling(tree))
             if dangling:
-                raise RuleError(
-                    f"{self.describe(node)} cannot be deleted: {len(dangling)} links would be left dangling",
-                    reason="dangling",
-                    details=dangling,
-                )
+                raise refusals.dangling(self, node, dangling)
         elif semantics != "spo":
             raise InvalidArgument(f'semantics is "dpo" or "spo", not {semantics!r}')
         for gone in tree:
@@ -215,7 +196,7 @@ class Model:
                     loops.add(relation.fact.index)
                 yield (relation, node, other) if outgoing else (relation, other, node)
 
-    def _dangling(self, tree: Sequence[int]) -> Iterator[str]:
+    def _dangling(self, tree: Sequence[int]) -> Iterator[tuple[Relation, int, int]]:
         inside = set(tree)
         for node in tree:
             for relation, source, target in self._incident(node):
@@ -223,7 +204,7 @@ class Model:
                     continue
                 if node == tree[0] and (relation.contained if source == node else relation.containment):
                     continue
-                yield f"{self.describe(source)} -{relation.reference.name}-> {self.describe(target)}"
+                yield relation, source, target
 
     def retype(self, node: int, cls: str, lossy: bool = False) -> None:
         """Make an object a direct instance of another class; identity, name and shared features stay.
@@ -248,8 +229,10 @@ class Model:
             return
         dropped, gained, forbidden = self._layout.retyping(old, new)
         lost = list(self._links(node, forbidden))
-        if lost:
-            self._lose(node, cls, lost, lossy)
+        if lost and not lossy:
+            raise refusals.lost(self, node, cls, lost)
+        for relation, source, target in lost:
+            store.disconnect(relation, source, target)
         for attribute in dropped:
             if store.values[attribute][node] is not None:
                 store.put(node, attribute, None)
@@ -257,19 +240,6 @@ class Model:
         store.enter(node, new)
         for attribute, initial in gained:
             store.put(node, attribute, initial)
-
-    def _lose(self, node: int, cls: str, lost: Sequence[tuple[Relation, int, int]], lossy: bool) -> None:
-        if not lossy:
-            raise RuleError(
-                f"{self.describe(node)} cannot become `{cls}`: {len(lost)} links would be lost",
-                reason="lost-link",
-                details=[
-                    f"{self.describe(source)} -{relation.reference.name}-> {self.describe(target)}"
-                    for relation, source, target in lost
-                ],
-            )
-        for relation, source, target in lost:
-            self.store.disconnect(relation, source, target)
 
     def class_of(self, node: int) -> str:
         """Name of an object's class.
@@ -293,7 +263,7 @@ class Model:
         """
         extents = self._layout.extents.get(cls)
         if extents is None:
-            raise self._unknown_class(cls)
+            raise refusals.unknown_class(self.metamodel, cls)
         if len(extents) == 1:
             return extents[0]
         return [node for extent in extents for node in extent]
@@ -302,7 +272,7 @@ class Model:
         """Instances of exactly this class. Not to be kept, nor written to the model while iterating."""
         index = self._layout.numbers.get(cls)
         if index is None:
-            raise self._unknown_class(cls)
+            raise refusals.unknown_class(self.metamodel, cls)
         return self.store.extents[index]
 
     def object_name(self, node: int) -> str | None:
@@ -347,7 +317,7 @@ class Model:
         index = attribute.index
         layout = self._layout
         if not layout.attribute_ok[index][self.store.classes[node]]:
-            raise self._lacks(node, attribute)
+            raise refusals.lacks(self, node, attribute)
         kind = layout.kinds[index]
         if value is not None and (type(value) is not kind or layout.checked[index]):
             value = self._coerced(attribute, value)
@@ -356,7 +326,7 @@ class Model:
 
     def _coerced(self, attribute: Attribute, value: Value) -> Value:
         if not accepts(attribute.type, value):
-            raise self._wrong_value(attribute, value)
+            raise refusals.wrong_value(attribute, value)
         return self._layout.kinds[attribute.index](value)  # type: ignore[no-any-return]
 
     # --- links
@@ -391,7 +361,7 @@ class Model:
         relation = self.store.relations[reference.index]
         classes = self.store.classes
         if not (relation.source_ok[classes[source]] and relation.target_ok[classes[target]]):
-            raise self._wrong_link(source, reference, target)
+            raise refusals.wrong_link(self, source, reference, target)
         if relation.contained:
             assert relation.opposite is not None
             return self.link(target, relation.opposite, source)
@@ -399,12 +369,12 @@ class Model:
         if target in ends:
             return False
         if len(ends) >= relation.upper:
-            raise self._full(source, reference)
+            raise refusals.full(self, source, reference)
         if relation.containment:
             self._move_out(source, target)
         elif len(relation.backward[target]) >= relation.opposite_upper:
             assert relation.opposite is not None
-            raise self._full(target, relation.opposite)
+            raise refusals.full(self, target, relation.opposite)
         self.store.connect(relation, source, target)
         return True
 
@@ -413,10 +383,7 @@ class Model:
         above: int | None = container
         while above is not None:
             if above == node:
-                raise RuleError(
-                    f"{self.describe(node)} cannot be put into {self.describe(container)}, which is inside it",
-                    reason="containment",
-                )
+                raise refusals.inside(self, node, container)
             found = self.container(above)
             above = found and found[0]
         old = self.container(node)
@@ -452,15 +419,15 @@ class Model:
         relation = self.store.relations[reference.index]
         classes = self.store.classes
         if not relation.source_ok[classes[source]]:
-            raise self._wrong_link(source, reference, None)
+            raise refusals.wrong_link(self, source, reference, None)
         for target in targets:
             if not relation.target_ok[classes[target]]:
-                raise self._wrong_link(source, reference, target)
+                raise refusals.wrong_link(self, source, reference, target)
         old = relation.forward[source]
         if len(old) == len(targets) and tuple(old) == tuple(targets):
             return
         if len(targets) > relation.upper:
-            raise self._full(source, reference)
+            raise refusals.full(self, source, reference)
         if len(targets) > 1 and len(set(targets)) < len(targets):
             raise InvalidArgument(f"the targets of `{reference}` are different objects")
         with self._all_or_nothing():
@@ -615,134 +582,18 @@ class Model:
                 return
         raise InvalidArgument("the listener is not subscribed")
 
-    # --- what is wrong
+    # --- checks
 
     def _concrete(self, cls: str) -> int:
         number = self._layout.concrete.get(cls)
         if number is None:
-            if cls in self.metamodel.classes:
-                below = ", ".join(f"`{name}`" for name in self.metamodel.concrete(cls)) or "none"
-                raise TypeMismatch(f"`{cls}` is abstract; its concrete subclasses: {below}")
-            raise self._unknown_class(cls)
+            raise refusals.not_instantiable(self.metamodel, cls)
         return number
 
     def _check_alive(self, node: int) -> None:
         if not self.alive(node):
-            raise InvalidArgument(f"`{self.name}` has no object {node!r}: it was deleted, or undone")
+            raise refusals.missing(self, node)
 
     def _check_free(self, object_name: str) -> None:
         if self.find_object(object_name) is not None:
             raise InvalidArgument(f"`{self.name}` has an object `{object_name}` already")
-
-    def _unknown_class(self, cls: str) -> TypeMismatch:
-        hint = did_you_mean(cls, self.metamodel.classes)
-        return TypeMismatch(f"unknown class `{cls}`" + (f"; {hint}" if hint else ""))
-
-    def _lacks(self, node: int, feature: Feature) -> Exception:
-        if not self.alive(node):
-            return InvalidArgument(f"`{self.name}` has no object {node!r}: it was deleted, or undone")
-        return TypeMismatch(f"`{self.class_of(node)}` has no feature `{feature.name}`; `{feature.owner}` has")
-
-    def _wrong_value(self, attribute: Attribute, value: object) -> TypeMismatch:
-        hint = None
-        if isinstance(attribute.type, EnumType) and isinstance(value, str):
-            hint = did_you_mean(value, attribute.type.literals) or "one of " + ", ".join(
-                attribute.type.literals
-            )
-        text = f"`{attribute}` takes {type_name(attribute.type)}, not {value!r} ({type(value).__name__})"
-        return TypeMismatch(text + (f"; {hint}" if hint else ""))
-
-    def _wrong_link(self, source: int, reference: Reference, target: int | None) -> Exception:
-        for end in (source, target):
-            if end is not None and not self.alive(end):
-                return InvalidArgument(f"`{self.name}` has no object {end!r}: it was deleted, or undone")
-        if not self.metamodel.is_a(self.class_of(source), reference.owner):
-            return self._lacks(source, reference)
-        assert target is not None
-        return TypeMismatch(
-            f"`{reference}` leads to `{reference.target}`, but {self.describe(target)} is of class "
-            f"`{self.class_of(target)}`"
-        )
-
-    def _full(self, node: int, reference: Reference) -> RuleError:
-        ends = self.store.forward[reference.index][node]
-        return RuleError(
-            f"{self.describe(node)} has {len(ends)} of at most {reference.upper} targets of `{reference.name}` already",
-            reason="full",
-            details=[f"{self.describe(node)} -{reference.name}-> {self.describe(other)}" for other in ends],
-        )
-
-
-class _Layout:
-    """What follows from the metamodel, in tables for the hot paths; class and feature numbers are indexes."""
-
-    def __init__(self, metamodel: Metamodel, store: Store) -> None:
-        classes = metamodel.class_list
-        self.numbers = {cls.name: index for index, cls in enumerate(classes)}
-        self.concrete = {cls.name: index for index, cls in enumerate(classes) if not cls.abstract}
-        self.extents = {
-            cls.name: tuple(store.extents[self.numbers[name]] for name in metamodel.concrete(cls.name))
-            for cls in classes
-        }
-        self.initials = tuple(
-            tuple(
-                (f.index, f.initial)
-                for f in metamodel.features(cls.name).values()
-                if isinstance(f, Attribute)
-            )
-            for cls in classes
-        )
-        self.attribute_ok = tuple(
-            (*(metamodel.is_a(cls.name, attribute.owner) for cls in classes), False)
-            for attribute in metamodel.attributes
-        )
-        self.kinds: tuple[type, ...] = tuple(
-            str if isinstance(a.type, EnumType) else _KINDS[a.type] for a in metamodel.attributes
-        )
-        # The type of the value does not tell everything: NaN, or a string that is no literal.
-        self.checked = tuple(
-            isinstance(a.type, EnumType) or a.type is Scalar.FLOAT for a in metamodel.attributes
-        )
-        self.containments = tuple(
-            tuple(r for r in store.relations if r.containment and r.source_ok[index])
-            for index in range(len(classes))
-        )
-        self.containers = (
-            *(
-                tuple(r for r in store.relations if r.containment and r.target_ok[index])
-                for index in range(len(classes))
-            ),
-            (),
-        )
-        self.incident = tuple(tuple(_incident(store, index)) for index in range(len(classes)))
-        self._retypings: dict[tuple[int, int], _Retyping] = {}
-
-    def retyping(self, old: int, new: int) -> _Retyping:
-        """Attributes that go, attributes that come with their values, and links that must not be there."""
-        found = self._retypings.get((old, new))
-        if found is None:
-            before = {attribute for attribute, _ in self.initials[old]}
-            after = {attribute for attribute, _ in self.initials[new]}
-            found = (
-                tuple(attribute for attribute, _ in self.initials[old] if attribute not in after),
-                tuple(
-                    (attribute, initial)
-                    for attribute, initial in self.initials[new]
-                    if attribute not in before
-                ),
-                tuple(end for end in self.incident[old] if end not in self.incident[new]),
-            )
-            self._retypings[old, new] = found
-        return found
-
-
-_Retyping = tuple[tuple[int, ...], tuple[tuple[int, Value], ...], tuple[tuple[Relation, bool], ...]]
-
-
-def _incident(store: Store, cls: int) -> Iterator[tuple[Relation, bool]]:
-    """The relations that objects of a class take part in; True as source, False as target."""
-    for relation in store.relations:
-        if relation.source_ok[cls]:
-            yield relation, True
-        if relation.opposite is None and relation.target_ok[cls]:
-            yield relation, False
