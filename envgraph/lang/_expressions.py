@@ -1,0 +1,262 @@
+"""Expressions: the tree to data. Also what all readers of trees with expressions share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from lark import Token, Tree
+
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.lang._parsing import Parsed, span_of, tokens, trees
+from envgraph.pattern import (
+    Binary,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Unary,
+    Variable,
+)
+
+_MEANT = {"=": "==", "===": "==", "and": "&&", "or": "||"}
+_REFUSED = frozenset({"=", "and", "or"})
+_ORDERINGS = frozenset({"<", "<=", ">", ">="})
+
+
+@dataclass(slots=True)
+class Reading:
+    """One file while its tree becomes data.
+
+    Attributes:
+        diagnostics: what the tree says that no data can hold, added to while reading.
+        aliases: the names after `as` of the imports, with their places.
+        imported: simple to qualified name of the patterns that are imported by name.
+    """
+
+    parsed: Parsed
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    aliases: dict[str, Span] = field(default_factory=dict)
+    imported: dict[str, str] = field(default_factory=dict)
+    used: set[str] = field(default_factory=set)
+    """Aliases and imported patterns that the file mentions."""
+
+    def span(self, item: Tree[Token] | Token) -> Span:
+        """The characters that a tree or token was made of."""
+        return span_of(self.parsed.source, item)
+
+    def spans(self, items: Iterable[Tree[Token] | Token]) -> tuple[Span, ...]:
+        """The same for each of several."""
+        return tuple(self.span(item) for item in items)
+
+    def text(self, item: Tree[Token] | Token) -> str:
+        """The same as it is written, on one line."""
+        return " ".join(self.span(item).text.split())
+
+    def error(
+        self,
+        code: str,
+        message: str,
+        where: Tree[Token] | Token | Span,
+        hint: str | None = None,
+        notes: tuple[Note, ...] = (),
+    ) -> None:
+        """Adds an error."""
+        span = where if isinstance(where, Span) else self.span(where)
+        self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes))
+
+    def warn(
+        self, code: str, message: str, where: Tree[Token] | Token | Span, hint: str | None = None
+    ) -> None:
+        """Adds a warning."""
+        span = where if isinstance(where, Span) else self.span(where)
+        self.diagnostics.append(Diagnostic(code, message, span, hint, Severity.WARNING))
+
+    def once(self, what: str, items: Iterable[Tree[Token] | Token], hint: str | None = None) -> None:
+        """Reports all but the first of the items."""
+        first: Span | None = None
+        for item in items:
+            if first is None:
+                first = self.span(item)
+                continue
+            notes = (Note("the first one is here", first),)
+            self.error("duplicate-part", f"{what} stands here twice", item, hint, notes)
+
+    def broken(self, tree: Tree[Token]) -> bool:
+        """Whether something in the tree could not be read, so that what seems to be missing may stand there."""
+        span = self.span(tree)
+        return any(
+            problem.span and span.start <= problem.span.start <= span.end
+            for problem in self.parsed.diagnostics
+        )
+
+    def alias(self, token: Token) -> None:
+        """A mention of an import by its alias."""
+        if token not in self.aliases:
+            hint = did_you_mean(token, self.aliases) or f'write `import "..." as {token}`'
+            self.error("unknown-alias", f"no import is called `{token}`", token, hint)
+        self.used.add(str(token))
+
+
+def variable_of(reading: Reading, token: Token) -> Variable:
+    """A name as a variable."""
+    return Variable(str(token), reading.span(token))
+
+
+def number_of(token: Token) -> int | float:
+    """The value of an INT, LONG or FLOAT."""
+    return float(token) if token.type == "FLOAT" else int(token)
+
+
+def type_of(reading: Reading, tree: Tree[Token]) -> str:
+    """The name of a `type` tree; an alias before it is looked up and dropped."""
+    alias, name = tree.children
+    if isinstance(alias, Token):
+        reading.alias(alias)
+    return str(name)
+
+
+def type_span_of(reading: Reading, tree: Tree[Token]) -> Span:
+    """Where the name itself stands in a `type` tree."""
+    return reading.span(tokens(tree.children)[-1])
+
+
+def value_of(reading: Reading, tree: Tree[Token]) -> Expression | tuple[Expression, ...]:
+    """What a feature is set to: an expression, or a list of them."""
+    if tree.data == "list":
+        return expressions_of(reading, tree)
+    return expression_of(reading, tree)
+
+
+def expressions_of(reading: Reading, tree: Tree[Token]) -> tuple[Expression, ...]:
+    """The expressions of the `expression_list` that a tree may have."""
+    return tuple(
+        expression_of(reading, item)
+        for part in trees(tree.children, "expression_list")
+        for item in trees(part.children)
+    )
+
+
+def expression_of(reading: Reading, tree: Tree[Token]) -> Expression:
+    """The data of an expression; errors in it are reported, and the nearest thing returned."""
+    return _READERS[tree.data](reading, tree)
+
+
+def literal_of(reading: Reading, tree: Tree[Token], sign: Token | None = None) -> Constant:
+    """The data of a `literal`, with the sign that stands before it."""
+    span = reading.span(sign).to(reading.span(tree)) if sign is not None else reading.span(tree)
+    if tree.data == "number":
+        number = number_of(tokens(tree.children)[0])
+        return Constant(number if sign is None else -number, span)
+    if sign is not None:
+        reading.error("unexpected-sign", "only a number takes a sign", sign, "leave the `-` out")
+    return _plain_literal(reading, tree)
+
+
+def _plain_literal(reading: Reading, tree: Tree[Token]) -> Constant:
+    span = reading.span(tree)
+    match tree.data:
+        case "number":
+            return Constant(number_of(tokens(tree.children)[0]), span)
+        case "string":
+            return Constant(str(tree.children[0]), span)
+        case "true":
+            return Constant(True, span)
+        case "false":
+            return Constant(False, span)
+    return Constant(None, span)
+
+
+def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
+    """The data of `Enum::literal`, `::literal` or `alias::Enum::literal`."""
+    parts = tokens(tree.children)
+    if tree.data == "aliased_literal":
+        reading.alias(parts.pop(0))
+    *enum, literal = parts
+    return EnumLiteral(
+        str(enum[0]) if enum else None,
+        str(literal),
+        reading.span(tree),
+        enum_span=reading.span(enum[0]) if enum else None,
+        literal_span=reading.span(literal),
+    )
+
+
+def _variable(reading: Reading, tree: Tree[Token]) -> Variable:
+    return variable_of(reading, tokens(tree.children)[0])
+
+
+def _group(reading: Reading, tree: Tree[Token]) -> Expression:
+    inner = expression_of(reading, trees(tree.children)[0])
+    # Parentheses belong to what they group, so that a caret below an operand of `&&` is not lopsided.
+    return (
+        replace(inner, span=reading.span(tree)) if isinstance(inner, Binary | Conditional | Unary) else inner
+    )
+
+
+def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation:
+    feature = tokens(tree.children)[0]
+    owner = expression_of(reading, trees(tree.children)[0])
+    return Navigation(owner, str(feature), reading.span(tree), feature_span=reading.span(feature))
+
+
+def _method(reading: Reading, tree: Tree[Token]) -> FunctionCall:
+    """`text.startsWith("a")` is another spelling of `startsWith(text, "a")`."""
+    name = tokens(tree.children)[0]
+    owner = expression_of(reading, trees(tree.children)[0])
+    arguments = (owner, *expressions_of(reading, tree))
+    return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
+
+
+def _function(reading: Reading, tree: Tree[Token]) -> FunctionCall:
+    name = tokens(tree.children)[0]
+    arguments = expressions_of(reading, tree)
+    return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
+
+
+def _unary(reading: Reading, tree: Tree[Token]) -> Expression:
+    operator = tokens(tree.children)[0]
+    inner = trees(tree.children)[0]
+    if operator == "-" and inner.data == "number":
+        return literal_of(reading, inner, operator)
+    return Unary(str(operator), expression_of(reading, inner), reading.span(tree))
+
+
+def _binary(reading: Reading, tree: Tree[Token]) -> Binary:
+    left, right = trees(tree.children)
+    operator = tokens(tree.children)[0]
+    meant = _MEANT.get(operator, str(operator))
+    if operator in _REFUSED:
+        what = "does not compare" if operator == "=" else "is not an operator"
+        reading.error("unexpected-token", f"`{operator}` {what}", operator, f"write `{meant}`")
+    if operator in _ORDERINGS and left.data == "binary" and str(left.children[1]) in _ORDERINGS:
+        middle = reading.text(trees(left.children)[1])
+        hint = f"write `{reading.text(left)} && {middle} {operator} {reading.text(right)}`"
+        reading.error("chained-comparison", "comparisons do not chain", operator, hint)
+    return Binary(meant, expression_of(reading, left), expression_of(reading, right), reading.span(tree))
+
+
+def _conditional(reading: Reading, tree: Tree[Token]) -> Conditional:
+    test, then, otherwise = (expression_of(reading, part) for part in trees(tree.children))
+    return Conditional(test, then, otherwise, reading.span(tree))
+
+
+_READERS: Mapping[str, Callable[[Reading, Tree[Token]], Expression]] = {
+    "variable": _variable,
+    "number": _plain_literal,
+    "string": _plain_literal,
+    "true": _plain_literal,
+    "false": _plain_literal,
+    "none": _plain_literal,
+    "enum_literal": enum_literal_of,
+    "aliased_literal": enum_literal_of,
+    "group": _group,
+    "navigation": _navigation,
+    "method": _method,
+    "function": _function,
+    "unary": _unary,
+    "binary": _binary,
+    "conditional": _conditional,
+}

@@ -1,0 +1,111 @@
+"""`.query` files: the tree to patterns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lark import Token, Tree
+
+from envgraph.errors import Diagnostic
+from envgraph.lang._expressions import Reading, type_of, type_span_of
+from envgraph.lang._imports import without_consequences
+from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
+from envgraph.lang._query_conditions import condition_of, java_type_of
+from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.pattern import Body, Parameter, Pattern, Strategy
+
+
+@dataclass(frozen=True, slots=True)
+class QueryFile:
+    """What a `.query` file says, as far as it can be read.
+
+    Attributes:
+        lost: names that may be defined or used in what could not be read.
+    """
+
+    header: Header
+    patterns: tuple[Pattern, ...]
+    diagnostics: tuple[Diagnostic, ...]
+    lost: frozenset[str] = frozenset()
+
+
+def read_query(parsed: Parsed) -> QueryFile:
+    """The patterns of a parsed file, and what is wrong with it before any name is looked up."""
+    reading = Reading(parsed, list(parsed.diagnostics))
+    header = header_of(reading)
+    patterns = tuple(_pattern(reading, header.package, tree) for tree in definitions_of(reading))
+    unused_imports(reading, header)
+    diagnostics = without_consequences(reading.diagnostics, parsed.lost)
+    return QueryFile(header, patterns, tuple(diagnostics), parsed.lost)
+
+
+def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
+    """The parameters of the `parameters` tree that a definition may have."""
+    return tuple(
+        _parameter(reading, item)
+        for part in trees(tree.children, "parameters")
+        for item in trees(part.children, "parameter")
+    )
+
+
+def name_of(tree: Tree[Token]) -> Token:
+    """The token that names a definition."""
+    return tokens(tree.children, "NAME")[0]
+
+
+def _pattern(reading: Reading, package: str, tree: Tree[Token]) -> Pattern:
+    name = name_of(tree)
+    words = [tokens(part.children)[0] for part in trees(tree.children, "modifier")]
+    for word in ("private", "search", "incremental"):
+        reading.once(f"`{word}`", (token for token in words if token == word))
+    return Pattern(
+        name=str(name),
+        parameters=parameters_of(reading, tree),
+        bodies=tuple(_body(reading, part) for part in trees(tree.children, "body")),
+        package=package,
+        private="private" in words,
+        strategy=_strategy(reading, words),
+        annotations=tuple(
+            annotation_of(reading.parsed.source, part) for part in trees(tree.children, "annotation")
+        ),
+        doc=reading.parsed.doc(tree),
+        span=reading.span(name),
+    )
+
+
+def _strategy(reading: Reading, words: Iterable[Token]) -> Strategy | None:
+    strategies = {str(word): word for word in words if word != "private"}
+    if len(strategies) == 2:
+        hint = "leave one of them out"
+        reading.error("contradiction", "a pattern is `search` or `incremental`", strategies["search"], hint)
+    if "search" in strategies:
+        return "search"
+    return "incremental" if strategies else None
+
+
+def _parameter(reading: Reading, tree: Tree[Token]) -> Parameter:
+    name = name_of(tree)
+    direction = {str(tokens(part.children)[0]) for part in trees(tree.children, "direction")}
+    type_ = span = None
+    for part in trees(tree.children, "type"):
+        type_, span = type_of(reading, part), type_span_of(reading, part)
+    for part in trees(tree.children, "java_type"):
+        type_, span = java_type_of(reading, part), reading.span(part)
+    return Parameter(
+        str(name),
+        type_,
+        "in" if "in" in direction else "out" if direction else None,
+        reading.span(name),
+        type_span=span,
+    )
+
+
+def _body(reading: Reading, tree: Tree[Token]) -> Body:
+    conditions = (condition_of(reading, part) for part in trees(tree.children))
+    name = tokens(tree.children, "NAME")
+    return Body(
+        tuple(condition for condition in conditions if condition is not None),
+        str(name[0]) if name else None,
+        reading.span(tree),
+    )

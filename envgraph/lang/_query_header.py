@@ -1,0 +1,95 @@
+"""What stands above the definitions of a `.query`, `.rules` or `.environment` file: its package and its imports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from lark import Token, Tree
+
+from envgraph.errors import Span
+from envgraph.lang._expressions import Reading
+from envgraph.lang._imports import Import
+from envgraph.lang._parsing import qualified_name_of, tokens, trees
+
+_KINDS = ("package", "import_file", "import_pattern", "import_java")
+
+
+@dataclass(frozen=True, slots=True)
+class PatternImport:
+    """`import pattern a.b.c`: the pattern may be called `c` here."""
+
+    name: str
+    span: Span = field(compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Package ("" for none) and imports of a file, in the order of the text."""
+
+    package: str = ""
+    imports: tuple[Import, ...] = ()
+    patterns: tuple[PatternImport, ...] = ()
+
+
+def header_of(reading: Reading) -> Header:
+    """Package and imports; makes aliases and imported patterns known to the rest of the reading."""
+    definitions = trees(reading.parsed.tree.children) if reading.parsed.tree else []
+    package = _package(reading, definitions)
+    imports: list[Import] = []
+    patterns: list[PatternImport] = []
+    for tree in definitions:
+        match tree.data:
+            case "import_file":
+                imports.append(_file(reading, tree))
+            case "import_pattern":
+                patterns.append(_pattern(reading, tree))
+            case "import_java":
+                hint = "leave the line out; expressions have a library of functions of their own"
+                reading.error("java-import", "Java classes cannot be imported", tree, hint)
+    return Header(package, tuple(imports), tuple(patterns))
+
+
+def definitions_of(reading: Reading) -> Iterator[Tree[Token]]:
+    """The definitions of the file without its header."""
+    if reading.parsed.tree:
+        yield from (tree for tree in trees(reading.parsed.tree.children) if tree.data not in _KINDS)
+
+
+def unused_imports(reading: Reading, header: Header) -> None:
+    """Warns of imports by name that nothing in the file mentions."""
+    for pattern in header.patterns:
+        simple = pattern.name.rpartition(".")[2]
+        if simple not in reading.used and pattern.name not in reading.used:
+            reading.warn(
+                "unused-import", f"nothing here calls `{simple}`", pattern.span, "leave the import out"
+            )
+
+
+def _package(reading: Reading, definitions: list[Tree[Token]]) -> str:
+    packages = trees(definitions, "package")
+    reading.once("`package`", packages, "a file has one package")
+    if not packages:
+        return ""
+    if packages[0] is not definitions[0]:
+        hint = "move this line above the imports and definitions"
+        reading.error("misplaced-header", "the package comes first", packages[0], hint)
+    return qualified_name_of(trees(packages[0].children)[0])
+
+
+def _file(reading: Reading, tree: Tree[Token]) -> Import:
+    path, *alias = tokens(tree.children)
+    for name in alias:
+        if name in reading.aliases:
+            reading.error(
+                "duplicate-definition", f"there is another import `as {name}`", name, "choose another name"
+            )
+        reading.aliases.setdefault(str(name), reading.span(name))
+    return Import(str(path), reading.span(path), str(alias[0]) if alias else None)
+
+
+def _pattern(reading: Reading, tree: Tree[Token]) -> PatternImport:
+    part = trees(tree.children, "qualified_name")[0]
+    name = qualified_name_of(part)
+    reading.imported[name.rpartition(".")[2]] = name
+    return PatternImport(name, reading.span(part))
