@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Literal
 
@@ -11,6 +11,7 @@ from envgraph.graph import _refusals as refusals
 from envgraph.graph._facts import Listener
 from envgraph.graph._hashing import condense
 from envgraph.graph._history import History, Savepoint, Version
+from envgraph.graph._incidence import contained_tree, dangling_links, links_at, links_of
 from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
 from envgraph.graph._store import Relation, Store
@@ -152,17 +153,17 @@ class Model:
         Raises:
             RuleError: reason "dangling"; `details` has a line for each such link.
         """
-        self._check_alive(node)
-        tree = self._contained_tree(node)
-        if semantics == "dpo":
-            dangling = list(self._dangling(tree))
-            if dangling:
-                raise refusals.dangling(self, node, dangling)
-        elif semantics != "spo":
+        if semantics not in ("dpo", "spo"):
             raise InvalidArgument(f'semantics is "dpo" or "spo", not {semantics!r}')
+        self._check_alive(node)
+        store, layout = self.store, self._layout
+        tree = contained_tree(store, layout, node)
+        dangling = list(dangling_links(store, layout, tree)) if semantics == "dpo" else []
+        if dangling:
+            raise refusals.dangling(self, node, dangling)
         for gone in tree:
-            for relation, source, target in list(self._incident(gone)):
-                self.store.disconnect(relation, source, target)
+            for relation, source, target in list(links_of(store, layout, gone)):
+                store.disconnect(relation, source, target)
         for gone in reversed(tree):
             self._erase(gone)
 
@@ -174,37 +175,6 @@ class Model:
         if store.names[node] is not None:
             store.rename(node, None)
         store.leave(node)
-
-    def _contained_tree(self, root: int) -> list[int]:
-        tree = [root]
-        for node in tree:
-            for relation in self._layout.containments[self.store.classes[node]]:
-                tree.extend(relation.forward[node])
-        return tree
-
-    def _incident(self, node: int) -> Iterator[tuple[Relation, int, int]]:
-        """All links of an object, each once."""
-        return self._links(node, self._layout.incident[self.store.classes[node]])
-
-    def _links(self, node: int, ends: Iterable[tuple[Relation, bool]]) -> Iterator[tuple[Relation, int, int]]:
-        loops = set()
-        for relation, outgoing in ends:
-            for other in (relation.forward if outgoing else relation.backward)[node]:
-                if other == node:  # listed from both its ends
-                    if relation.fact.index in loops:
-                        continue
-                    loops.add(relation.fact.index)
-                yield (relation, node, other) if outgoing else (relation, other, node)
-
-    def _dangling(self, tree: Sequence[int]) -> Iterator[tuple[Relation, int, int]]:
-        inside = set(tree)
-        for node in tree:
-            for relation, source, target in self._incident(node):
-                if source in inside and target in inside:
-                    continue
-                if node == tree[0] and (relation.contained if source == node else relation.containment):
-                    continue
-                yield relation, source, target
 
     def retype(self, node: int, cls: str, lossy: bool = False) -> None:
         """Make an object a direct instance of another class; identity, name and shared features stay.
@@ -228,7 +198,7 @@ class Model:
         if old == new:
             return
         dropped, gained, forbidden = self._layout.retyping(old, new)
-        lost = list(self._links(node, forbidden))
+        lost = list(links_at(node, forbidden))
         if lost and not lossy:
             raise refusals.lost(self, node, cls, lost)
         for relation, source, target in lost:
@@ -408,7 +378,25 @@ class Model:
             TypeMismatch: an end is not of the class that the reference demands.
             RuleError: a cycle of "containment", or a full many-valued opposite; then nothing has changed.
         """
-        self.set_targets(source, reference, () if target is None else (target,))
+        relation = self.store.relations[reference.index]
+        if not relation.plain:
+            self.set_targets(source, reference, () if target is None else (target,))
+            return
+        classes = self.store.classes
+        if not (
+            relation.source_ok[classes[source]] and (target is None or relation.target_ok[classes[target]])
+        ):
+            raise refusals.wrong_link(self, source, reference, target)
+        old = relation.forward[source]
+        if old:
+            if old[0] == target:
+                return
+            self.store.disconnect(relation, source, old[0])
+        if target is not None:
+            holders = relation.backward[target]
+            if holders and relation.opposite_upper == 1:
+                self.store.disconnect(relation, holders[0], target)
+            self.store.connect(relation, source, target)
 
     def set_targets(self, source: int, reference: Reference, targets: Sequence[int]) -> None:
         """Make these the targets, in this order, as `set_target` does for one.

@@ -9,10 +9,8 @@ from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMisma
 from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, type_name
 
 if TYPE_CHECKING:
+    from envgraph.graph._incidence import Link
     from envgraph.graph._model import Model
-    from envgraph.graph._store import Relation
-
-    Link = tuple[Relation, int, int]
 
 
 def missing(model: Model, node: object) -> InvalidArgument:

@@ -36,6 +36,7 @@ class Relation:
             False, is what the class index -1 of a missing object finds.
         upper, opposite_upper: how many links a source and a target may have.
         containment, contained: the source owns the target, or the other way round.
+        plain: single-valued, no containment, and never refuses to replace a target.
         code: the reference's number in the hash.
     """
 
@@ -49,6 +50,7 @@ class Relation:
         "forward",
         "opposite",
         "opposite_upper",
+        "plain",
         "reference",
         "source_ok",
         "symmetric",
@@ -71,6 +73,11 @@ class Relation:
         self.opposite_upper = maxsize if opposite is None or opposite.upper is None else opposite.upper
         self.containment = reference.containment
         self.contained = opposite is not None and opposite.containment
+        self.plain = (
+            self.upper == 1
+            and not (self.containment or self.contained)
+            and self.opposite_upper in (1, maxsize)
+        )
         self.code = reference_code(self.fact)
 
     def ends(self, source: int, target: int) -> tuple[int, int]:
