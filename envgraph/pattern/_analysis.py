@@ -136,6 +136,11 @@ class Analysis:
         self._solve_types()
         self._solve_inputs()
 
+    @property
+    def new_patterns(self) -> list[Pattern]:
+        """The patterns that are to be added; of several with one name the first."""
+        return list(self._new.values())
+
     def _resolved(self, pattern: Pattern) -> dict[str, str]:
         calls: dict[str, str] = {}
         for body in pattern.bodies:

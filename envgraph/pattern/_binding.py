@@ -9,6 +9,7 @@ from envgraph.pattern._bodies import (
     Use,
     expressions,
     grouped_relations,
+    names_read,
     positive_relations,
     terms_of,
     variables_read,
@@ -94,7 +95,7 @@ class Binding:
             case Variable():
                 return not term.anonymous and self.binds(term.name)
             case Evaluation():
-                return all(self.binds(name) for name in names_read(term))
+                return all(self.binds(name) for name in names_read(term.expression))
             case Aggregate():
                 number = self._groups[id(term.over)]
                 return all(
@@ -107,11 +108,6 @@ class Binding:
         if isinstance(term, Variable):
             return term.anonymous or self._reading.quantified(term.name) == number
         return isinstance(term, Hash)
-
-
-def names_read(evaluation: Evaluation) -> list[str]:
-    """Names of the variables in an eval."""
-    return [o.variable.name for o in variables_read(evaluation.expression) if not o.variable.anonymous]
 
 
 def is_data_type(relation: Relation, metamodel: Metamodel) -> bool:

@@ -14,7 +14,6 @@ from envgraph.pattern._queries import (
     Comparison,
     Constraint,
     Evaluation,
-    Hash,
     Negation,
     Parameter,
     PathConstraint,
@@ -27,7 +26,6 @@ from envgraph.pattern._terms import (
     Binary,
     Conditional,
     Constant,
-    EnumLiteral,
     Expression,
     FunctionCall,
     Navigation,
@@ -195,6 +193,11 @@ def variables_read(expression: Expression) -> Iterator[Occurrence]:
         yield from variables_read(child)
 
 
+def names_read(expression: Expression) -> list[str]:
+    """Names of the variables of an expression, once for each place; without `_`."""
+    return [o.variable.name for o in variables_read(expression) if not o.variable.anonymous]
+
+
 class Reading:
     """The occurrences of every variable of a body, and which variables `==` unites.
 
@@ -288,13 +291,3 @@ class Reading:
     def span(self, name: str) -> Span | None:
         """The first place of a variable in the body."""
         return next((o.variable.span for o in self.occurrences[name] if o.variable.span), None)
-
-
-def is_hash(term: Term) -> bool:
-    """Whether a term is `#`."""
-    return isinstance(term, Hash)
-
-
-def is_literal(term: Term) -> bool:
-    """Whether a term is written out: a constant or an enum literal."""
-    return isinstance(term, Constant | EnumLiteral)

@@ -2,11 +2,264 @@
 
 from __future__ import annotations
 
-from envgraph.errors import Diagnostic
-from envgraph.pattern._analysis import Analysis
+from collections.abc import Iterator, Sequence
+
+from envgraph.errors import Diagnostic, Severity, has_errors, sort_diagnostics
+from envgraph.pattern._analysis import Analysis, calls_of
+from envgraph.pattern._binding import Binding
+from envgraph.pattern._bodies import (
+    expressions,
+    grouped_relations,
+    positive_relations,
+    terms_of,
+    variables_read,
+)
+from envgraph.pattern._expressions import check_expression
+from envgraph.pattern._header import check_duplicates, check_header
+from envgraph.pattern._inference import BodyTypes
+from envgraph.pattern._lowered import StaticType
+from envgraph.pattern._partitions import check_connected
+from envgraph.pattern._queries import Body, Check, Comparison, Parameter, Pattern, Relation
+from envgraph.pattern._recursion import check_recursion
+from envgraph.pattern._relations import Place, RelationCheck
+from envgraph.pattern._terms import Constant, EnumLiteral, Variable
+from envgraph.pattern._typecheck import TypeCheck, shared_classes
+from envgraph.pattern._types import is_subtype, joins, static_type, type_text
+from envgraph.pattern._usage import UsageCheck
 
 
 def check_patterns(analysis: Analysis) -> list[Diagnostic]:
     """All diagnostics of the new patterns of an analysis, in the order of their text."""
-    assert analysis.entries is not None
-    return []
+    known = {name: entry.pattern for name, entry in analysis.known.items()}
+    problems = list(check_duplicates(analysis.patterns, known))
+    patterns = analysis.new_patterns
+    for pattern in patterns:
+        problems.extend(_PatternCheck(analysis, pattern).problems())
+    problems.extend(check_recursion(patterns, analysis.entries))
+    problems.extend(_unused(patterns, analysis))
+    if not has_errors(problems):
+        # A type that is still unknown now has no other cause; before, it would repeat another error.
+        for pattern in patterns:
+            problems.extend(_untyped(pattern, analysis))
+    return sort_diagnostics(dict.fromkeys(problems))
+
+
+def _unused(patterns: Sequence[Pattern], analysis: Analysis) -> Iterator[Diagnostic]:
+    called = {
+        analysis.entries[pattern.qualified_name].calls.get(site.call.pattern)
+        for pattern in patterns
+        for body in pattern.bodies
+        for site in calls_of(body)
+        if analysis.entries[pattern.qualified_name].calls.get(site.call.pattern) != pattern.qualified_name
+    }
+    for pattern in patterns:
+        if pattern.private and pattern.qualified_name not in called:
+            message = f"private pattern `{pattern.name}` is never called"
+            yield Diagnostic("unused-private-pattern", message, pattern.span, severity=Severity.WARNING)
+
+
+def _untyped(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
+    types = analysis.entries[pattern.qualified_name].types
+    for parameter, type_ in zip(pattern.parameters, types, strict=True):
+        if type_ is None:
+            message = f"nothing says of what type parameter `{parameter.name}` is"
+            hint = f"write `{parameter.name} : Type`"
+            yield Diagnostic("untyped-parameter", message, parameter.span or pattern.span, hint)
+
+
+class _PatternCheck:
+    """Checks one pattern: its header, its bodies, and the types of its parameters over all bodies."""
+
+    def __init__(self, analysis: Analysis, pattern: Pattern) -> None:
+        self._analysis = analysis
+        self._pattern = pattern
+        self._metamodel = analysis.metamodel
+
+    def problems(self) -> list[Diagnostic]:
+        found = list(check_header(self._pattern, self._metamodel))
+        tainted = {
+            p.name
+            for p in self._pattern.parameters
+            if p.type and static_type(p.type, self._metamodel) is None
+        }
+        tainted.update(p.name for p in self._pattern.parameters if p.name.startswith("_"))
+        bodies = [
+            _BodyCheck(self._analysis, self._pattern, number, tainted)
+            for number, body in enumerate(self._pattern.bodies)
+            if body.constraints
+        ]
+        for body in bodies:
+            found.extend(body.problems())
+        if not has_errors(found):
+            for parameter in self._pattern.parameters:
+                found.extend(self._parameter_type(parameter, bodies))
+        return found
+
+    def _parameter_type(self, parameter: Parameter, bodies: Sequence[_BodyCheck]) -> Iterator[Diagnostic]:
+        span = parameter.span or self._pattern.span
+        declared = static_type(parameter.type, self._metamodel) if parameter.type else None
+        if declared is None:
+            yield from self._inferred(parameter, bodies)
+            return
+        inferred = [
+            type_ for body in bodies if (type_ := body.without_declaration(parameter.name)) is not None
+        ]
+        above = joins(inferred, self._metamodel) if len(inferred) == len(bodies) and inferred else []
+        if len(above) == 1 and above[0] != declared and is_subtype(above[0], declared, self._metamodel):
+            narrower = type_text(above[0])
+            message = (
+                f"`{parameter.name}` is declared a `{type_text(declared)}`, but is always a `{narrower}`"
+            )
+            where, hint = parameter.type_span or span, f"write `{parameter.name} : {narrower}`"
+            yield Diagnostic("less-specific-type", message, where, hint, Severity.WARNING)
+
+    def _inferred(self, parameter: Parameter, bodies: Sequence[_BodyCheck]) -> Iterator[Diagnostic]:
+        span = parameter.span or self._pattern.span
+        for body in bodies:
+            several = body.types_check.ambiguous(parameter.name)
+            if several:
+                names = " and ".join(f"`{type_text(type_)}`" for type_ in several)
+                hint = (
+                    f"declare it, for example `{parameter.name} : {shared_classes(several, body.types)[0]}`"
+                )
+                yield Diagnostic("ambiguous-type", f"`{parameter.name}` is both {names}", span, hint)
+                return
+        known = [type_ for body in bodies if (type_ := body.types.of(parameter.name)) is not None]
+        above: list[StaticType] = joins(known, self._metamodel) if known else []
+        names = ", ".join(f"`{type_text(type_)}`" for type_ in dict.fromkeys(known))
+        if known and not above:
+            message = f"the bodies give `{parameter.name}` types without a common supertype: {names}"
+            yield Diagnostic("no-common-supertype", message, span)
+        elif len(above) > 1:
+            names = " or ".join(f"`{type_text(type_)}`" for type_ in above)
+            hint = f"declare its type: {names}"
+            yield Diagnostic("ambiguous-type", f"the type of `{parameter.name}` could be {names}", span, hint)
+        elif above:
+            message = f"no type declared for `{parameter.name}`, inferred `{type_text(above[0])}`"
+            hint = f"write `{parameter.name} : {type_text(above[0])}`"
+            yield Diagnostic("undeclared-type", message, span, hint, Severity.WARNING)
+
+
+class _BodyCheck:
+    """Checks one body.
+
+    A variable that takes part in an error is tainted: what else could be said about it may only follow from that.
+
+    Attributes:
+        types: of its variables.
+        types_check: what they conflict in.
+    """
+
+    def __init__(self, analysis: Analysis, pattern: Pattern, number: int, tainted: set[str]) -> None:
+        self._analysis = analysis
+        self._pattern = pattern
+        self._body: Body = pattern.bodies[number]
+        self._where = f" in body {number + 1}" if len(pattern.bodies) > 1 else ""
+        self.types: BodyTypes = analysis.body_types(pattern, self._body)
+        self._tainted = set(tainted)
+        self.types_check = TypeCheck(self.types, self._tainted)
+
+    def problems(self) -> list[Diagnostic]:
+        found: list[Diagnostic] = []
+        sound = self._relations(found)
+        conflicts = TypeCheck(self.types, self._tainted)
+        found.extend(conflicts.conflicts())
+        for name in conflicts.contradicted:
+            self._tainted.update(self.types.reading.group(name))
+        self._expressions(found)
+        self.types_check = TypeCheck(self.types, self._tainted)
+        usage = self._usage()
+        for place in sound:
+            found.extend(self.types_check.arguments(place))
+            found.extend(usage.negation(place))
+        for constraint in self._body.constraints:
+            if isinstance(constraint, Comparison):
+                found.extend(self.types_check.comparison(constraint))
+                found.extend(usage.comparison(constraint))
+                found.extend(_trivial(constraint))
+        found.extend(usage.problems())
+        for place in sound:
+            found.extend(usage.inputs(place))
+        if not has_errors(found):
+            found.extend(check_connected(self.types.reading, self._pattern))
+        return found
+
+    def without_declaration(self, name: str) -> StaticType | None:
+        """What the body alone says about a parameter, its own declaration left out."""
+        parameters = tuple(
+            Parameter(p.name, None if p.name == name else p.type, p.direction)
+            for p in self._pattern.parameters
+        )
+        callee = self._analysis.callee(self._pattern)
+        return BodyTypes(self.types.reading, parameters, self._analysis.metamodel, callee).of(name)
+
+    def _relations(self, found: list[Diagnostic]) -> list[Place]:
+        check = RelationCheck(self._pattern, self.types, self._analysis.names)
+        sound: list[Place] = []
+        for place in self._places():
+            problems = check.problems(place)
+            found.extend(problems)
+            if has_errors(problems):
+                self._taint(place.relation)
+            else:
+                sound.append(place)
+        return sound
+
+    def _places(self) -> list[Place]:
+        places = [Place(relation) for relation in positive_relations(self._body)]
+        for number, (relation, aggregate) in enumerate(grouped_relations(self._body)):
+            places.append(Place(relation, number, aggregate))
+        return places
+
+    def _taint(self, relation: Relation) -> None:
+        for term in terms_of(relation):
+            if isinstance(term, Variable) and not term.anonymous:
+                self._tainted.update(self.types.reading.group(term.name))
+
+    def _expressions(self, found: list[Diagnostic]) -> None:
+        roots = {
+            self.types.reading.root(name) for name in self._tainted if name in self.types.reading.occurrences
+        }
+        scope = {
+            name: None if self.types.reading.root(name) in roots else type_
+            for name, type_ in self.types.types.items()
+        }
+        for expression, owner in expressions(self._body):
+            type_, problems = check_expression(
+                expression, scope, self._analysis.metamodel, bare_objects=False
+            )
+            found.extend(problems)
+            if isinstance(owner, Check) and type_ is not None and type_text(type_) != "bool" and not problems:
+                message = f"a check needs a truth value, not `{type_text(type_)}`"
+                found.append(Diagnostic("check-not-boolean", message, expression.span or owner.span))
+            if isinstance(expression, Constant) and expression.value is None:
+                found.append(Diagnostic("none-argument", "`none` is no value", expression.span or owner.span))
+            if problems:
+                self._taint_results(owner)
+                for occurrence in variables_read(expression):
+                    if occurrence.variable.name in self.types.reading.occurrences:
+                        self._tainted.update(self.types.reading.group(occurrence.variable.name))
+
+    def _taint_results(self, owner: object) -> None:
+        """What an eval without a type is compared with has no type from it, either."""
+        for constraint in self._body.constraints:
+            if isinstance(constraint, Comparison):
+                for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
+                    if other is owner and isinstance(term, Variable) and not term.anonymous:
+                        self._tainted.update(self.types.reading.group(term.name))
+
+    def _usage(self) -> UsageCheck:
+        entry = self._analysis.entries[self._pattern.qualified_name]
+        given = [self._pattern.parameters[position].name for position in entry.inputs]
+        binding = Binding(self.types, self._pattern.parameters, given)
+        return UsageCheck(self._pattern, self.types, binding, self._tainted, self._where)
+
+
+def _trivial(comparison: Comparison) -> Iterator[Diagnostic]:
+    left, right = comparison.left, comparison.right
+    if isinstance(left, Constant | EnumLiteral) and isinstance(right, Constant | EnumLiteral):
+        message = "both sides are constants"
+        yield Diagnostic("constant-comparison", message, comparison.span, severity=Severity.WARNING)
+    elif isinstance(left, Variable) and isinstance(right, Variable) and left.name == right.name != "_":
+        message = f"`{left.name}` is compared with itself"
+        yield Diagnostic("self-comparison", message, comparison.span, severity=Severity.WARNING)

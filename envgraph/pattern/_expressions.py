@@ -26,7 +26,6 @@ from envgraph.metamodel import EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern._bodies import depth, none_test
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._operations import FUNCTIONS, Function
-from envgraph.pattern._spans import part
 from envgraph.pattern._terms import (
     Binary,
     Conditional,
@@ -148,6 +147,9 @@ class ExpressionChecker:
             return None
         return type_
 
+    def _is_object(self, node: Expression) -> bool:
+        return isinstance(node, Variable) and isinstance(self.scope.get(node.name), ObjectType)
+
     def _bare_hint(self, name: str, type_: ObjectType) -> str:
         feature = next(iter(self.metamodel.features(type_.cls)), None)
         attribute = f"a feature such as `{name}.{feature}`" if feature else "a feature of it"
@@ -160,7 +162,7 @@ class ExpressionChecker:
             enum = self.metamodel.enums.get(node.enum)
             if enum is None:
                 hint = did_you_mean(node.enum, self.metamodel.enums)
-                self._at("unknown-enum", f"unknown enum `{node.enum}`", part(node.span, node.enum), hint)
+                self._at("unknown-enum", f"unknown enum `{node.enum}`", node.enum_span or node.span, hint)
                 return None
         elif isinstance(expected, EnumType):
             enum = expected
@@ -169,7 +171,7 @@ class ExpressionChecker:
             return None
         if node.literal not in enum.literals:
             message = f"enum `{enum.name}` has no literal `{node.literal}`"
-            span = part(node.span, node.literal, last=True)
+            span = node.literal_span or node.span
             self._at("unknown-literal", message, span, did_you_mean(node.literal, enum.literals))
             return None
         return enum
@@ -192,7 +194,7 @@ class ExpressionChecker:
             owner = self.type_of(node.object)
         if owner is None:
             return None
-        span = part(node.span, node.feature, last=True)
+        span = node.feature_span or node.span
         if not isinstance(owner, ObjectType):
             message = f"a `{type_text(owner)}` has no features"
             self._at("unknown-feature", message, span, None)
@@ -276,6 +278,10 @@ class ExpressionChecker:
         if _is_none(node.left) or _is_none(node.right):
             self._none_test(node)
             return
+        if not self.bare_objects and self._is_object(node.left) and self._is_object(node.right):
+            hint = "compare the objects in a constraint of its own, outside of check and eval"
+            self._report("bare-object", "two objects are compared where only data can stand", node, hint)
+            return
         left, right = self._sides(node)
         if left is None or right is None:
             return
@@ -352,7 +358,7 @@ class ExpressionChecker:
         function = FUNCTIONS.get(node.function)
         if function is None:
             hint = did_you_mean(node.function, FUNCTIONS)
-            span = part(node.span, node.function)
+            span = node.function_span or node.span
             self._at("unknown-function", f"unknown function `{node.function}`", span, hint)
             return None
         if not function.accepts_count(len(node.arguments)):

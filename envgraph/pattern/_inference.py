@@ -47,7 +47,7 @@ class Fact:
     """A place that gives a term a type.
 
     Attributes:
-        origin: "declaration", "constraint", "call" or "value"; a value is an eval, an aggregate or an enum literal.
+        origin: "declaration", "constraint", "call" or "value"; a value is an eval or an aggregate.
         what: names the place in messages.
     """
 
@@ -174,7 +174,7 @@ class BodyTypes:
 
     def _comparison_facts(self, comparison: Comparison) -> Iterator[Fact]:
         for term, other in ((comparison.left, comparison.right), (comparison.right, comparison.left)):
-            if isinstance(term, Variable) and isinstance(other, Evaluation | Aggregate | EnumLiteral):
+            if isinstance(term, Variable) and isinstance(other, Evaluation | Aggregate):
                 type_ = self.of_term(other)
                 if type_ is not None:
                     yield Fact(term, type_, "value", "this value", other.span or comparison.span)
@@ -187,10 +187,14 @@ class BodyTypes:
                 both = meet(roots[root], fact.type, self.metamodel) if root in roots else fact.type
                 roots[root] = both or roots[root]
         for constraint in self.reading.body.constraints:
-            # A number may stand for an int or a float, so it tells the type only where nothing else does.
+            # A number may stand for an int or a float, so a literal tells the type only where nothing else does.
             if isinstance(constraint, Comparison) and constraint.operator == "==":
                 for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
-                    if isinstance(term, Variable) and not term.anonymous and isinstance(other, Constant):
+                    if (
+                        isinstance(term, Variable)
+                        and not term.anonymous
+                        and isinstance(other, Constant | EnumLiteral)
+                    ):
                         type_ = self.of_term(other)
                         if type_ is not None:
                             roots.setdefault(self.reading.root(term.name), type_)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from envgraph.metamodel import Attribute, Feature, Metamodel, Scalar
 from envgraph.pattern._bodies import base_of, children, none_test, terms_of
@@ -427,14 +428,14 @@ def with_children(expression: Expression, parts: Sequence[Expression]) -> Expres
     """The same node over other operands."""
     match expression:
         case Navigation():
-            return Navigation(parts[0], expression.feature, expression.span)
+            return replace(expression, object=parts[0])
         case Unary():
-            return Unary(expression.operator, parts[0], expression.span)
+            return replace(expression, operand=parts[0])
         case Binary():
-            return Binary(expression.operator, parts[0], parts[1], expression.span)
+            return replace(expression, left=parts[0], right=parts[1])
         case Conditional():
-            return Conditional(parts[0], parts[1], parts[2], expression.span)
+            return replace(expression, test=parts[0], then=parts[1], otherwise=parts[2])
         case FunctionCall():
-            return FunctionCall(expression.function, tuple(parts), expression.span)
+            return replace(expression, arguments=tuple(parts))
         case _:
             return expression

@@ -1,0 +1,105 @@
+"""What can be wrong with a pattern before its bodies are looked at: name, parameters, annotations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.metamodel import Annotation, Metamodel
+from envgraph.pattern._queries import Pattern
+from envgraph.pattern._types import static_type, type_names
+
+KNOWN_ANNOTATIONS: Final = (
+    "Constraint",
+    "FunctionalDependency",
+    "Label",
+    "QueryBasedFeature",
+    "SafeRecursion",
+)
+
+_SEVERITIES: Final = ("error", "warning", "info")
+
+
+def check_duplicates(patterns: Sequence[Pattern], known: Mapping[str, Pattern]) -> Iterator[Diagnostic]:
+    """Patterns of one qualified name."""
+    first = dict(known)
+    for pattern in patterns:
+        name = pattern.qualified_name
+        if name in first:
+            note = Note("the first definition is here", first[name].span)
+            yield Diagnostic(
+                "duplicate-definition", f"pattern `{name}` is defined twice", pattern.span, notes=(note,)
+            )
+        else:
+            first[name] = pattern
+
+
+def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
+    """Problems of the parameters, the annotations and the number of bodies."""
+    yield from _parameters(pattern, metamodel)
+    for annotation in pattern.annotations:
+        yield from _annotation(annotation, pattern)
+    if not pattern.bodies:
+        yield Diagnostic("empty-body", f"pattern `{pattern.name}` has no body", pattern.span)
+    for body in pattern.bodies:
+        if not body.constraints:
+            hint = "`check(true)` holds always"
+            yield Diagnostic("empty-body", "a body needs a constraint", body.span or pattern.span, hint)
+
+
+def _parameters(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
+    if not pattern.parameters:
+        message = f"pattern `{pattern.name}` has no parameters: it has one match or none"
+        yield Diagnostic("no-parameters", message, pattern.span, severity=Severity.WARNING)
+    first: dict[str, Span | None] = {}
+    for parameter in pattern.parameters:
+        span = parameter.span or pattern.span
+        if parameter.name in first:
+            note = Note("the first one is here", first[parameter.name])
+            message = f"parameter `{parameter.name}` is declared twice"
+            yield Diagnostic("duplicate-parameter", message, span, notes=(note,))
+        elif parameter.name.startswith("_"):
+            message = f"parameter `{parameter.name}` has the name of a single-use variable"
+            hint = f"call it `{parameter.name.lstrip('_') or 'x'}`"
+            yield Diagnostic("parameter-name", message, span, hint)
+        first.setdefault(parameter.name, parameter.span)
+        if parameter.type is not None and static_type(parameter.type, metamodel) is None:
+            hint_ = did_you_mean(parameter.type, type_names(metamodel))
+            where = parameter.type_span or span
+            yield Diagnostic("unknown-type", f"unknown type `{parameter.type}`", where, hint_)
+
+
+def _annotation(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic]:
+    if annotation.name not in KNOWN_ANNOTATIONS:
+        hint = did_you_mean(annotation.name, KNOWN_ANNOTATIONS)
+        message = f"unknown annotation `@{annotation.name}`"
+        yield Diagnostic("unknown-annotation", message, annotation.span, hint, Severity.WARNING)
+    elif annotation.name == "Constraint":
+        yield from _constraint(annotation, pattern)
+    elif annotation.name == "FunctionalDependency":
+        for key, value in annotation.named:
+            if key in ("forEach", "determines"):
+                yield from _parameter_names(value, annotation, pattern)
+
+
+def _constraint(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic]:
+    named = dict(annotation.named)
+    for wanted in ("key", "severity", "message"):
+        if wanted not in named:
+            yield Diagnostic("annotation-argument", f"`@Constraint` lacks `{wanted}`", annotation.span)
+    if "key" in named:
+        yield from _parameter_names(named["key"], annotation, pattern)
+    if "severity" in named and named["severity"] not in _SEVERITIES:
+        message = f"unknown severity `{named['severity']}`"
+        hint = f"one of {', '.join(f'`{severity}`' for severity in _SEVERITIES)}"
+        yield Diagnostic("annotation-argument", message, annotation.span, hint)
+
+
+def _parameter_names(value: object, annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic]:
+    known = [parameter.name for parameter in pattern.parameters]
+    for name in value if isinstance(value, tuple) else (value,):
+        if name not in known:
+            message = f"`{name}` is no parameter of `{pattern.name}`"
+            hint = did_you_mean(str(name), known)
+            yield Diagnostic("annotation-argument", message, annotation.span, hint)

@@ -1,0 +1,157 @@
+"""Bodies that fall apart: every combination of matches of the parts is a match."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from envgraph.errors import Diagnostic, Severity
+from envgraph.pattern._bodies import (
+    Reading,
+    grouped_relations,
+    names_read,
+    positive_relations,
+    terms_in,
+    terms_of,
+)
+from envgraph.pattern._queries import Aggregate, Check, Comparison, Evaluation, Pattern, Term
+from envgraph.pattern._terms import Constant, EnumLiteral, Variable
+
+
+class _Partition:
+    """A partition of names into connected ones."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._parent = {name: name for name in names}
+
+    def root(self, name: str) -> str:
+        while self._parent[name] != name:
+            name = self._parent[name]
+        return name
+
+    def unite(self, names: Sequence[str]) -> None:
+        present = [name for name in names if name in self._parent]
+        for name in present[1:]:
+            self._parent[self.root(name)] = self.root(present[0])
+
+    def parts(self) -> list[list[str]]:
+        found: dict[str, list[str]] = {}
+        for name in self._parent:
+            found.setdefault(self.root(name), []).append(name)
+        return list(found.values())
+
+    def connected(self, names: Sequence[str]) -> bool:
+        return len({self.root(name) for name in names if name in self._parent}) <= 1
+
+
+class Partitions:
+    """How tightly the variables of a body hang together.
+
+    Variables equal to constants are left out, and so are those that are quantified inside a negation or an aggregate.
+    An eval and an aggregate determine their result, so they tie it to what they read, as long as that is one part.
+
+    Attributes:
+        strict: connected by any constraint at all.
+        loose: connected by constraints that enumerate.
+    """
+
+    def __init__(self, reading: Reading, pattern: Pattern) -> None:
+        self._reading = reading
+        constants = set(_constants(reading))
+        roots = dict.fromkeys(
+            reading.root(name) for name in reading.names if reading.quantified(name) is None
+        )
+        names = [root for root in roots if root not in constants]
+        self.strict, self.loose = _Partition(names), _Partition(names)
+        self._given = [reading.root(p.name) for p in pattern.parameters if p.direction == "in"]
+        self._read()
+
+    def _read(self) -> None:
+        self._tie(self._given)
+        for relation in positive_relations(self._reading.body):
+            self._tie(self._names(terms_of(relation)))
+        computed: list[tuple[list[str], list[str]]] = []
+        for constraint in self._reading.body.constraints:
+            everything = list(self._all_names(constraint))
+            self.strict.unite(everything)
+            if isinstance(constraint, Comparison) and constraint.operator == "==":
+                sides = (constraint.left, constraint.right)
+                computed.extend(
+                    (self._names([one]), self._sources(other)) for one, other in (sides, sides[::-1])
+                )
+        # A result is tied to what it is computed from once that is known to be one part; several rounds, because a
+        # result may be what connects the sources of the next.
+        for _ in computed:
+            for result, sources in computed:
+                if self.loose.connected(sources):
+                    self.loose.unite([*sources, *result])
+
+    def parts(self, partition: _Partition) -> list[list[str]]:
+        """The parts that a search has to combine; what callers bind is no part of its own."""
+        return [part for part in partition.parts() if not set(part) <= set(self._given)]
+
+    def _tie(self, names: Sequence[str]) -> None:
+        self.strict.unite(names)
+        self.loose.unite(names)
+
+    def _names(self, terms: Sequence[Term]) -> list[str]:
+        return [self._reading.root(t.name) for t in terms if isinstance(t, Variable) and not t.anonymous]
+
+    def _sources(self, term: Term) -> list[str]:
+        if isinstance(term, Evaluation):
+            return [self._reading.root(name) for name in names_read(term.expression)]
+        return self._names(terms_of(term.over)) if isinstance(term, Aggregate) else []
+
+    def _all_names(self, constraint: object) -> Iterator[str]:
+        match constraint:
+            case Check():
+                yield from (self._reading.root(name) for name in names_read(constraint.expression))
+            case _:
+                terms = terms_in(constraint)  # type: ignore[arg-type]
+                yield from self._names(terms)
+                for term in terms:
+                    yield from self._sources(term)
+
+
+def _constants(reading: Reading) -> Iterator[str]:
+    for constraint in reading.body.constraints:
+        if isinstance(constraint, Comparison) and constraint.operator == "==":
+            for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
+                if isinstance(term, Variable) and not term.anonymous and _fixed(other, reading):
+                    yield reading.root(term.name)
+
+
+def _fixed(term: Term, reading: Reading) -> bool:
+    """Whether a term has one value, whatever the variables: a literal, or an aggregate over everything."""
+    if isinstance(term, Evaluation):
+        return not names_read(term.expression)
+    if isinstance(term, Aggregate):
+        numbers = {
+            id(relation): number for number, (relation, _) in enumerate(grouped_relations(reading.body))
+        }
+        number = numbers[id(term.over)]
+        return not any(
+            isinstance(t, Variable) and not t.anonymous and reading.quantified(t.name) != number
+            for t in terms_of(term.over)
+        )
+    return isinstance(term, Constant | EnumLiteral)
+
+
+def check_connected(reading: Reading, pattern: Pattern) -> Iterator[Diagnostic]:
+    """A warning if the body is a Cartesian product, or one that only filters tie together."""
+    partitions = Partitions(reading, pattern)
+    span = reading.body.span or pattern.span
+    parts = partitions.parts(partitions.strict)
+    if len(parts) > 1:
+        message = f"the constraints fall into unconnected parts: {_listed(parts)}"
+        hint = "every match of one is combined with every match of the other"
+        yield Diagnostic("cartesian-product", message, span, hint, Severity.WARNING)
+        return
+    parts = partitions.parts(partitions.loose)
+    if len(parts) > 1:
+        message = f"only filters connect the parts: {_listed(parts)}"
+        hint = "all combinations are tried, because `!=`, `neg`, check and aggregates over several parts only filter"
+        yield Diagnostic("loose-connection", message, span, hint, Severity.WARNING)
+
+
+def _listed(parts: Sequence[Sequence[str]]) -> str:
+    return ", ".join("{" + ", ".join(part) + "}" for part in parts)

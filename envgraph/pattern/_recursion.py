@@ -1,0 +1,108 @@
+"""Patterns that call themselves, directly or through others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from envgraph.errors import Diagnostic, Severity
+from envgraph.pattern._analysis import Entry, calls_of, is_closure
+from envgraph.pattern._queries import Pattern, PatternCall
+
+
+@dataclass(frozen=True, slots=True)
+class _Edge:
+    caller: str
+    callee: str
+    call: PatternCall
+    word: str
+
+    @property
+    def monotone(self) -> bool:
+        return not self.word
+
+
+def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -> Iterator[Diagnostic]:
+    """Recursion that has no meaning (an error), and recursion that VIATRA's default engine gets wrong (a warning).
+
+    A cycle through a negation or an aggregate has no least fixed point; one through a closure would, but the closure
+    could not be kept apart from the pattern it follows. Each cycle of patterns gives one diagnostic.
+    """
+    edges = [edge for pattern in patterns for edge in _edges(pattern, entries)]
+    onward: dict[str, list[_Edge]] = {}
+    for edge in edges:
+        onward.setdefault(edge.caller, []).append(edge)
+    reported: set[str] = set()
+    # Edges that are errors come first, so that a cycle with one is not reported as a harmless one.
+    for edge in sorted(edges, key=lambda edge: edge.monotone):
+        if edge.caller in reported:
+            continue
+        way = _way(edge.callee, edge.caller, onward)
+        if way is None:
+            continue
+        cycle = [edge, *way]
+        reported.update(_component(edge.caller, onward))
+        if edge.monotone and any(_declared_safe(entries[link.caller].pattern) for link in cycle):
+            continue
+        yield _diagnostic(edge, cycle)
+
+
+def _edges(pattern: Pattern, entries: Mapping[str, Entry]) -> Iterator[_Edge]:
+    calls = entries[pattern.qualified_name].calls
+    for body in pattern.bodies:
+        for site in calls_of(body):
+            if site.call.pattern in calls:
+                word = site.grouped or (str(site.call.closure) if is_closure(site.call) else "")
+                yield _Edge(pattern.qualified_name, calls[site.call.pattern], site.call, word)
+
+
+def _way(start: str, goal: str, onward: Mapping[str, Sequence[_Edge]]) -> list[_Edge] | None:
+    """A shortest way from one pattern to another along calls, or None."""
+    came: dict[str, _Edge | None] = {start: None}
+    queue = [start]
+    for current in queue:
+        if current == goal:
+            break
+        for edge in onward.get(current, ()):
+            if edge.callee not in came:
+                came[edge.callee] = edge
+                queue.append(edge.callee)
+    if goal not in came:
+        return None
+    way: list[_Edge] = []
+    edge_back = came[goal]
+    while edge_back is not None:
+        way.append(edge_back)
+        edge_back = came[edge_back.caller]
+    return way[::-1]
+
+
+def _component(start: str, onward: Mapping[str, Sequence[_Edge]]) -> set[str]:
+    """The patterns that call each other in a circle with this one."""
+    reached = {start}
+    queue = [start]
+    for current in queue:
+        for edge in onward.get(current, ()):
+            if edge.callee not in reached:
+                reached.add(edge.callee)
+                queue.append(edge.callee)
+    return {name for name in reached if _way(name, start, onward) is not None}
+
+
+def _declared_safe(pattern: Pattern) -> bool:
+    return any(annotation.name == "SafeRecursion" for annotation in pattern.annotations)
+
+
+def _diagnostic(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
+    span = edge.call.pattern_span or edge.call.span
+    path = cycle[0].caller + "".join(
+        f" -> {link.word + ' ' if link.word else ''}{link.callee}" for link in cycle
+    )
+    if edge.monotone:
+        hint = "`@SafeRecursion` says that this is meant"
+        return Diagnostic("recursive-pattern", f"recursive pattern: {path}", span, hint, Severity.WARNING)
+    if edge.word in ("+", "*"):
+        hint = "write the recursion out, or take the closure of another pattern"
+        return Diagnostic("recursion-through-closure", f"recursion through a closure: {path}", span, hint)
+    what = "a negation" if edge.word == "neg" else "an aggregate"
+    return Diagnostic("recursion-through-negation", f"recursion through {what}: {path}", span)

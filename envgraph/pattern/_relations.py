@@ -1,0 +1,264 @@
+"""Whether a single relation means something: its names, the number and kind of its arguments, its closure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
+from envgraph.metamodel import Metamodel, Reference, Scalar
+from envgraph.pattern._analysis import Names
+from envgraph.pattern._bodies import Reading, terms_of
+from envgraph.pattern._expressions import subclass_hint
+from envgraph.pattern._inference import BodyTypes, Signature
+from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._paths import BrokenPath, ResolvedPath, resolve_path
+from envgraph.pattern._queries import (
+    Aggregate,
+    Closure,
+    Hash,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Relation,
+    Term,
+    TypeConstraint,
+)
+from envgraph.pattern._terms import Constant, Variable
+from envgraph.pattern._types import NUMBERS, compatible, static_type, type_names, type_text
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A relation and what it stands under.
+
+    Attributes:
+        group: its number among the negated and aggregated relations of the body; None for a positive one.
+        aggregate: the aggregate over it, if there is one.
+    """
+
+    relation: Relation
+    group: int | None = None
+    aggregate: Aggregate | None = None
+
+
+class RelationCheck:
+    """Checks the relations of one body; a relation with a problem says nothing more about its variables.
+
+    Args:
+        pattern: the pattern.
+        body_types: the body.
+        names: of all patterns.
+    """
+
+    def __init__(self, pattern: Pattern, body_types: BodyTypes, names: Names) -> None:
+        self._pattern = pattern
+        self._types = body_types
+        self._names = names
+        self._metamodel: Metamodel = body_types.metamodel
+        self._reading: Reading = body_types.reading
+
+    def problems(self, place: Place) -> list[Diagnostic]:
+        """What is wrong with a relation; empty if it can be used."""
+        match place.relation:
+            case TypeConstraint():
+                found = list(self._type(place.relation, place))
+            case PathConstraint():
+                found = list(self._path(place.relation))
+            case PatternCall():
+                found = list(self._call(place.relation))
+        found.extend(self._arguments(place))
+        if not found:
+            found.extend(self._closure(place))
+        if not found and place.aggregate:
+            found.extend(self._aggregate(place.aggregate))
+        return found
+
+    # --- names
+
+    def _type(self, constraint: TypeConstraint, place: Place) -> Iterator[Diagnostic]:
+        span = constraint.type_span or constraint.span
+        type_ = static_type(constraint.type, self._metamodel)
+        if type_ is None:
+            yield self._unknown_type(constraint.type, span)
+        elif place.group is not None and not isinstance(type_, ObjectType):
+            what = "aggregated" if place.aggregate else "negated"
+            message = f"`{constraint.type}` is a data type, whose values cannot be {what}"
+            yield Diagnostic("data-type-group", message, span)
+
+    def _unknown_type(self, name: str, span: Span | None) -> Diagnostic:
+        return Diagnostic(
+            "unknown-type", f"unknown type `{name}`", span, did_you_mean(name, type_names(self._metamodel))
+        )
+
+    def _path(self, path: PathConstraint) -> Iterator[Diagnostic]:
+        if not isinstance(path.source, Variable):
+            span = getattr(path.source, "span", None) or path.span
+            yield Diagnostic("path-source", "a path starts at a variable, not at a value", span)
+            return
+        cls = path.type or self._source_class(path)
+        if cls is None:
+            yield self._untyped_source(path)
+            return
+        if cls not in self._metamodel.classes:
+            span = path.type_span or path.span
+            if static_type(cls, self._metamodel) is None:
+                yield self._unknown_type(cls, span)
+            else:
+                yield Diagnostic("unknown-type", f"`{cls}` is a data type: a path starts at a class", span)
+            return
+        if not path.features:
+            yield Diagnostic("empty-path", "a path needs a feature", path.span, f"write `{cls}.feature(..)`")
+            return
+        resolved = resolve_path(cls, path.features, self._metamodel)
+        if isinstance(resolved, BrokenPath):
+            yield self._broken(path, resolved)
+
+    def _source_class(self, path: PathConstraint) -> str | None:
+        source = self._types.of_term(path.source)
+        return source.cls if isinstance(source, ObjectType) else None
+
+    def _untyped_source(self, path: PathConstraint) -> Diagnostic:
+        assert isinstance(path.source, Variable)
+        name, type_ = path.source.name, self._types.of_term(path.source)
+        span = path.source.span or path.span
+        if type_ is not None:
+            message = f"`{name}` is a `{type_text(type_)}`, which has no features"
+            return Diagnostic("unknown-feature", message, span)
+        hint = f"write `{name} : Class`"
+        return Diagnostic("untyped-source", f"nothing says of what class `{name}` is", span, hint)
+
+    def _broken(self, path: PathConstraint, broken: BrokenPath) -> Diagnostic:
+        name = path.features[broken.position]
+        span = path.feature_spans[broken.position] if path.feature_spans else path.span
+        if broken.attribute is not None:
+            message = f"`{broken.attribute}` is an attribute: nothing follows it in a path"
+            return Diagnostic("attribute-in-path", message, span)
+        hint = did_you_mean(name, self._metamodel.features(broken.cls))
+        hint = hint or subclass_hint(broken.cls, name, self._metamodel)
+        return Diagnostic("unknown-feature", f"`{broken.cls}` has no feature `{name}`", span, hint)
+
+    def _call(self, call: PatternCall) -> Iterator[Diagnostic]:
+        span = call.pattern_span or call.span
+        package = self._pattern.package
+        found, hidden = self._names.candidates(call.pattern, package, self._pattern)
+        if len(found) == 1:
+            yield from self._arity(call, found[0])
+        elif found:
+            names = " or ".join(f"`{pattern.qualified_name}`" for pattern in found)
+            yield Diagnostic(
+                "ambiguous-pattern", f"`{call.pattern}` means several patterns", span, f"write {names}"
+            )
+        elif hidden:
+            message = f"pattern `{hidden[0].qualified_name}` is private"
+            yield Diagnostic(
+                "private-pattern", message, span, "a private pattern is visible in its own file only"
+            )
+        else:
+            hint = did_you_mean(call.pattern, self._names.visible_names(package, self._pattern))
+            yield Diagnostic("unknown-pattern", f"unknown pattern `{call.pattern}`", span, hint)
+
+    def _arity(self, call: PatternCall, callee: Pattern) -> Iterator[Diagnostic]:
+        wanted, given = len(callee.parameters), len(call.arguments)
+        if call.closure is not Closure.ONCE and wanted != 2:
+            message = f"`{call.pattern}{call.closure}` needs a pattern of two parameters, `{callee.name}` has {wanted}"
+            yield Diagnostic("closure-not-binary", message, call.span)
+        elif wanted != given:
+            parameters = ", ".join(parameter.name for parameter in callee.parameters)
+            message = f"`{callee.name}` takes {wanted} argument{'s' * (wanted != 1)}, not {given}"
+            yield Diagnostic("wrong-arity", message, call.span, f"write `{call.pattern}({parameters})`")
+
+    # --- arguments
+
+    def _arguments(self, place: Place) -> Iterator[Diagnostic]:
+        marks: list[Hash] = []
+        for term in terms_of(place.relation):
+            if isinstance(term, Hash):
+                marks.append(term)
+            elif isinstance(term, Constant) and term.value is None:
+                hint = "`neg` before the constraint, with `_` as its argument, says that there is none"
+                yield Diagnostic(
+                    "none-argument", "`none` is no value", term.span or place.relation.span, hint
+                )
+        yield from self._marks(place, marks)
+
+    def _marks(self, place: Place, marks: list[Hash]) -> Iterator[Diagnostic]:
+        aggregate = place.aggregate
+        if aggregate is None or aggregate.function == "count":
+            if marks:
+                what = "`count` aggregates no column" if aggregate else "`#` marks the column of an aggregate"
+                yield Diagnostic("stray-hash", what, marks[0].span or place.relation.span, "write `_`")
+        elif not marks:
+            message = f"`{aggregate.function}` needs a column"
+            yield Diagnostic(
+                "missing-hash", message, aggregate.span or place.relation.span, "mark one with `#`"
+            )
+        elif len(marks) > 1:
+            message = f"`{aggregate.function}` aggregates one column"
+            yield Diagnostic("second-hash", message, marks[1].span or place.relation.span, "write `_`")
+
+    # --- closures
+
+    def _closure(self, place: Place) -> Iterator[Diagnostic]:
+        relation = place.relation
+        if isinstance(relation, TypeConstraint) or relation.closure is Closure.ONCE:
+            return
+        if place.group is not None:
+            what = "an aggregate" if place.aggregate else "`neg`"
+            hint = "give the closure a pattern of its own, and call that"
+            yield Diagnostic("closure-in-group", f"a closure cannot stand under {what}", relation.span, hint)
+            return
+        source, target = self._step_types(relation)
+        if source is None or target is None:
+            return
+        if not compatible(source, target, self._metamodel):
+            message = (
+                f"a step leads from `{type_text(source)}` to `{type_text(target)}`: no second step can follow"
+            )
+            yield Diagnostic("closure-ends", message, relation.span)
+        elif relation.closure is Closure.STAR and not isinstance(source, ObjectType):
+            message = f"`*` relates every `{type_text(source)}` to itself, and those cannot be enumerated"
+            yield Diagnostic("closure-reflexive", message, relation.span, "use `+`")
+
+    def _step_types(
+        self, relation: PathConstraint | PatternCall
+    ) -> tuple[StaticType | None, StaticType | None]:
+        """The types of both ends of one step."""
+        if isinstance(relation, PathConstraint):
+            path = self._types.path(relation)
+            return (path.source, path.target) if path else (None, None)
+        signature: Signature | None = self._types.callee(relation.pattern)
+        return (signature.types[0], signature.types[1]) if signature else (None, None)
+
+    # --- aggregates
+
+    def _aggregate(self, aggregate: Aggregate) -> Iterator[Diagnostic]:
+        if aggregate.function != "count":
+            yield from self._column(aggregate)
+        if isinstance(aggregate.over, PathConstraint):
+            path = self._types.path(aggregate.over)
+            if path and _branches(path):
+                message = "targets that are reached along several ways are aggregated once"
+                span = aggregate.over.span or aggregate.span
+                hint = "a pattern with the steps in between as parameters keeps the ways apart"
+                yield Diagnostic("chain-aggregate", message, span, hint, Severity.WARNING)
+
+    def _column(self, aggregate: Aggregate) -> Iterator[Diagnostic]:
+        type_ = (
+            self._types.aggregate_type(aggregate) if aggregate.function != "avg" else self._marked(aggregate)
+        )
+        ordered = aggregate.function in ("min", "max") and type_ is Scalar.STRING
+        if type_ is not None and type_ not in NUMBERS and not ordered:
+            mark: Term = next(term for term in terms_of(aggregate.over) if isinstance(term, Hash))
+            what = "numbers or strings" if aggregate.function in ("min", "max") else "numbers"
+            message = f"`{aggregate.function}` aggregates {what}, not `{type_text(type_)}`"
+            yield Diagnostic("aggregate-type", message, mark.span or aggregate.span)
+
+    def _marked(self, aggregate: Aggregate) -> StaticType | None:
+        columns = zip(terms_of(aggregate.over), self._types.columns(aggregate.over), strict=True)
+        return next((type_ for term, type_ in columns if isinstance(term, Hash)), None)
+
+
+def _branches(path: ResolvedPath) -> bool:
+    """Whether a step before the last may lead to several objects."""
+    return any(isinstance(step, Reference) and step.many for step in path.steps[:-1])

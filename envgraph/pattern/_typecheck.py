@@ -1,0 +1,223 @@
+"""Whether the places where a variable stands agree on what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from envgraph.errors import Diagnostic, Note, Severity, Span
+from envgraph.metamodel import EnumType, Scalar
+from envgraph.pattern._bodies import terms_of
+from envgraph.pattern._expressions import ExpressionChecker, enum_hint
+from envgraph.pattern._inference import BodyTypes, Fact, relation_text
+from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._queries import Aggregate, Comparison, Evaluation, Term
+from envgraph.pattern._relations import Place
+from envgraph.pattern._terms import Constant, EnumLiteral, Variable
+from envgraph.pattern._types import (
+    NUMBERS,
+    assignable,
+    common_subclasses,
+    compatible,
+    is_subtype,
+    literal_fits,
+    meet,
+    type_text,
+    value_type,
+)
+
+
+class TypeCheck:
+    """Type errors of one body.
+
+    Args:
+        body_types: the body.
+        tainted: variables about which another error has been reported already.
+
+    Attributes:
+        contradicted: the variables that `conflicts` has reported.
+    """
+
+    def __init__(self, body_types: BodyTypes, tainted: set[str]) -> None:
+        self._types = body_types
+        self._reading = body_types.reading
+        self._metamodel = body_types.metamodel
+        self.contradicted: list[str] = []
+        self._tainted = {self._reading.root(name) for name in tainted if name in self._reading.occurrences}
+
+    def conflicts(self) -> Iterator[Diagnostic]:
+        """Variables that would have to be of two types at once: the first contradiction of each; it taints them."""
+        first: dict[str, Fact] = {}
+        met: dict[str, StaticType] = {}
+        contradicted = set(self._tainted)
+        for fact in self._types.facts:
+            if not isinstance(fact.term, Variable) or fact.term.anonymous:
+                continue
+            root = self._reading.root(fact.term.name)
+            if root in contradicted:
+                continue
+            if root not in met:
+                first[root], met[root] = fact, fact.type
+                continue
+            both = meet(met[root], fact.type, self._metamodel)
+            if both is None:
+                contradicted.add(root)
+                self.contradicted.append(fact.term.name)
+                yield self._conflict(fact, first[root], met[root])
+            else:
+                met[root] = both
+                if both != first[root].type and both == fact.type:
+                    first[root] = fact
+
+    def _conflict(self, fact: Fact, earlier: Fact, type_: StaticType) -> Diagnostic:
+        assert isinstance(fact.term, Variable)
+        name = fact.term.name
+        hint = None
+        if {type_, fact.type} == {Scalar.INT, Scalar.FLOAT}:
+            hint = (
+                "an int variable and a float variable are never the same; `eval(toFloat(..))` makes a float"
+            )
+        notes = (Note(f"`{type_text(type_)}` because of {earlier.what}", earlier.span),)
+        if fact.origin == "call":
+            message = (
+                f"{fact.what} takes a `{type_text(fact.type)}` here, and `{name}` is a `{type_text(type_)}`"
+            )
+            return Diagnostic("argument-type", message, fact.span, hint, notes=notes)
+        message = f"`{name}` cannot be both a `{type_text(type_)}` and a `{type_text(fact.type)}`"
+        return Diagnostic("type-conflict", message, fact.span, hint, notes=notes)
+
+    def ambiguous(self, name: str) -> list[StaticType]:
+        """The classes that a variable must all be of, when no single class says so; else []."""
+        found: list[StaticType] = []
+        root = self._reading.root(name)
+        for fact in self._types.facts:
+            if not isinstance(fact.term, Variable) or self._reading.root(fact.term.name) != root:
+                continue
+            if not any(is_subtype(type_, fact.type, self._metamodel) for type_ in found):
+                found = [t for t in found if not is_subtype(fact.type, t, self._metamodel)] + [fact.type]
+        actual = self._types.of(name)
+        if len(found) < 2 or actual is None or all(is_subtype(actual, t, self._metamodel) for t in found):
+            return []
+        return found
+
+    def arguments(self, place: Place) -> Iterator[Diagnostic]:
+        """Literals of the wrong type in a relation; in a negation or an aggregate, arguments that never match."""
+        what = relation_text(place.relation)
+        for term, type_ in zip(terms_of(place.relation), self._types.columns(place.relation), strict=True):
+            span = term.span or place.relation.span
+            if isinstance(term, Constant | EnumLiteral):
+                yield from self.literal(term, type_, span)
+            elif type_ is None:
+                continue
+            elif place.group is None:
+                if isinstance(term, Evaluation | Aggregate):
+                    yield from self._value(term, type_, span)
+            else:
+                yield from self._never(term, type_, what, span)
+
+    def _value(
+        self, term: Evaluation | Aggregate, type_: StaticType, span: Span | None
+    ) -> Iterator[Diagnostic]:
+        actual = self._types.of_term(term)
+        if actual is not None and not assignable(actual, type_, self._metamodel):
+            message = f"expected `{type_text(type_)}`, found `{type_text(actual)}`"
+            yield Diagnostic("wrong-type", message, span)
+
+    def _never(self, term: Term, type_: StaticType, what: str, span: Span | None) -> Iterator[Diagnostic]:
+        if isinstance(term, Variable) and (term.anonymous or self._reading.root(term.name) in self._tainted):
+            return
+        actual = self._types.of_term(term)
+        if actual is None or compatible(actual, type_, self._metamodel):
+            return
+        if isinstance(term, Evaluation | Aggregate) and assignable(actual, type_, self._metamodel):
+            return
+        message = f"{what} takes a `{type_text(type_)}` here, so a `{type_text(actual)}` never matches"
+        yield Diagnostic("never-matches", message, span, severity=Severity.WARNING)
+
+    def literal(
+        self, term: Constant | EnumLiteral, type_: StaticType | None, span: Span | None
+    ) -> Iterator[Diagnostic]:
+        """A literal where a type is expected; None stands for a type that is unknown because of another error."""
+        if isinstance(term, EnumLiteral):
+            yield from self._enum_literal(term, type_, span)
+            return
+        if term.value is None or type_ is None or literal_fits(term.value, type_):
+            return
+        hint = None
+        if isinstance(type_, EnumType) and isinstance(term.value, str):
+            hint = enum_hint(term.value, type_)
+        article = "a `{}` object" if isinstance(type_, ObjectType) else "`{}`"
+        expected = article.format(type_text(type_))
+        message = f"expected {expected}, found `{type_text(value_type(term.value))}`"
+        yield Diagnostic("wrong-type", message, span, hint)
+
+    def _enum_literal(
+        self, term: EnumLiteral, type_: StaticType | None, span: Span | None
+    ) -> Iterator[Diagnostic]:
+        if type_ is None and term.enum is None:
+            return
+        scope: Mapping[str, StaticType | None] = {}
+        checker = ExpressionChecker(scope, self._metamodel, False)
+        actual = checker.literal(term, type_)
+        yield from checker.problems
+        if actual is not None and type_ is not None and actual != type_:
+            message = f"expected `{type_text(type_)}`, found the enum `{type_text(actual)}`"
+            yield Diagnostic("wrong-enum", message, term.enum_span or span)
+
+    def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
+        """Sides of different types."""
+        left, right = comparison.left, comparison.right
+        for term, other in ((left, right), (right, left)):
+            if isinstance(term, Constant | EnumLiteral):
+                if isinstance(other, Constant | EnumLiteral):
+                    yield from self._bare_literal(term, other)
+                elif not self._is_tainted(other):
+                    yield from self._compared_literal(term, other, comparison)
+                else:
+                    yield from self.literal(term, None, term.span)
+        if not isinstance(left, Constant | EnumLiteral) and not isinstance(right, Constant | EnumLiteral):
+            yield from self._values(comparison)
+
+    def _compared_literal(
+        self, term: Constant | EnumLiteral, other: Term, comparison: Comparison
+    ) -> Iterator[Diagnostic]:
+        type_ = self._types.of_term(other)
+        if type_ is None and isinstance(term, EnumLiteral) and term.enum is None:
+            message = f"the enum of `::{term.literal}` is not known here"
+            yield Diagnostic(
+                "unknown-enum", message, term.span or comparison.span, "write it before the `::`"
+            )
+            return
+        yield from self.literal(term, type_, term.span or comparison.span)
+
+    def _bare_literal(
+        self, term: Constant | EnumLiteral, other: Constant | EnumLiteral
+    ) -> Iterator[Diagnostic]:
+        """One side of a comparison of two literals, which is a warning of its own."""
+        if isinstance(term, EnumLiteral):
+            yield from self.literal(term, self._types.of_term(other), term.span)
+
+    def _values(self, comparison: Comparison) -> Iterator[Diagnostic]:
+        left, right = comparison.left, comparison.right
+        one, other = self._types.of_term(left), self._types.of_term(right)
+        if one is None or other is None or self._is_tainted(left) or self._is_tainted(right):
+            return
+        computed = isinstance(left, Evaluation | Aggregate), isinstance(right, Evaluation | Aggregate)
+        if comparison.operator == "==" and not all(computed):
+            return  # a variable takes the type of the other side, and `conflicts` sees to it
+        if not compatible(one, other, self._metamodel):
+            if comparison.operator == "==":
+                message = f"`==` cannot compare `{type_text(one)}` with `{type_text(other)}`"
+                yield Diagnostic("type-conflict", message, comparison.span)
+            elif not (one in NUMBERS and other in NUMBERS):
+                message = f"a `{type_text(one)}` is never a `{type_text(other)}`"
+                yield Diagnostic("always-different", message, comparison.span, severity=Severity.WARNING)
+
+    def _is_tainted(self, term: Term) -> bool:
+        return isinstance(term, Variable) and self._reading.root(term.name) in self._tainted
+
+
+def shared_classes(types: list[StaticType], body_types: BodyTypes) -> list[str]:
+    """Names of the concrete classes that have all the types, for hints."""
+    classes = [type_.cls for type_ in types if isinstance(type_, ObjectType)]
+    shared = common_subclasses(classes[0], classes[0], body_types.metamodel)
+    return [name for name in shared if all(body_types.metamodel.is_a(name, cls) for cls in classes)]

@@ -1,0 +1,193 @@
+"""Whether every variable of a body is used in a way that makes sense."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
+from envgraph.pattern._binding import Binding, inputs_of
+from envgraph.pattern._bodies import Reading, Use, names_read, terms_of
+from envgraph.pattern._inference import BodyTypes, relation_text
+from envgraph.pattern._lowered import ObjectType
+from envgraph.pattern._queries import Comparison, Evaluation, Hash, Parameter, Pattern, Term
+from envgraph.pattern._relations import Place
+from envgraph.pattern._terms import Variable
+from envgraph.pattern._types import type_text
+
+
+class UsageCheck:
+    """Usage of the variables of one body.
+
+    Args:
+        pattern: the pattern.
+        body_types: the body.
+        binding: what the body enumerates, given the parameters that callers bind.
+        tainted: variables about which another error has been reported already.
+        where: names the body in messages, "" if there is only one.
+    """
+
+    def __init__(
+        self, pattern: Pattern, body_types: BodyTypes, binding: Binding, tainted: set[str], where: str
+    ) -> None:
+        self._pattern = pattern
+        self._types = body_types
+        self._reading: Reading = body_types.reading
+        self._binding = binding
+        self._tainted = set(tainted)
+        self._where = where
+        self._parameters: dict[str, Parameter] = {p.name: p for p in reversed(pattern.parameters)}
+
+    def problems(self) -> Iterator[Diagnostic]:
+        """Errors first for each variable; a variable with an error gets no warning."""
+        yield from self._own_input()
+        yield from self._parameters_unreferenced()
+        yield from self._unbound()
+        for name in self._reading.names:
+            if name not in self._parameters and name not in self._tainted:
+                yield from self._local(name)
+
+    def _own_input(self) -> Iterator[Diagnostic]:
+        """`x == eval(.. x ..)`."""
+        for constraint in self._reading.body.constraints:
+            if not isinstance(constraint, Comparison) or constraint.operator != "==":
+                continue
+            for term, other in ((constraint.left, constraint.right), (constraint.right, constraint.left)):
+                if isinstance(term, Variable) and isinstance(other, Evaluation) and not term.anonymous:
+                    root = self._reading.root(term.name)
+                    if any(self._reading.root(name) == root for name in names_read(other.expression)):
+                        self._tainted.update(self._reading.group(term.name))
+                        message = f"`{term.name}` is computed from itself"
+                        yield Diagnostic(
+                            "self-evaluation", message, other.span or constraint.span, "use another variable"
+                        )
+
+    def _parameters_unreferenced(self) -> Iterator[Diagnostic]:
+        for name, parameter in self._parameters.items():
+            if not self._reading.occurrences[name] and name not in self._tainted:
+                self._tainted.add(name)
+                message = f"parameter `{name}` is never referenced{self._where}"
+                span = parameter.span or self._pattern.span
+                near = self._mistyped(name)
+                yield Diagnostic("unreferenced-parameter", message, span, near)
+
+    def _mistyped(self, name: str) -> str | None:
+        """A local variable that is used once and spelt almost like an unreferenced parameter."""
+        once = [
+            n
+            for n in self._reading.names
+            if n not in self._parameters and len(self._reading.occurrences[n]) == 1
+        ]
+        hint = did_you_mean(name, once)
+        if hint is not None:
+            self._tainted.update(n for n in once if f"`{n}`" in hint)
+        return hint
+
+    def _unbound(self) -> Iterator[Diagnostic]:
+        circular: list[str] = []
+        for name in self._reading.names:
+            group = self._reading.group(name)
+            if self._binding.binds(name) or self._tainted.intersection(group):
+                continue
+            if self._reading.quantified(name) is None:
+                self._tainted.update(group)
+                if self._has_positive(group):
+                    circular.append(name)
+                else:
+                    yield self._not_enumerable(name, group)
+        if circular:
+            # What depends on a circle is unbound, too, so all of them are one mistake.
+            names = ", ".join(f"`{name}`" for name in circular)
+            message = f"nothing enumerates {names}{self._where}: what it is computed from depends on it"
+            yield Diagnostic("not-enumerable", message, self._reading.span(circular[0]))
+
+    def _has_positive(self, group: list[str]) -> bool:
+        return any(o.use is Use.POSITIVE for member in group for o in self._reading.occurrences[member])
+
+    def _not_enumerable(self, name: str, group: list[str]) -> Diagnostic:
+        uses = {occurrence.use for member in group for occurrence in self._reading.occurrences[member]}
+        parameter = next((self._parameters[member] for member in group if member in self._parameters), None)
+        span = self._reading.span(name)
+        if parameter is None and uses == {Use.NEGATIVE}:
+            message = (
+                f"`{name}` is used only in negations and aggregates, each of which would quantify it alone"
+            )
+            hint = "bind it with a positive constraint, or use a name of its own in each of them"
+            return Diagnostic("only-negative", message, span, hint)
+        message = f"nothing enumerates `{name}`{self._where}: it has no positive reference"
+        return Diagnostic(
+            "not-enumerable", message, span or self._pattern.span, self._how_to_bind(name, parameter)
+        )
+
+    def _how_to_bind(self, name: str, parameter: Parameter | None) -> str:
+        type_ = self._types.of(name)
+        if type_ is None or isinstance(type_, ObjectType):
+            cls = type_text(type_) if type_ else "Class"
+            return f"constrain it with `{cls}({name})`, a path or a `find`"
+        if parameter is not None:
+            return "bind it with a path, a `find` or `==`, or declare it `in`, so that every caller binds it"
+        return "bind it with a path, a `find` or `==`"
+
+    def _local(self, name: str) -> Iterator[Diagnostic]:
+        places = self._reading.occurrences[name]
+        if name.startswith("_"):
+            if len(places) > 1:
+                message = f"`{name}` is used {len(places)} times, but a name with `_` stands for one use"
+                hint = f"call it `{name.lstrip('_') or 'x'}`"
+                yield Diagnostic("single-use-repeated", message, places[1].variable.span, hint)
+            elif name.lstrip("_") in self._reading.occurrences:
+                message = f"`{name}` and `{name.lstrip('_')}` are different variables"
+                yield _warning("similar-names", message, places[0].variable.span)
+            return
+        if self._reading.quantified(name) is not None:
+            message = f"`{name}` is used only here, so it is quantified inside the call"
+            hint = f"start its name with `_` (`_{name}`) if that is meant"
+            yield _warning("quantified-variable", message, places[0].variable.span, hint)
+        elif len(places) == 1:
+            others = [other for other in self._reading.names if other != name and not other.startswith("_")]
+            near = did_you_mean(name, others)
+            hint = near or f"start its name with `_` (`_{name}`) if that is meant"
+            yield _warning("used-once", f"`{name}` is referenced only once", places[0].variable.span, hint)
+
+    def inputs(self, place: Place) -> Iterator[Diagnostic]:
+        """Arguments that the called pattern cannot enumerate and that nothing here binds."""
+        relation = place.relation
+        for position in inputs_of(relation, self._types):
+            term = terms_of(relation)[position]
+            if self._is_free(term, place):
+                message = f"{relation_text(relation)} needs a value here: the parameter is `in`"
+                yield Diagnostic("unbound-input", message, term.span or relation.span)
+
+    def _is_free(self, term: Term, place: Place) -> bool:
+        if isinstance(term, Variable):
+            if not term.anonymous and self._tainted.intersection(self._reading.group(term.name)):
+                return False
+            return term.anonymous or self._reading.quantified(term.name) is not None
+        return isinstance(term, Hash)
+
+    def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
+        """`_` and `#` as a side of a comparison."""
+        for term in (comparison.left, comparison.right):
+            span: Span | None = getattr(term, "span", None) or comparison.span
+            if isinstance(term, Hash):
+                yield Diagnostic("stray-hash", "`#` marks the column of an aggregate", span)
+            elif isinstance(term, Variable) and term.anonymous and comparison.operator == "!=":
+                yield Diagnostic(
+                    "not-enumerable", "`_` has no value to compare", span, "give the variable a name"
+                )
+
+    def negation(self, place: Place) -> Iterator[Diagnostic]:
+        """A negation that shares no variable with the rest of the body."""
+        terms = terms_of(place.relation)
+        if place.group is None or place.aggregate or not terms:
+            return
+        if all(
+            isinstance(term, Variable)
+            and (term.anonymous or self._reading.quantified(term.name) == place.group)
+            for term in terms
+        ):
+            message = f"{relation_text(place.relation)} must have no match at all for the body to hold"
+            yield _warning("global-negation", message, place.relation.span)
+
+
+def _warning(code: str, message: str, span: Span | None, hint: str | None = None) -> Diagnostic:
+    return Diagnostic(code, message, span, hint, Severity.WARNING)
