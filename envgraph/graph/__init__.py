@@ -1,9 +1,12 @@
 """The model: a typed attributed graph with change events, one undo log, transactions and versions."""
 
+from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Version
 from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet
+from envgraph.graph._json import model_from_json, model_to_json
 from envgraph.graph._model import Model
+from envgraph.graph._networkx import from_networkx, to_networkx
 from envgraph.graph._node import Node, Targets
 from envgraph.graph._store import Relation, Store
 
@@ -26,4 +29,10 @@ __all__ = [
     "Targets",
     "ValueFact",
     "Version",
+    "Violation",
+    "check_conformance",
+    "from_networkx",
+    "model_from_json",
+    "model_to_json",
+    "to_networkx",
 ]

@@ -6,11 +6,15 @@ import weakref
 from typing import TYPE_CHECKING
 
 from envgraph.errors import TransactionError
-from envgraph.graph._journal import Journal, invert, revert
+from envgraph.graph._journal import Journal, invert, invert_net, revert
 from envgraph.graph._store import Store
 
 if TYPE_CHECKING:
     from envgraph.graph._model import Model
+
+
+_LONG = 256
+"""Items (four to an entry) from which on a spliced segment is worth reducing to its net changes."""
 
 
 class Savepoint:
@@ -58,12 +62,24 @@ class Vertex:
         segment: entries between this state and its parent. `upwards`: undoing them leads from here to the parent (the
             vertex lies on the path from the root to the current state); else from the parent to here.
         depth: grows from parent to child.
+        spliced: the segment spans versions that are gone, so it may write a place more than once.
+        reduced: length of the segment when each place in it was written once.
         handle: the `Version` that somebody holds, or a dead reference.
     """
 
     __slots__ = (
-        "children", "depth", "handle", "next_id", "number", "parent", "segment", "total", "upwards",
-    )  # fmt: skip
+        "children",
+        "depth",
+        "handle",
+        "next_id",
+        "number",
+        "parent",
+        "reduced",
+        "segment",
+        "spliced",
+        "total",
+        "upwards",
+    )
 
     def __init__(
         self, number: int, parent: Vertex | None, segment: Journal, next_id: int, total: int
@@ -73,12 +89,28 @@ class Vertex:
         self.children: dict[Vertex, None] = {}
         self.segment = segment
         self.upwards = True
+        self.spliced = False
+        self.reduced = 0
         self.depth: int = 0 if parent is None else parent.depth + 1
         self.next_id = next_id
         self.total = total
         self.handle: weakref.ref[Version] | None = None
         if parent is not None:
             parent.children[self] = None
+
+    def turn(self) -> None:
+        """Undo the segment: the model goes from one end of it to the other."""
+        net = self.spliced and len(self.segment) > _LONG
+        self.segment = invert_net(self.segment) if net else invert(self.segment)
+        self.upwards = not self.upwards
+        if net:
+            self.reduced = len(self.segment)
+        self.spliced = False
+
+    @property
+    def overgrown(self) -> bool:
+        """Whether the segment has doubled since it was reduced: time to walk it there and back."""
+        return self.spliced and len(self.segment) > 2 * self.reduced + 16 * _LONG
 
     @property
     def held(self) -> bool:
@@ -201,6 +233,9 @@ class History:
         handle = self._handle(self._current)
         if before is not None:
             self._prune(before)
+            if self._current.overgrown:
+                self._current.turn()
+                self._current.turn()
         return handle
 
     def checkout(self, version: Version, discard: bool) -> None:
@@ -224,11 +259,9 @@ class History:
     def _walk(self, start: Vertex, goal: Vertex) -> None:
         up, down = _path(start, goal)
         for vertex in up:
-            vertex.segment = invert(vertex.segment)
-            vertex.upwards = False
+            vertex.turn()
         for vertex in reversed(down):
-            vertex.segment = invert(vertex.segment)
-            vertex.upwards = True
+            vertex.turn()
         self._current = goal
         self._store.next_id = goal.next_id
         self._store.total = goal.total
@@ -326,6 +359,8 @@ def _splice(vertex: Vertex, child: Vertex) -> None:
             child.segment = vertex.segment
         else:
             child.segment.extend(vertex.segment)
+        child.spliced = True
+        child.reduced = max(child.reduced, vertex.reduced)
         del parent.children[vertex]
         parent.children[child] = None
     vertex.parent = None

@@ -8,10 +8,12 @@ from typing import Literal
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import _refusals as refusals
+from envgraph.graph._canonical import canonical_hash
 from envgraph.graph._facts import Listener
 from envgraph.graph._hashing import condense
 from envgraph.graph._history import History, Savepoint, Version
 from envgraph.graph._incidence import contained_tree, dangling_links, links_at, links_of
+from envgraph.graph._integrity import check_store
 from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
 from envgraph.graph._store import Relation, Store
@@ -123,20 +125,29 @@ class Model:
             TypeMismatch: an unknown or abstract class.
             InvalidArgument: the object name is taken.
         """
+        return self.new_at(self.store.next_id, cls, object_name)
+
+    def new_at(self, node: int, cls: str, object_name: str | None = None) -> int:
+        """As `new`, with a given id, for reading models back.
+
+        The columns are as long as the largest id, so ids should be dense.
+
+        Raises:
+            InvalidArgument: the id is negative or was used before; the object name is taken.
+            TypeMismatch: an unknown or abstract class.
+        """
+        store = self.store
         number = self._concrete(cls)
         if object_name is not None:
             self._check_free(object_name)
-        return self._new_at(self.store.next_id, number, object_name)
-
-    def _new_at(self, node: int, cls: int, object_name: str | None) -> int:
-        """Create an object with an id that was never used; for reading models back."""
-        store = self.store
         if node >= store.next_id:
             store.next_id = node + 1
             if len(store.classes) <= node + 1:
                 store.reserve(2 * node + 2)
-        store.enter(node, cls)
-        for attribute, initial in self._layout.initials[cls]:
+        elif node < 0 or store.classes[node] >= 0:
+            raise InvalidArgument(f"{node} is not the id of a new object")
+        store.enter(node, number)
+        for attribute, initial in self._layout.initials[number]:
             store.put(node, attribute, initial)
         if object_name is not None:
             store.rename(node, object_name)
@@ -549,6 +560,14 @@ class Model:
         """
         return condense(self.store.total)
 
+    def canonical_hash(self) -> int:
+        """A 64-bit hash that isomorphic models share, whatever their ids and orders; computed anew on each call.
+
+        By colour refinement: models that differ may share it too if they are so regular that it cannot tell them
+        apart. Names of objects do not count.
+        """
+        return canonical_hash(self.store)
+
     @property
     def revision(self) -> int:
         """A number that is another one whenever the state may be another one; for caches."""
@@ -571,6 +590,11 @@ class Model:
         raise InvalidArgument("the listener is not subscribed")
 
     # --- checks
+
+    def check_integrity(self) -> None:
+        """Assert that all columns, indexes, hash and journal agree, from scratch; for tests."""
+        check_store(self.store)
+        self._history.check_integrity()
 
     def _concrete(self, cls: str) -> int:
         number = self._layout.concrete.get(cls)

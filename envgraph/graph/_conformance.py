@@ -1,0 +1,72 @@
+"""What a model still lacks: the part of the metamodel's demands that writing does not enforce."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from envgraph.graph._model import Model
+from envgraph.metamodel import Attribute, Feature, Reference
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One demand that an object does not meet.
+
+    Attributes:
+        kind: "missing-value", "too-few" or "too-many" targets.
+        node: id of the object.
+        feature: the feature that is at fault.
+        message: one line; objects by name, else by class and id.
+    """
+
+    kind: Literal["missing-value", "too-few", "too-many"]
+    node: int
+    feature: Feature
+    message: str
+
+    def __str__(self) -> str:
+        return self.message
+
+
+def check_conformance(model: Model) -> list[Violation]:
+    """All violations of multiplicities: attributes without a value, references with too few or too many targets.
+
+    An object without a container is a root, which is no violation. Types, containment, opposites and upper
+    bounds hold whatever is written.
+
+    Returns:
+        Class by class, then object by object in the order of the extents, then by feature; [] if the model conforms.
+    """
+    violations: list[Violation] = []
+    for cls in model.metamodel.class_list:
+        features = [feature for feature in model.metamodel.features(cls.name).values() if _demands(feature)]
+        if not features:
+            continue
+        for node in model.exact_extent(cls.name):
+            for feature in features:
+                violations.extend(_violations(model, node, feature))
+    return violations
+
+
+def _demands(feature: Feature) -> bool:
+    return isinstance(feature, Attribute) or feature.lower > 0 or feature.upper is not None
+
+
+def _violations(model: Model, node: int, feature: Feature) -> Iterator[Violation]:
+    if isinstance(feature, Attribute):
+        if model.value(node, feature) is None:
+            text = f"{model.describe(node)} has no value of `{feature.name}`"
+            yield Violation("missing-value", node, feature, text)
+        return
+    count = len(model.targets(node, feature))
+    if count < feature.lower:
+        yield Violation("too-few", node, feature, _miscount(model, node, feature, count))
+    if feature.upper is not None and count > feature.upper:
+        yield Violation("too-many", node, feature, _miscount(model, node, feature, count))
+
+
+def _miscount(model: Model, node: int, reference: Reference, count: int) -> str:
+    found = "no target" if count == 0 else "1 target" if count == 1 else f"{count} targets"
+    return f"{model.describe(node)} has {found} of `{reference.name}`, which needs {reference.multiplicity}"

@@ -1,0 +1,127 @@
+"""Models as networkx graphs, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import TYPE_CHECKING
+
+from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMismatch, did_you_mean
+from envgraph.graph._model import Model
+from envgraph.metamodel import Attribute, Metamodel, Reference
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+_CLASS = "class"
+_NAME = "object_name"
+
+
+def to_networkx(model: Model) -> nx.MultiDiGraph:
+    """The present state as a `networkx.MultiDiGraph`.
+
+    Nodes are the ids; node attributes are "class", "object_name" (if the object has one) and every attribute that
+    has a value. Edges go from source to target under the name of the reference as key; a link of an opposite pair is an
+    edge in each direction.
+
+    Raises:
+        InvalidArgument: an attribute of the metamodel is called "class" or "object_name".
+    """
+    import networkx as nx
+
+    for attribute in model.metamodel.attributes:
+        if attribute.name in (_CLASS, _NAME):
+            raise InvalidArgument(f"`{attribute}` cannot be told from what every node has in networkx")
+    graph = nx.MultiDiGraph(name=model.name, metamodel=model.metamodel.name)
+    for node in model.store.nodes():
+        graph.add_node(node, **_attributes(model, node))
+    for node in model.store.nodes():
+        for feature in model.metamodel.features(model.class_of(node)).values():
+            if isinstance(feature, Reference):
+                graph.add_edges_from((node, target, feature.name) for target in model.targets(node, feature))
+    return graph
+
+
+def _attributes(model: Model, node: int) -> dict[str, object]:
+    cls = model.class_of(node)
+    found: dict[str, object] = {_CLASS: cls}
+    name = model.object_name(node)
+    if name is not None:
+        found[_NAME] = name
+    for feature in model.metamodel.features(cls).values():
+        if isinstance(feature, Attribute) and model.value(node, feature) is not None:
+            found[feature.name] = model.value(node, feature)
+    return found
+
+
+def from_networkx(graph: nx.MultiDiGraph, metamodel: Metamodel) -> Model:
+    """A model of a graph as `to_networkx` makes them.
+
+    If all nodes are ints from 0 they are the ids; else the ids follow the order of the nodes. An opposite need not be
+    there as an edge of its own. Attributes that a node lacks have no value.
+
+    Raises:
+        InvalidArgument: not a directed multigraph; a node without a class, or with an unknown feature; an edge whose
+            key is no reference of its source.
+        TypeMismatch: a class, value or target that the metamodel does not allow.
+        RuleError: too many edges for a reference, two containers for an object, or cyclic containment.
+    """
+    if not (graph.is_directed() and graph.is_multigraph()):
+        raise InvalidArgument("a model is made from a networkx.MultiDiGraph")
+    model = Model(metamodel, str(graph.graph.get("name") or "model"))
+    ids = _ids(graph)
+    with model.loading():
+        for label, attributes in graph.nodes(data=True):
+            _add_node(model, label, ids[label], attributes)
+        for source, target, key in graph.edges(keys=True):
+            _add_edge(model, source, ids[source], ids[target], key)
+    return model
+
+
+def _ids(graph: nx.MultiDiGraph) -> dict[Hashable, int]:
+    if all(type(label) is int and label >= 0 for label in graph.nodes):
+        return {label: label for label in graph.nodes}
+    return {label: index for index, label in enumerate(graph.nodes)}
+
+
+def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, object]) -> None:
+    cls = attributes.get(_CLASS)
+    if not isinstance(cls, str):
+        raise InvalidArgument(f"node {label!r} has no class: set the node attribute {_CLASS!r}")
+    name = attributes.get(_NAME)
+    if name is not None and not isinstance(name, str):
+        raise InvalidArgument(f"node {label!r} has the name {name!r}, which is no text")
+    try:
+        model.new_at(node, cls, name)
+    except TypeMismatch as error:
+        raise TypeMismatch(f"node {label!r}: {error}") from None
+    features = model.metamodel.features(cls)
+    for key in attributes:
+        if key not in (_CLASS, _NAME) and not isinstance(features.get(key), Attribute):
+            hint = did_you_mean(str(key), (f.name for f in features.values() if isinstance(f, Attribute)))
+            raise InvalidArgument(
+                f"node {label!r}: `{cls}` has no attribute `{key}`" + (f"; {hint}" if hint else "")
+            )
+    for feature in features.values():
+        if isinstance(feature, Attribute):
+            try:
+                model.set_value(node, feature, attributes.get(feature.name))  # type: ignore[arg-type]  # checked there
+            except EnvgraphError as error:
+                raise TypeMismatch(f"node {label!r}: {error}") from None
+
+
+def _add_edge(model: Model, label: Hashable, source: int, target: int, key: object) -> None:
+    cls = model.class_of(source)
+    reference = model.metamodel.feature(cls, key) if isinstance(key, str) else None
+    if not isinstance(reference, Reference):
+        raise InvalidArgument(
+            f"an edge from node {label!r} has the key {key!r}, which is no reference of `{cls}`"
+        )
+    relation = model.store.relations[reference.index]
+    child = target if relation.containment else source if relation.contained else None
+    if (
+        child is not None
+        and model.container(child) is not None
+        and not model.has_link(source, reference, target)
+    ):
+        raise RuleError(f"{model.describe(child)} has two containers", reason="containment")
+    model.link(source, reference, target)
