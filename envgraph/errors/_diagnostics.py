@@ -46,7 +46,7 @@ class Diagnostic:
         """Position, message, excerpt with caret, notes and hint, on several lines."""
         mark = "" if self.severity is Severity.ERROR else "warning: "
         lines = [f"{self.span}: {mark}{self.message}" if self.span else f"{mark}{self.message}"]
-        if self.span:
+        if self.span and self.span.source.text:  # the text of a file that cannot be read is empty
             lines.append(self.span.excerpt())
         for note in self.notes:
             lines.append(f"note: {note.span}: {note.message}" if note.span else f"note: {note.message}")
@@ -64,12 +64,21 @@ class Diagnostic:
             "message": self.message,
             "hint": self.hint,
         }
-        if self.span:
-            end_line, end_column = self.span.source.position(self.span.end)
-            data["file"] = self.span.source.name
-            data["start"] = {"line": self.span.line, "column": self.span.column}
-            data["end"] = {"line": end_line, "column": end_column}
+        data.update(_place(self.span))
+        if self.notes:
+            data["notes"] = [{"message": note.message, **_place(note.span)} for note in self.notes]
         return data
+
+
+def _place(span: Span | None) -> dict[str, object]:
+    if span is None:
+        return {}
+    end_line, end_column = span.source.position(span.end)
+    return {
+        "file": span.source.name,
+        "start": {"line": span.line, "column": span.column},
+        "end": {"line": end_line, "column": end_column},
+    }
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from envgraph.errors._diagnostics import Diagnostic
 
@@ -17,6 +17,10 @@ class DiagnosticError(EnvgraphError):
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
         super().__init__("\n\n".join(str(diagnostic) for diagnostic in self.diagnostics))
+
+    def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
+        """Errors cross from worker processes; by default they would be made again from their text."""
+        return type(self), (self.diagnostics,)
 
 
 class LoadError(DiagnosticError):
@@ -47,7 +51,16 @@ class RuleError(EnvgraphError):
         self.rule = rule
         self.reason = reason
         self.details = tuple(details)
+        self._message = message
         super().__init__("\n  ".join([message, *details]))
+
+    def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
+        """Errors cross from worker processes; by default they would be made again from their text."""
+        return _rule_error, (self._message, self.rule, self.reason, self.details)
+
+
+def _rule_error(message: str, rule: str | None, reason: str, details: Sequence[str]) -> RuleError:
+    return RuleError(message, rule=rule, reason=reason, details=details)
 
 
 class TransactionError(EnvgraphError):

@@ -34,12 +34,15 @@ def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
 def check_classes(classes: Sequence[Class], enums: Sequence[EnumType]) -> list[Diagnostic]:
     """All problems of the classes and enums of one metamodel."""
     table = {cls.name: cls for cls in reversed(classes)}
+    declared = {enum.name: enum for enum in reversed(enums)}
     problems = list(_duplicates([*classes, *enums]))
+    problems.extend(_check_names(classes, enums))
     for enum in enums:
         problems.extend(_check_enum(enum))
     for cls in classes:
         problems.extend(_check_supertypes(cls, table))
         problems.extend(_check_features(cls, table))
+        problems.extend(_check_types(cls, declared))
         problems.extend(_check_key(cls, table))
         problems.extend(_check_glyph(cls))
     problems.extend(_check_glyphs_differ(classes))
@@ -58,6 +61,42 @@ def _duplicates(named: Sequence[Class | EnumType | Feature], what: str = "type")
             )
         else:
             first[item.name] = item.span
+
+
+def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterator[Diagnostic]:
+    """Names are words, for the languages and for the attributes of handles; those of the scalars are taken."""
+    types: list[Class | EnumType] = [*classes, *enums]
+    for type_ in types:
+        if type_.name in tuple(Scalar):
+            yield Diagnostic("bad-name", f"`{type_.name}` is the name of a built-in type", type_.span)
+    named: list[Class | EnumType | Feature] = [
+        *classes,
+        *enums,
+        *(f for cls in classes for f in cls.features),
+    ]
+    for item in named:
+        if not item.name.isidentifier():
+            yield Diagnostic(
+                "bad-name", f"`{item.name}` is not a name: write letters, digits and _", item.span
+            )
+    for enum in enums:
+        for index, literal in enumerate(enum.literals):
+            if not literal.isidentifier():
+                span = place(enum, f"literal {index}")
+                yield Diagnostic("bad-name", f"`{literal}` is not a name: write letters, digits and _", span)
+
+
+def _check_types(cls: Class, enums: Mapping[str, EnumType]) -> Iterator[Diagnostic]:
+    for feature in cls.features:
+        if isinstance(feature, Attribute) and isinstance(feature.type, EnumType):
+            name = feature.type.name
+            if enums.get(name) != feature.type:
+                text = f"`{feature.name}` is of another enum `{name}` than the metamodel's"
+                if name not in enums:
+                    text = f"unknown enum `{name}`"
+                yield Diagnostic(
+                    "unknown-enum", text, place(feature, "type") or cls.span, did_you_mean(name, enums)
+                )
 
 
 def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
@@ -87,29 +126,48 @@ def _check_supertypes(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagno
 
 def _check_features(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
     yield from _duplicates(cls.features, f"feature of `{cls.name}`")
+    yield from _check_inherited(cls, table)
+    for feature in cls.features:
+        if isinstance(feature, Attribute):
+            yield from _check_default(feature, cls)
+        else:
+            yield from _check_reference(feature, cls, table)
+
+
+def _check_inherited(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+    """Names that a class gets twice; what one of its supertypes gets twice is reported there."""
     inherited: dict[str, tuple[str, Feature]] = {}
-    for above in linearise(cls.name, table)[1:]:
-        for feature in table[above].features:
-            owner, _ = inherited.setdefault(feature.name, (above, feature))
-            if owner != above:
+    for direct in dict.fromkeys(cls.supertypes):
+        if cls.name in linearise(direct, table):
+            continue  # a cycle, reported as such
+        for owner, feature in _features(direct, table):
+            known, _ = inherited.setdefault(feature.name, (owner, feature))
+            if known != owner:
                 yield Diagnostic(
                     "duplicate-definition",
-                    f"`{cls.name}` inherits `{feature.name}` from both `{owner}` and `{above}`",
+                    f"`{cls.name}` inherits `{feature.name}` from both `{known}` and `{owner}`",
                     cls.span,
                     "rename one of them, or move it to a common supertype",
                 )
     for feature in cls.features:
         if feature.name in inherited:
+            owner, other = inherited[feature.name]
             yield Diagnostic(
                 "duplicate-definition",
-                f"`{cls.name}` inherits `{feature.name}` from `{inherited[feature.name][0]}` already",
+                f"`{cls.name}` inherits `{feature.name}` from `{owner}` already",
                 feature.span or cls.span,
-                notes=(Note("inherited from here", inherited[feature.name][1].span),),
+                notes=(Note("inherited from here", other.span),),
             )
-        if isinstance(feature, Attribute):
-            yield from _check_default(feature, cls)
-        else:
-            yield from _check_reference(feature, cls, table)
+
+
+def _features(name: str, table: Mapping[str, Class]) -> Iterator[tuple[str, Feature]]:
+    """Owner and feature, for each name the nearest one only."""
+    seen: set[str] = set()
+    for owner in linearise(name, table):
+        for feature in table[owner].features:
+            if feature.name not in seen:
+                seen.add(feature.name)
+                yield owner, feature
 
 
 def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
@@ -184,6 +242,8 @@ def _check_opposite(reference: Reference, cls: Class, table: Mapping[str, Class]
 
 def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
     known = {f.name: f for above in linearise(cls.name, table) for f in table[above].features}
+    if len(set(cls.key)) != len(cls.key):
+        yield Diagnostic("duplicate-definition", f"`@key` of `{cls.name}` names an attribute twice", cls.span)
     for name in cls.key:
         if not isinstance(known.get(name), Attribute):
             attributes = [key for key, feature in known.items() if isinstance(feature, Attribute)]

@@ -83,7 +83,9 @@ class Attribute:
     @property
     def initial(self) -> Value:
         """The value in a fresh object."""
-        return default_of(self.type) if self.default is None else self.default
+        if self.default is None:
+            return default_of(self.type)
+        return float(self.default) if self.type is Scalar.FLOAT else self.default
 
     def __str__(self) -> str:
         return f"{self.owner}.{self.name}"
@@ -196,11 +198,19 @@ def accepts(type_: AttributeType, value: object) -> bool:
             return type(value) is int
         case Scalar.FLOAT:
             # NaN is not equal to itself: no query could find it again.
-            return type(value) is int or (type(value) is float and not isnan(value))
+            return _has_float(value) if type(value) is int else type(value) is float and not isnan(value)
         case Scalar.BOOL:
             return type(value) is bool
         case Scalar.STRING:
             return type(value) is str
+
+
+def _has_float(value: int) -> bool:
+    try:
+        float(value)
+    except OverflowError:
+        return False
+    return True
 
 
 def type_name(type_: AttributeType) -> str:
