@@ -279,8 +279,8 @@ class ExpressionChecker:
             self._none_test(node)
             return
         if not self.bare_objects and self._is_object(node.left) and self._is_object(node.right):
-            hint = "compare the objects in a constraint of its own, outside of check and eval"
-            self._report("bare-object", "two objects are compared where only data can stand", node, hint)
+            advice = "compare the objects in a constraint of its own, outside of check and eval"
+            self._report("bare-object", "two objects are compared where only data can stand", node, advice)
             return
         left, right = self._sides(node)
         if left is None or right is None:
@@ -295,20 +295,16 @@ class ExpressionChecker:
 
     def _sides(self, node: Binary) -> tuple[StaticType | None, StaticType | None]:
         """Types of both sides; `::literal` on one side takes its enum from the other."""
-        if isinstance(node.left, EnumLiteral) and node.left.enum is None:
-            right = self.type_of(node.right)
-            return (self._literal_beside(node.left, right, node.right)), right
-        left = self.type_of(node.left)
-        if isinstance(node.right, EnumLiteral) and node.right.enum is None:
-            return left, self._literal_beside(node.right, left, node.left)
-        return left, self.type_of(node.right)
-
-    def _literal_beside(
-        self, node: EnumLiteral, other: StaticType | None, side: Expression
-    ) -> StaticType | None:
-        if other is None and not isinstance(side, EnumLiteral):
-            return None  # the other side has been reported
-        return self.literal(node, other)
+        left, right = node.left, node.right
+        if _is_bare_literal(left) and _is_bare_literal(right):
+            return self.type_of(left), None
+        if _is_bare_literal(left):
+            other = self.type_of(right)
+            return self.type_of(left, other) if other else None, other
+        other = self.type_of(left)
+        if _is_bare_literal(right):
+            return other, self.type_of(right, other) if other else None
+        return other, self.type_of(right)
 
     def _none_test(self, node: Binary) -> None:
         path = none_test(node)
@@ -323,9 +319,9 @@ class ExpressionChecker:
     def _conditional(self, node: Conditional, expected: StaticType | None) -> StaticType | None:
         self._operand(node.test, "?:", "bool")
         first, second = node.then, node.otherwise
-        if isinstance(first, EnumLiteral) and first.enum is None and expected is None:
+        if _is_bare_literal(first) and expected is None:
             otherwise = self.type_of(second)
-            then = self.literal(first, otherwise)
+            then = self.type_of(first, otherwise)
         else:
             then = self.type_of(first, expected)
             otherwise = self.type_of(second, expected or then)
@@ -384,6 +380,11 @@ _KINDS: Final[Mapping[str, str]] = {
 
 def _is_none(node: Expression) -> bool:
     return isinstance(node, Constant) and node.value is None
+
+
+def _is_bare_literal(node: Expression) -> bool:
+    """Whether this is `::literal`, whose enum the place has to tell."""
+    return isinstance(node, EnumLiteral) and node.enum is None
 
 
 def _is_kind(type_: StaticType, kind: str) -> bool:

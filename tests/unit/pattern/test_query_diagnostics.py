@@ -2,7 +2,7 @@
 
 import pytest
 
-from envgraph.errors import Severity, Source
+from envgraph.errors import ResolutionError, Severity, Source
 from envgraph.metamodel import Annotation
 from envgraph.pattern import Body, FunctionCall, Parameter, PathConstraint, Pattern, Variable
 from tests.unit.pattern.building import (
@@ -17,6 +17,7 @@ from tests.unit.pattern.building import (
     find,
     hints,
     isa,
+    library,
     ne,
     neg,
     op,
@@ -515,9 +516,6 @@ def test_one_mistake_gives_one_diagnostic(expected, patterns):
 
 
 def test_every_error_refuses_the_library_and_every_warning_does_not():
-    from envgraph.errors import ResolutionError
-    from tests.unit.pattern.building import library
-
     for _, expected, patterns in CASES:
         if all(code.startswith("W:") for code in expected):
             assert library(*patterns).names()
@@ -532,14 +530,23 @@ def test_every_error_refuses_the_library_and_every_warning_does_not():
     [
         ("did you mean `Cell`?", one("a : Cel", isa("Cell", "a"))),
         ("did you mean `right`?", one("a : Cell", path("Cell.rigth", "a", "_"))),
-        ("its subclass `Door` has one: constrain the object with `Door(..)`", one("a : Cell", path("Cell.open", "a", True))),
+        (
+            "its subclass `Door` has one: constrain the object with `Door(..)`",
+            one("a : Cell", path("Cell.open", "a", True)),
+        ),
         ("did you mean `Colour`?", one("c : Colour", eq("c", "Color::red"))),
         ("did you mean `red`?", one("c : Colour", eq("c", "Colour::rad"))),
         ("did you mean `Colour::red`?", one("k : Key", path("Key.colour", "k", text("red")))),
-        ("did you mean `tile`?", one("a : Cell", path("Cell.right", "a", "tile"), isa("Floor", "tile"), isa("Floor", "tlie"))),
-        ("did you mean `Constraint`?", one("a : Cell", isa("Cell", "a"), annotations=(Annotation("Constrain"),))),
+        (
+            "did you mean `tile`?",
+            one("a : Cell", path("Cell.right", "a", "tile"), isa("Floor", "tile"), isa("Floor", "tlie")),
+        ),
+        (
+            "did you mean `Constraint`?",
+            one("a : Cell", isa("Cell", "a"), annotations=(Annotation("Constrain"),)),
+        ),
     ],
-)  # fmt: skip
+)
 def test_hints_name_the_nearest_candidate(hint, made):
     assert hint in hints(made)
 

@@ -1,0 +1,332 @@
+"""Types and values of expressions."""
+
+import pytest
+
+from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.metamodel import Scalar
+from envgraph.pattern import (
+    EXPRESSION_NAMESPACE,
+    FUNCTIONS,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    FunctionCall,
+    ObjectType,
+    Unary,
+    Variable,
+    check_expression,
+    compile_expression,
+    evaluate,
+    holds,
+    value_of,
+)
+from tests.unit.pattern.building import COLOUR, METAMODEL, NONE, expr, op, text
+
+INT, FLOAT, BOOL, STRING = Scalar.INT, Scalar.FLOAT, Scalar.BOOL, Scalar.STRING
+SCOPE = {
+    "n": INT,
+    "f": FLOAT,
+    "b": BOOL,
+    "s": STRING,
+    "c": COLOUR,
+    "cell": ObjectType("Cell"),
+    "door": ObjectType("Door"),
+}
+
+
+def call(name, *arguments):
+    return FunctionCall(name, tuple(map(expr, arguments)))
+
+
+def cond(test, then, otherwise):
+    return Conditional(expr(test), expr(then), expr(otherwise))
+
+
+def checked(expression, **options):
+    type_, problems = check_expression(expr(expression), SCOPE, METAMODEL, **options)
+    return type_, [problem.code for problem in problems]
+
+
+@pytest.mark.parametrize(
+    ("type_", "expression"),
+    [
+        (INT, op("n", "+", 1)),
+        (FLOAT, op("n", "+", 1.0)),
+        (FLOAT, op("n", "/", "f")),
+        (INT, op("n", "/", 2)),
+        (STRING, op(text("p"), "+", op("n", "+", 1))),
+        (STRING, op("c", "+", text("!"))),
+        (BOOL, op("n", "<", "f")),
+        (BOOL, op("s", "<", text("b"))),
+        (BOOL, op("b", "&&", Unary("!", expr("b")))),
+        (BOOL, op("c", "==", "::red")),
+        (BOOL, op("::red", "!=", "c")),
+        (BOOL, op("n", "==", "f")),
+        (COLOUR, cond("b", "::red", "c")),
+        (COLOUR, cond("b", "c", "::red")),
+        (INT, cond("b", 1, "n")),
+        (ObjectType("Cell"), cond("b", "cell.right", "cell")),
+        (INT, expr("cell.right.left.x")),
+        (COLOUR, expr("door.colour")),
+        (BOOL, op("cell.right", "==", NONE)),
+        (BOOL, op(NONE, "!=", "cell.right.left")),
+        (BOOL, op("cell.right", "==", "cell.left")),
+        (INT, call("abs", "n")),
+        (FLOAT, call("abs", "f")),
+        (FLOAT, call("min", "n", 2, "f")),
+        (INT, call("length", "s")),
+        (STRING, call("toString", "c")),
+        (STRING, call("substring", "s", 1)),
+        (STRING, call("substring", "s", 1, 2)),
+        (None, NONE),
+    ],
+)
+def test_types(type_, expression):
+    assert checked(expression) == (type_, [])
+
+
+@pytest.mark.parametrize(
+    ("code", "expression"),
+    [
+        ("unknown-variable", op("m", "+", 1)),
+        ("unknown-variable", op("_", "+", 1)),
+        ("unknown-function", call("root", "n")),
+        ("unknown-feature", expr("cell.z")),
+        ("unknown-feature", expr("cell.open")),
+        ("unknown-feature", expr("cell.x.y")),
+        ("unknown-feature", expr("n.x")),
+        ("many-valued", expr("cell.items")),
+        ("unknown-enum", op("Color::red", "==", "c")),
+        ("unknown-enum", op("::red", "==", "::red")),
+        ("unknown-enum", op("n", "==", "::red")),
+        ("unknown-literal", op("c", "==", "::rad")),
+        ("operand-type", op("c", "==", text("red"))),
+        ("operand-type", op("c", "==", "Way::west")),
+        ("operand-type", op("n", "==", "b")),
+        ("operand-type", op("s", "-", "n")),
+        ("operand-type", op("b", "+", 1)),
+        ("operand-type", op("c", "+", 1)),
+        ("operand-type", op("cell", "+", text("x"))),
+        ("operand-type", op("c", "<", "s")),
+        ("operand-type", op("s", "<", "n")),
+        ("operand-type", op("n", "&&", "b")),
+        ("operand-type", op("cell.right", "==", "n")),
+        ("operand-type", op("cell", "==", Constant(3))),
+        ("operand-type", Unary("!", expr("n"))),
+        ("operand-type", Unary("-", expr("s"))),
+        ("operand-type", op("n", "+", NONE)),
+        ("operand-type", cond("n", 1, 2)),
+        ("operand-type", cond("b", 1, 2.0)),
+        ("operand-type", cond("b", 1, text("a"))),
+        ("operand-type", call("sqrt", "s")),
+        ("operand-type", call("substring", "s", 1.5)),
+        ("none-test", op("n", "==", NONE)),
+        ("none-test", op(NONE, "==", NONE)),
+        ("wrong-arity", call("min", "n")),
+        ("wrong-arity", call("abs", "n", "n")),
+    ],
+)
+def test_one_mistake_gives_one_diagnostic(code, expression):
+    assert checked(expression)[1] == [code]
+
+
+def test_an_expected_type_gives_a_literal_its_enum():
+    assert checked("::blue", expected=COLOUR) == (COLOUR, [])
+    assert checked(cond("b", "::blue", "::red"), expected=COLOUR) == (COLOUR, [])
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected", "codes"),
+    [
+        (expr("n"), FLOAT, []),
+        (expr("f"), INT, ["wrong-type"]),
+        (text("red"), COLOUR, ["wrong-type"]),
+        (expr("door"), ObjectType("Cell"), []),
+        (expr("cell"), ObjectType("Door"), ["wrong-type"]),
+        (expr("n"), ObjectType("Cell"), ["wrong-type"]),
+        (NONE, ObjectType("Cell"), []),
+    ],
+)
+def test_an_expression_has_to_fit_its_place(expression, expected, codes):
+    assert checked(expression, expected=expected)[1] == codes
+
+
+def test_objects_stand_alone_outside_of_queries_only():
+    assert checked(op("cell", "==", "door")) == (BOOL, [])
+    assert checked(op("cell", "==", "door"), bare_objects=False)[1] == ["bare-object"]
+    assert checked(op("cell.right", "==", "door"), bare_objects=False)[1] == ["bare-object"]
+    assert checked(op("cell.x", "==", "door.x"), bare_objects=False)[1] == []
+
+
+def test_a_variable_of_unknown_type_causes_no_errors():
+    expression = op(op("u", "+", 1), "<", op("u.x", "*", 2))
+    assert check_expression(expression, {"u": None}, METAMODEL) == (BOOL, [])
+
+
+def test_too_deep_an_expression_is_an_error_and_no_crash():
+    expression = expr("n")
+    for _ in range(5_000):
+        expression = Unary("-", expression)
+    assert checked(expression)[1] == ["expression-too-deep"]
+
+
+def test_the_deepest_expression_still_compiles():
+    expression = expr("f")
+    for _ in range(98):
+        expression = op(expression, "*", 1.0)
+    assert checked(expression) == (FLOAT, [])
+    compiled = compile_expression(expression, {"f": "f"}, SCOPE)
+    assert eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, "f": 2.5}) == 2.5
+
+
+@pytest.mark.parametrize(
+    ("value", "expression"),
+    [
+        (3, op(7, "/", 2)),
+        (-3, op(-7, "/", 2)),
+        (-3, op(7, "/", -2)),
+        (3.5, op(7, "/", 2.0)),
+        (-1, op(-7, "%", 2)),
+        (1, op(7, "%", -2)),
+        (1, call("mod", -7, 2)),
+        (-1.5, op(-7.5, "%", 2)),
+        ("p3", op(text("p"), "+", op(2, "+", 1))),
+        ("p21", op(op(text("p"), "+", 2), "+", 1)),
+        ("true1.0", op(op(True, "+", text("")), "+", 1.0)),
+        (10**17, op(10**16, "*", 10)),
+        (False, op(False, "&&", op(op(1, "/", 0), "==", 1))),
+        (True, op(True, "||", op(op(1, "/", 0), "==", 1))),
+        (1, cond(True, 1, op(1, "/", 0))),
+        (True, op(1, "==", 1.0)),
+        (2.0, call("min", 3.0, 2)),
+        (3, call("max", 3, 2)),
+        (3.0, call("sqrt", 9)),
+        (8.0, call("pow", 2, 3)),
+        (-3, call("floor", -2.5)),
+        (-2, call("ceil", -2.5)),
+        (-2, call("round", -2.5)),
+        (3, call("round", 2.5)),
+        (0, call("round", 0.49999999999999994)),
+        (-2, call("toInt", -2.5)),
+        (2.0, call("toFloat", 2)),
+        (True, call("startsWith", text("abc"), text("ab"))),
+        (True, call("endsWith", text("abc"), text("bc"))),
+        (True, call("contains", text("abc"), text("b"))),
+        (1, call("indexOf", text("abc"), text("b"))),
+        ("bc", call("substring", text("abc"), 1)),
+        ("b", call("substring", text("abc"), 1, 2)),
+        ("xbc", call("replace", text("abc"), text("a"), text("x"))),
+        ("a", call("trim", text(" a "))),
+        ("AB", call("toUpper", text("aB"))),
+        ("ab", call("toLowerCase", text("aB"))),
+        (True, call("isEmpty", text(""))),
+        (0, call("length", text(""))),
+        (1.0, call("exp", 0)),
+        (0.0, call("log", 1)),
+        (2, call("abs", -2)),
+        ("red", call("toString", "Colour::red")),
+    ],
+)
+def test_values(value, expression):
+    result = evaluate(expression, {})
+    assert (result, type(result)) == (value, type(value))
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        op(1, "/", 0),
+        op(1, "%", 0),
+        op(1.0, "/", 0.0),
+        call("mod", 1, 0),
+        op(1e308, "*", 10),
+        op(10**400, "*", 1.0),
+        op(2**62, "+", 2**62),
+        Unary("-", Constant(-(2**63))),
+        call("sqrt", -1),
+        call("log", 0),
+        call("pow", 10, 400),
+        call("substring", text("abc"), 2, 1),
+        call("replace", Constant("a" * 2_000), text("a"), Constant("b" * 2_000)),
+        op(Constant("a" * 600_000), "+", Constant("a" * 600_000)),
+    ],
+)
+def test_what_has_no_value_is_an_evaluation_error(expression):
+    with pytest.raises(EvaluationError):
+        evaluate(expression, {})
+    assert value_of(expression, {}) is None
+    compiled = compile_expression(expression, {})
+    assert compiled.fallible
+    with pytest.raises(EvaluationError):
+        eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants})
+
+
+CELLS = {0: {"x": 4, "right": 1}, 1: {"x": 5, "right": None}}
+
+
+def read(cell, feature):
+    return CELLS[cell].get(feature)
+
+
+def test_paths_read_the_model():
+    assert evaluate(expr("a.right.x"), {"a": 0}, read) == 5
+    assert evaluate(expr("a.right.right"), {"a": 0}, read) is None
+    assert evaluate(op("a.right.right", "==", NONE), {"a": 0}, read) is True
+    assert evaluate(op("a.right.right.right", "==", NONE), {"a": 0}, read) is True
+    assert evaluate(op("a.right", "!=", NONE), {"a": 0}, read) is True
+
+
+def test_an_operator_needs_a_value():
+    with pytest.raises(EvaluationError, match="`x` has no value"):
+        evaluate(op("a.right.x", "+", 1), {"a": 1}, read)
+
+
+def test_a_check_needs_all_its_paths_even_where_or_would_not_look():
+    expression = op("b", "||", op("a.right.x", ">", 0))
+    assert evaluate(expression, {"a": 1, "b": True}, read) is True
+    assert not holds(expression, {"a": 1, "b": True}, read)
+    assert holds(expression, {"a": 0, "b": True}, read)
+
+
+def test_a_check_may_ask_whether_a_path_leads_anywhere():
+    assert holds(op(op("a.right", "==", NONE), "||", op("a.x", "==", 4)), {"a": 1}, read)
+
+
+def test_an_eval_without_a_value_has_none():
+    assert value_of(expr("a.right.x"), {"a": 1}, read) is None
+    assert value_of(op(1, "/", expr("a.right.x")), {"a": 0}, read) == 0
+
+
+def test_missing_variables_and_models_are_invalid_arguments():
+    with pytest.raises(InvalidArgument):
+        evaluate(Variable("x"), {})
+    with pytest.raises(InvalidArgument):
+        evaluate(expr("a.x"), {"a": 0})
+    with pytest.raises(InvalidArgument):
+        compile_expression(Variable("x"), {})
+    with pytest.raises(InvalidArgument):
+        compile_expression(expr("a.x"), {"a": "a"})
+
+
+def test_generated_source_holds_no_text_of_the_user():
+    evil = "__import__('os')"
+    compiled = compile_expression(op(Constant(evil), "==", Variable(evil)), {evil: "v0"})
+    assert compiled.source == "(k[0] == v0)"
+    assert compiled.constants == (evil,)
+
+
+def test_typed_code_uses_plain_operators():
+    expression = op(op("n", "*", 2), ">", op("n", "-", 1))
+    compiled = compile_expression(expression, {"n": "v"}, SCOPE, constant="c{}".format)
+    assert (compiled.source, compiled.fallible) == ("((v * c0) > (v - c1))", False)
+
+
+def test_every_function_has_a_reference_line_and_a_source_name():
+    for name, function in FUNCTIONS.items():
+        assert function.signature.startswith(f"{name}(")
+        assert function.doc
+        assert EXPRESSION_NAMESPACE[f"_fn_{name}"] is function.implementation
+
+
+def test_an_enum_literal_is_its_name():
+    assert evaluate(EnumLiteral("Colour", "red"), {}) == "red"
