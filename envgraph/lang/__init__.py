@@ -1,0 +1,55 @@
+"""Text to data for the five languages and for family files, with diagnostics.
+
+`open` and `load` are what most programs need; `load_workspace` gives everything that files say together with what is
+wrong with them, without raising.
+"""
+
+from envgraph.lang._checking import conformance
+from envgraph.lang._data import bundled_domain, bundled_domains, data_path
+from envgraph.lang._family import (
+    ComponentSpec,
+    ConstraintsSpec,
+    CurriculumSpec,
+    EpsilonSpec,
+    FamilySpec,
+    MutationSpec,
+    Name,
+    SearchSpec,
+    TrainingSpec,
+)
+from envgraph.lang._family_check import COMPONENTS, check_family
+from envgraph.lang._family_reader import load_family
+from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles
+from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
+from envgraph.lang._model import ModelText
+from envgraph.lang._workspace import Workspace
+
+__all__ = [
+    "COMPONENTS",
+    "LANGUAGES",
+    "Bundle",
+    "ComponentSpec",
+    "ConstraintsSpec",
+    "CurriculumSpec",
+    "DiskFiles",
+    "EpsilonSpec",
+    "FamilySpec",
+    "Files",
+    "ModelText",
+    "MutationSpec",
+    "Name",
+    "SearchSpec",
+    "TextFiles",
+    "TrainingSpec",
+    "Workspace",
+    "bundled_domain",
+    "bundled_domains",
+    "check_family",
+    "conformance",
+    "data_path",
+    "load",
+    "load_behaviour",
+    "load_family",
+    "load_workspace",
+    "open",
+]

@@ -19,7 +19,7 @@ RECOVERY: dict[str, tuple[str, ...]] = {
     "metamodel": ("definition", "member"),
     "model": ("definition", "entry", "assignment", "part", "line"),
     "query": ("definition", "constraint"),
-    "rules": ("definition", "part", "statement"),
+    "rules": ("definition", "part", "statement", "action", "step"),
     "environment": ("definition", "clause"),
 }
 """For each language the grammar rules that parsing can resume after: the elements of lists of definitions or

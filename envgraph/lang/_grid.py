@@ -57,7 +57,7 @@ def read_grid(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel | None, re
     """The cells of a `grid` tree, row by row; a letter that stands for nothing has no entry."""
     parts = _parts(parsed, tree, report)
     name = tokens(tree.children)[0]
-    axes = {kind: _axis(parts[kind]) for kind in ("column", "row") if kind in parts}
+    axes: dict[str, Axis] = {kind: _axis(parts[kind]) for kind in ("column", "row") if kind in parts}
     if "rows" not in parts:
         if not parsed.diagnostics:
             hint = 'write `rows """` and the letters, a line for each row'

@@ -33,10 +33,12 @@ class MetamodelFile:
 
     Attributes:
         metamodel: None when there are errors.
+        span: its name, or the start of the file.
         lost: names that may be defined in what could not be read.
     """
 
     metamodel: Metamodel | None
+    span: Span
     diagnostics: tuple[Diagnostic, ...]
     lost: frozenset[str] = frozenset()
 
@@ -46,7 +48,7 @@ def read_metamodel(parsed: Parsed) -> MetamodelFile:
     reader = _Reader(parsed)
     metamodel = reader.read()
     lost = parsed.lost | reader.lost
-    return MetamodelFile(metamodel, tuple(without_consequences(reader.diagnostics, lost)), lost)
+    return MetamodelFile(metamodel, reader.span, tuple(without_consequences(reader.diagnostics, lost)), lost)
 
 
 @dataclass(slots=True)
@@ -64,10 +66,12 @@ class _Reader:
     parsed: Parsed
     diagnostics: list[Diagnostic] = field(default_factory=list)
     lost: set[str] = field(default_factory=set)
+    span: Span = field(init=False)
     _enums: dict[str, EnumType] = field(default_factory=dict)
     _class_names: list[str] = field(default_factory=list)
 
     def read(self) -> Metamodel | None:
+        self.span = self.parsed.source.span(0, 0)
         self.diagnostics.extend(self.parsed.diagnostics)
         if self.parsed.tree is None:
             return None
@@ -117,6 +121,7 @@ class _Reader:
             )
         self._annotations(headers[0], ())
         name, uri = tokens(headers[0].children, "NAME", "STRING")[0], tokens(headers[0].children, "STRING")
+        self.span = self._span(name)
         return str(name), str(uri[0]) if uri else None
 
     def _enum(self, tree: Tree[Token]) -> EnumType:

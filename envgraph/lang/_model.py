@@ -131,6 +131,14 @@ class _Reader:
                 did_you_mean(metamodel, [self.metamodel.name]) or f"the metamodel is `{self.metamodel.name}`"
             )
             self._error("unknown-metamodel", f"unknown metamodel `{metamodel}`", metamodel, hint)
+        with self._model.loading():
+            self._fill_model(tree)
+        complete = self.metamodel and not has_errors([*self.parsed.diagnostics, *self.diagnostics])
+        return ModelText(
+            str(name), self.parsed.span(name), str(metamodel), self._model if complete else None, self.spans
+        )
+
+    def _fill_model(self, tree: Tree[Token]) -> None:
         top: Made = {}
         for entry in trees(tree.children, "entry"):
             self._object(entry, top)
@@ -139,10 +147,6 @@ class _Reader:
                 self._neighbours(grid)
             for task in self._tasks:
                 self._assign(task)
-        complete = self.metamodel and not has_errors([*self.parsed.diagnostics, *self.diagnostics])
-        return ModelText(
-            str(name), self.parsed.span(name), str(metamodel), self._model if complete else None, self.spans
-        )
 
     # --- objects ---
 
@@ -441,12 +445,23 @@ class _Reader:
         return False
 
     def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:
-        if self._model.has_link(node, reference, target):
+        if self._model.has_link(node, reference, target) or self._contained_elsewhere(reference, target, where):
             return
         try:
             self._model.link(node, reference, target)
         except (RuleError, TypeMismatch) as error:
             self._report("impossible-link", str(error).split("\n", maxsplit=1)[0], where)
+
+    def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
+        """Whether an object has a container already: the model would move it, a file says two things at once."""
+        container = self._model.container(target) if reference.containment else None
+        if container is None:
+            return False
+        holder = self._model.describe(container[0])
+        notes = (Note("the container is here", self.spans[container[0]]),)
+        message = f"the object is contained in {holder} already, by `{container[1].name}`"
+        self._report("two-containers", message, where, "an object has one container at most", notes)
+        return True
 
     # --- messages ---
 

@@ -254,11 +254,13 @@ class _Run:
 
     def _recover(self, index: int) -> int | None:
         """Reports the unexpected lexeme, mends or gives up a part, and says where to go on."""
-        for attempt in (self._misplaced, self._mistyped, self._swallowed, self._missing):
+        attempts = (self._misplaced, self._mistyped, self._unescaped, self._swallowed, self._missing)
+        for attempt in attempts:
             resumed = attempt(index)
             if resumed is not None:
                 return resumed
-        self._report_unexpected(index)
+        if not self._surplus(index):
+            self._report_unexpected(index)
         return self._close_all(index) if self._lexemes[index].kind == END else self._give_up(index)
 
     def _levels(self) -> Iterator[_Level]:
@@ -327,6 +329,9 @@ class _Run:
         """A word that is nearly the keyword that makes sense here, or at the start of the statement under way."""
         if self._substitute(index, len(self._states), index):
             return index + 1
+        if self._begins and self._begins[-1] == index - 1:
+            if self._substitute(index - 1, len(self._states) - 1, index):
+                return index
         for level in self._levels():
             if 0 <= level.begin < index and self._substitute(level.begin, level.height, index):
                 return level.begin + 1
@@ -352,6 +357,24 @@ class _Run:
         self._cut(height)
         self._feed(terminal, lexeme, place)
         return True
+
+    def _unescaped(self, index: int) -> int | None:
+        """A name that is a keyword where it stands, just before the unexpected lexeme."""
+        if not self._begins or self._begins[-1] != index - 1:
+            return None
+        lexeme, height = self._lexemes[index - 1], len(self._states) - 1
+        states = self._states[:height]
+        is_keyword = lexeme.kind == "NAME" and self._resolve(states, index - 1) not in {None, "NAME"}
+        if not is_keyword or self._lexemes[index].value == "(" or not self._grammar.accepts(states, "NAME"):
+            return None
+        self._grammar.shift(states, "NAME")
+        if not self._makes_sense(states, index, index + _LOOKAHEAD):
+            return None
+        hint = f"write `^{lexeme.value}` for the name"
+        self._report("unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint)
+        self._cut(height)
+        self._feed("NAME", lexeme, index - 1)
+        return index
 
     def _swallowed(self, index: int) -> int | None:
         """A keyword that starts the next statement, taken for a name by an unfinished one before it."""
@@ -531,6 +554,11 @@ class _Run:
         return None
 
     # --- messages ---
+
+    def _surplus(self, index: int) -> bool:
+        """Whether this is a `}` without a `{`, and an error before it explains that."""
+        lexeme = self._lexemes[index]
+        return lexeme.value == "}" and lexeme.kind == PUNCTUATION and lexeme.braces == 0 and bool(self.diagnostics)
 
     def _report_unexpected(self, index: int) -> None:
         lexeme = self._lexemes[index]

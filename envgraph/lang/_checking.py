@@ -1,0 +1,100 @@
+"""Names and types across files: the definitions of a workspace against its metamodel and each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from envgraph.env import Behaviour, check_behaviour
+from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors
+from envgraph.graph import Model, check_conformance
+from envgraph.lang._imports import without_consequences
+from envgraph.lang._model import ModelText
+from envgraph.lang._workspace import Workspace
+from envgraph.pattern import Derivation, Pattern, Rule, Unit
+from envgraph.rewrite import Engine
+
+Definition = Pattern | Rule | Unit | Derivation
+
+
+def check(workspace: Workspace, lost: frozenset[str]) -> list[Diagnostic]:
+    """What is wrong with patterns, rules, units, derivations and behaviours; names that are `lost` are not unknown."""
+    problems = list(_same_names(workspace.behaviours, "environment"))
+    metamodel = workspace.metamodel
+    if metamodel is None:
+        return [*problems, *_no_metamodel(workspace)]
+    engine = Engine(Model(metamodel))
+    found = without_consequences(engine.check(*workspace.definitions), lost)
+    problems.extend(found)
+    if workspace.behaviours:
+        broken = _add(engine, workspace.definitions)
+        for behaviour in workspace.behaviours:
+            about = check_behaviour(behaviour, engine)
+            problems.extend(one for one in without_consequences(about, lost) if not _mentions(one, broken))
+    return problems
+
+
+def conformance(text: ModelText) -> list[Diagnostic]:
+    """What a model lacks to conform to its metamodel (multiplicities, values): a diagnostic at each object.
+
+    A model may be worked on while it does not conform, so these are warnings.
+    """
+    if text.model is None:
+        return []
+    return [
+        Diagnostic(
+            "conformance",
+            violation.message,
+            text.spans.get(violation.node, text.span),
+            severity=Severity.WARNING,
+        )
+        for violation in check_conformance(text.model)
+    ]
+
+
+def _add(engine: Engine, definitions: Sequence[Definition]) -> set[str]:
+    """Adds what has no errors; returns the names of the rest."""
+    left = list(definitions)
+    while left:
+        try:
+            engine.add(*left)
+            return set()
+        except ResolutionError:
+            sound = [one for one in left if _added(engine, one)]
+            if not sound:
+                break
+            left = [one for one in left if one not in sound]
+    return {one.name for one in left}
+
+
+def _added(engine: Engine, definition: Definition) -> bool:
+    try:
+        engine.add(definition)
+    except ResolutionError:
+        return False
+    return True
+
+
+def _mentions(problem: Diagnostic, names: Iterable[str]) -> bool:
+    return any(f"`{name}`" in problem.message for name in names)
+
+
+def _same_names(behaviours: Iterable[Behaviour], what: str) -> list[Diagnostic]:
+    first: dict[str, Span | None] = {}
+    problems = []
+    for behaviour in behaviours:
+        if behaviour.name in first:
+            notes = (Note("the first definition is here", first[behaviour.name]),)
+            message = f"{what} `{behaviour.name}` is defined twice"
+            problems.append(Diagnostic("duplicate-definition", message, behaviour.span, notes=notes))
+        first.setdefault(behaviour.name, behaviour.span)
+    return problems
+
+
+def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
+    """One diagnostic, where something needs a metamodel and no file has or imports one."""
+    if has_errors(workspace.diagnostics) or any(name.endswith(".metamodel") for name in workspace.sources):
+        return []
+    needing = [text.span for text in workspace.models]
+    needing += [one.span for one in (*workspace.definitions, *workspace.behaviours) if one.span]
+    hint = 'write `import "name.metamodel"` at the top'
+    return [Diagnostic("no-metamodel", "no file imports a metamodel", span, hint) for span in needing[:1]]

@@ -1,0 +1,177 @@
+"""What a `family.toml` says, as frozen data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from envgraph.errors import Source, Span
+
+Sequences = Literal["suffixes", "full", "baselines", "direct"]
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A name in a family file and where it stands."""
+
+    text: str
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentSpec:
+    """A part of the search by the name of its kind, with its options as plain data.
+
+    Attributes:
+        name: the user's name of a measure; for the others their role ("diversity", "parents", "survivors").
+        kind: what is built ("path_complexity", "random" ...).
+        options: everything else in the table.
+        spans: where the table, its "kind" and each option stand.
+    """
+
+    name: str
+    kind: str
+    options: Mapping[str, object] = field(default_factory=dict)
+    spans: Mapping[str, Span] = field(default_factory=dict, compare=False, repr=False)
+
+    def span(self, option: str = "kind") -> Span | None:
+        """Where an option's value stands; else where the table does."""
+        return self.spans.get(option) or self.spans.get("")
+
+
+@dataclass(frozen=True, slots=True)
+class ConstraintsSpec:
+    """`[constraints]`: names of patterns.
+
+    Attributes:
+        require: at least one match each.
+        forbid: no match each.
+        count: the number of matches is within bounds, both included; None is no upper bound.
+        reachable: outcomes ("success", "failure") that the enumerated behaviour must be able to reach.
+    """
+
+    require: tuple[Name, ...] = ()
+    forbid: tuple[Name, ...] = ()
+    count: tuple[tuple[Name, tuple[int, int | None]], ...] = ()
+    reachable: tuple[Name, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MutationSpec:
+    """`[mutation]`; the defaults are the paper's.
+
+    Attributes:
+        rules: names of rules, units and derived groups.
+        rate: probability that a child is mutated.
+        initial_applications: how many rules are applied to each clone of the initial model, both bounds included.
+        max_attempts: how often a mutation that violates a constraint is tried again.
+    """
+
+    rules: tuple[Name, ...] = ()
+    rate: float = 0.85
+    initial_applications: tuple[int, int] = (1, 5)
+    max_attempts: int = 50
+
+
+@dataclass(frozen=True, slots=True)
+class SearchSpec:
+    """`[search]`; the defaults are the paper's.
+
+    Attributes:
+        generations: None is without end (then there is another limit).
+        keep_initial: the initial model is a fixed element of the family.
+        time_limit: seconds, or None.
+        target: stop at this diversity, or None.
+        stagnation: stop after so many generations without improvement, or None.
+    """
+
+    population: int = 6
+    generations: int | None = 1000
+    keep_initial: bool = True
+    parents: ComponentSpec = ComponentSpec("parents", "random")
+    survivors: ComponentSpec = ComponentSpec("survivors", "simulated_annealing")
+    time_limit: float | None = None
+    target: float | None = None
+    stagnation: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CurriculumSpec:
+    """`[curriculum]`: the measure that orders the environments from easy to hard, and what is trained on."""
+
+    order: Name | None = None
+    sequences: Sequences = "suffixes"
+
+
+@dataclass(frozen=True, slots=True)
+class EpsilonSpec:
+    """`epsilon` of `[training]`: it starts at `start` and is multiplied by `decay` down to `minimum`."""
+
+    start: float = 1.0
+    decay: float = 0.995
+    minimum: float = 0.05
+    per: Literal["episode", "step"] = "episode"
+    reset: Literal["stage", "never"] = "stage"
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingSpec:
+    """`[training]`; the defaults are the published settings."""
+
+    agent: str = "q_learning"
+    learning_rate: float = 0.1
+    discount: float = 0.99
+    epsilon: EpsilonSpec = EpsilonSpec()
+    steps_per_environment: int = 50_000
+    evaluation_episodes: int = 3_000
+    seeds: int = 30
+    initial_value: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FamilySpec:
+    """A whole family file.
+
+    Attributes:
+        name: of the family; by default that of the file's directory.
+        model: path of the initial model, as names of files go (see `Files`); likewise `environment` and `imports`.
+        environment: path of the behaviour; None when the family is only generated.
+        imports: further files, such as queries that neither model nor environment import.
+        seed: of the search.
+        limit: steps of an episode, where the environment's own limit is overridden.
+        measures: in the order of the file; at least one.
+        diversity: `options["of"]` is the name of a measure.
+        ga4cl: the classes whose standing rewards fill the reward schedule of that format.
+        path: name of the file.
+    """
+
+    name: str
+    model: Name
+    environment: Name | None = None
+    imports: tuple[Name, ...] = ()
+    seed: int = 0
+    limit: int | None = None
+    constraints: ConstraintsSpec = ConstraintsSpec()
+    measures: tuple[ComponentSpec, ...] = ()
+    diversity: ComponentSpec = ComponentSpec("diversity", "binned_entropy")
+    mutation: MutationSpec = MutationSpec()
+    search: SearchSpec = SearchSpec()
+    curriculum: CurriculumSpec = CurriculumSpec()
+    training: TrainingSpec = TrainingSpec()
+    ga4cl: tuple[Name, ...] = ()
+    path: str = "family.toml"
+    source: Source | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All files that the family names."""
+        named = [self.model, *self.imports, *([self.environment] if self.environment else [])]
+        return tuple(dict.fromkeys(str(one) for one in named))
+
+    def measure(self, name: str) -> ComponentSpec | None:
+        """A measure by name."""
+        return next((measure for measure in self.measures if measure.name == name), None)

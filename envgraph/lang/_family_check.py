@@ -1,0 +1,197 @@
+"""Whether the names in a family file mean something."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from types import MappingProxyType
+
+from envgraph.errors import Diagnostic, Span, did_you_mean
+from envgraph.lang._family import ComponentSpec, FamilySpec, Name
+from envgraph.lang._workspace import Workspace
+from envgraph.metamodel import Reference
+from envgraph.pattern import Derivation, Rule, Unit
+
+COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "measure": ("path_complexity", "shortest_path", "shortest_plan", "count"),
+        "diversity": ("binned_entropy", "gini", "variance"),
+        "parents": ("random", "tournament", "elitist"),
+        "survivors": ("simulated_annealing", "hill_climbing", "beam", "exact"),
+    }
+)
+"""The kinds of components that come with envgraph, by role."""
+
+# For each kind of measure: the options, and what they name.
+_OPTIONS: Mapping[str, Mapping[str, str]] = {
+    "path_complexity": {"transform": "", "from": "class", "to": "class", "along": "path", "avoid": "class"},
+    "shortest_path": {"from": "class", "to": "class", "along": "path", "avoid": "class"},
+    "shortest_plan": {},
+    "count": {"of": "pattern"},
+}
+
+
+def check_family(
+    spec: FamilySpec, workspace: Workspace, components: Mapping[str, Collection[str]] = COMPONENTS
+) -> list[Diagnostic]:
+    """Names of patterns, rules, classes, references and components in a family file that mean nothing.
+
+    Args:
+        spec: the family.
+        workspace: of the files that it names.
+        components: the kinds that are known, by role ("measure", "diversity", "parents", "survivors").
+    """
+    return list(_Checker(spec, workspace, components).check())
+
+
+class _Checker:
+    def __init__(
+        self, spec: FamilySpec, workspace: Workspace, components: Mapping[str, Collection[str]]
+    ) -> None:
+        self._spec = spec
+        self._workspace = workspace
+        self._components = components
+        self._patterns = _named((one.name, one.qualified_name) for one in workspace.patterns)
+        rules: list[Rule | Unit | Derivation] = [*workspace.rules, *workspace.units, *workspace.derivations]
+        self._rules = _named((one.name, one.qualified_name) for one in rules)
+
+    def check(self) -> Iterator[Diagnostic]:
+        spec = self._spec
+        constraints = spec.constraints
+        for name in (*constraints.require, *constraints.forbid, *(name for name, _ in constraints.count)):
+            yield from self._known(name.text, name.span, self._patterns, "pattern")
+        for name in spec.mutation.rules:
+            yield from self._rule(name)
+        for measure in spec.measures:
+            yield from self._component(measure, "measure")
+            yield from self._measure(measure)
+        yield from self._component(spec.diversity, "diversity")
+        yield from self._component(spec.search.parents, "parents")
+        yield from self._component(spec.search.survivors, "survivors")
+        for name in spec.ga4cl:
+            yield from self._class(name.text, name.span)
+        yield from self._needs_behaviour()
+
+    def _needs_behaviour(self) -> Iterator[Diagnostic]:
+        if self._spec.environment is not None:
+            return
+        plans = [measure.span() for measure in self._spec.measures if measure.kind == "shortest_plan"]
+        outcomes = [outcome.span for outcome in self._spec.constraints.reachable]
+        for span in (*plans, *outcomes):
+            hint = 'write `environment = "name.environment"` at the top'
+            yield Diagnostic(
+                "missing-key", "this needs an environment, and the family names none", span, hint
+            )
+
+    def _rule(self, name: Name) -> Iterator[Diagnostic]:
+        group, dot, member = name.text.partition(".")
+        if dot and group in self._rules and member.count(".") == 1 and self._metamodel_has(member.split(".")):
+            return  # a member of a derived group, such as `retypings.Road.Water`
+        if name.text not in self._rules and name.text in self._patterns:
+            hint = "a pattern changes nothing: name a rule that does"
+            yield Diagnostic("unknown-rule", f"`{name}` is a pattern, not a rule", name.span, hint)
+            return
+        yield from self._known(name.text, name.span, self._rules, "rule")
+
+    def _metamodel_has(self, classes: Iterable[str]) -> bool:
+        metamodel = self._workspace.metamodel
+        return metamodel is not None and all(cls in metamodel.classes for cls in classes)
+
+    def _known(
+        self, name: str, span: Span | None, known: Mapping[str, int], what: str
+    ) -> Iterator[Diagnostic]:
+        count = known.get(name, 0)
+        if count == 1:
+            return
+        if count > 1:
+            full = ", ".join(f"`{one}`" for one in known if one.endswith(f".{name}"))
+            message = f"there are several {what}s `{name}`"
+            yield Diagnostic(f"ambiguous-{what}", message, span, f"write one of {full}")
+            return
+        hint = did_you_mean(name, known) or self._elsewhere(name, what)
+        yield Diagnostic(f"unknown-{what}", f"unknown {what} `{name}`", span, hint)
+
+    def _elsewhere(self, name: str, what: str) -> str | None:
+        if what == "pattern" and name in self._rules:
+            return f"`{name}` is a rule; constraints and counts are patterns"
+        return None
+
+    # --- components ---
+
+    def _component(self, component: ComponentSpec, role: str) -> Iterator[Diagnostic]:
+        known = self._components.get(role, ())
+        if component.kind not in known:
+            word = "name" if role in {"parents", "survivors"} else "kind"
+            hint = did_you_mean(component.kind, known) or "there are " + ", ".join(
+                f"`{one}`" for one in known
+            )
+            message = f"unknown {word} of {role} `{component.kind}`"
+            yield Diagnostic("unknown-component", message, component.span(), hint)
+
+    def _measure(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
+        expected = _OPTIONS.get(measure.kind)
+        if expected is None or measure.kind not in COMPONENTS["measure"]:
+            return
+        for option, value in measure.options.items():
+            span = measure.span(option)
+            if option not in expected:
+                known = ", ".join(f"`{one}`" for one in expected) or "no options"
+                hint = did_you_mean(option, expected) or f"`{measure.kind}` has {known}"
+                yield Diagnostic("unknown-key", f"unknown key `{option}` in `{measure.name}`", span, hint)
+            elif expected[option]:
+                yield from self._option(option, value, expected[option], span)
+
+    def _option(self, option: str, value: object, what: str, span: Span | None) -> Iterator[Diagnostic]:
+        names = value if isinstance(value, list) else [value]
+        if (
+            not names
+            or not all(isinstance(name, str) for name in names)
+            or (what != "path" and value is names)
+        ):
+            wanted = "a list of names of references" if what == "path" else f"the name of a {what}"
+            yield Diagnostic("wrong-type", f"`{option}` is {wanted}", span)
+            return
+        for name in names:
+            match what:
+                case "class":
+                    yield from self._class(str(name), span)
+                case "pattern":
+                    yield from self._known(str(name), span, self._patterns, "pattern")
+                case _:
+                    yield from self._path(str(name), span)
+
+    def _class(self, name: str, span: Span | None) -> Iterator[Diagnostic]:
+        metamodel = self._workspace.metamodel
+        if metamodel is not None and name not in metamodel.classes:
+            yield Diagnostic(
+                "unknown-class", f"unknown class `{name}`", span, did_you_mean(name, metamodel.classes)
+            )
+
+    def _path(self, name: str, span: Span | None) -> Iterator[Diagnostic]:
+        """A reference (`right`, `Tile.right`) or a binary pattern."""
+        metamodel = self._workspace.metamodel
+        if metamodel is None:
+            return
+        references = [one for one in metamodel.references if name in {one.name, str(one)}]
+        if references or name in self._patterns:
+            yield from self._binary(name, span, references)
+            return
+        known = [*(one.name for one in metamodel.references), *self._patterns]
+        message = f"no reference or pattern is called `{name}`"
+        yield Diagnostic("unknown-reference", message, span, did_you_mean(name, known))
+
+    def _binary(self, name: str, span: Span | None, references: list[Reference]) -> Iterator[Diagnostic]:
+        if references:
+            return
+        found = next(one for one in self._workspace.patterns if name in {one.name, one.qualified_name})
+        if len(found.parameters) != 2:
+            message = f"`{name}` has {len(found.parameters)} parameters; a path follows a pattern of two"
+            yield Diagnostic("wrong-arity", message, span)
+
+
+def _named(names: Iterable[tuple[str, str]]) -> dict[str, int]:
+    """How many definitions each simple and each qualified name has."""
+    counts: dict[str, int] = {}
+    for simple, qualified in names:
+        for name in dict.fromkeys((simple, qualified)):
+            counts[name] = counts.get(name, 0) + 1
+    return counts

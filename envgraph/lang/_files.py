@@ -1,0 +1,169 @@
+"""Where texts come from: the disk, or texts at hand, such as those that a run keeps."""
+
+from __future__ import annotations
+
+import os
+import posixpath
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn, Protocol
+
+from envgraph.errors import Diagnostic, LoadError, Source, did_you_mean
+
+LARGEST_FILE = 16 * 1024 * 1024
+
+
+class Files(Protocol):
+    """Access to files by name; names are what diagnostics show, and equal names are the same file."""
+
+    def name(self, path: str, beside: str | None = None) -> str:
+        """The name of a path, which may be relative to the directory of the file named `beside`."""
+
+    def read(self, name: str) -> bytes:
+        """The contents, or of a file above `LARGEST_FILE` bytes at least one byte more than that.
+
+        Raises:
+            OSError: there is no such file, or it cannot be read.
+            ValueError: this cannot be the name of a file.
+        """
+
+    def is_directory(self, name: str) -> bool:
+        """Whether the name is that of a directory."""
+
+    def entries(self, name: str) -> list[str]:
+        """The names of what a directory holds, sorted; () when there is no such directory."""
+
+
+class DiskFiles:
+    """The file system; names are relative to the working directory where that is shorter."""
+
+    def name(self, path: str, beside: str | None = None) -> str:
+        """See `Files`."""
+        if "\0" in path:
+            return path
+        full = os.path.realpath(os.path.join(os.path.dirname(beside), path) if beside else path)
+        here = os.path.realpath(os.curdir)
+        inside = full.startswith(here.rstrip(os.sep) + os.sep)
+        return Path(os.path.relpath(full, here) if inside else full).as_posix()
+
+    def read(self, name: str) -> bytes:
+        """See `Files`."""
+        with open(name, "rb") as file:
+            return file.read(LARGEST_FILE + 1)
+
+    def is_directory(self, name: str) -> bool:
+        """See `Files`."""
+        return "\0" not in name and os.path.isdir(name)
+
+    def entries(self, name: str) -> list[str]:
+        """See `Files`."""
+        try:
+            return sorted((Path(name) / entry).as_posix() for entry in os.listdir(name))
+        except OSError:
+            return []
+
+
+class TextFiles:
+    """Texts at hand, by name; `/` separates directories.
+
+    >>> files = TextFiles({"a/b.query": "", "a/c.metamodel": ""})
+    >>> files.name("c.metamodel", beside="a/b.query")
+    'a/c.metamodel'
+    """
+
+    def __init__(self, texts: Mapping[str, str]) -> None:
+        self._texts = {posixpath.normpath(name): text for name, text in texts.items()}
+
+    def name(self, path: str, beside: str | None = None) -> str:
+        """See `Files`."""
+        return posixpath.normpath(posixpath.join(posixpath.dirname(beside or ""), path))
+
+    def read(self, name: str) -> bytes:
+        """See `Files`."""
+        if name not in self._texts:
+            raise FileNotFoundError(2, "No such file", name)
+        return self._texts[name].encode()
+
+    def is_directory(self, name: str) -> bool:
+        """See `Files`."""
+        return bool(self.entries(name))
+
+    def entries(self, name: str) -> list[str]:
+        """See `Files`."""
+        start = "" if name == "." else name + "/"
+        inside = {one[len(start) :].split("/")[0] for one in self._texts if one.startswith(start)}
+        return sorted(start + one for one in inside)
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """A set of files that can be loaded anywhere: names relative to a common directory, and which were asked for.
+
+    `load_workspace(bundle.roots, files=TextFiles(bundle.texts))` reads the same as from the disk.
+    """
+
+    roots: tuple[str, ...]
+    texts: Mapping[str, str]
+
+
+def bundle(roots: Iterable[str], texts: Mapping[str, str]) -> Bundle:
+    """The bundle of texts by full or relative name."""
+    names = {name: os.path.abspath(name) for name in (*texts, *roots)}
+    base = os.path.commonpath([os.path.dirname(full) for full in names.values()]) if names else ""
+
+    def short(name: str) -> str:
+        return Path(os.path.relpath(names[name], base)).as_posix()
+
+    return Bundle(
+        tuple(short(root) for root in roots), {short(name): text for name, text in sorted(texts.items())}
+    )
+
+
+def read_source(files: Files, name: str) -> Source:
+    """The text of a file.
+
+    Raises:
+        LoadError: the file is missing, a directory, unreadable, larger than 16 MB, or not UTF-8. The diagnostic is at
+            the start of the file.
+    """
+    try:
+        if files.is_directory(name):
+            raise IsADirectoryError
+        data = files.read(name)
+    except FileNotFoundError:
+        _refuse(name, "missing-file", "there is no such file", _near(files, name))
+    except (IsADirectoryError, NotADirectoryError):
+        _refuse(name, "not-a-file", "this is not a file", None)
+    except (OSError, ValueError) as error:
+        _refuse(name, "unreadable-file", f"the file cannot be read: {_reason(error)}", None)
+    if len(data) > LARGEST_FILE:
+        _refuse(name, "file-too-large", f"the file has more than {LARGEST_FILE // 2**20} MB", None)
+    try:
+        return Source(name, data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        # Shown in its surroundings: what comes before the first bad byte is fine.
+        before = data[: error.start].decode("utf-8-sig", errors="ignore")
+        source = Source(name, before + data[error.start :].decode("utf-8", errors="replace"))
+        problem = Diagnostic(
+            "not-utf-8",
+            f"the byte 0x{data[error.start]:02x} is not UTF-8",
+            source.span(len(before), len(before) + 1),
+            "save the file as UTF-8",
+        )
+        raise LoadError([problem]) from None
+
+
+def _refuse(name: str, code: str, message: str, hint: str | None) -> NoReturn:
+    raise LoadError([Diagnostic(code, message, Source(name, "").span(0, 0), hint)]) from None
+
+
+def _reason(error: Exception) -> str:
+    return (error.strerror or "") if isinstance(error, OSError) else str(error)
+
+
+def _near(files: Files, name: str) -> str | None:
+    """The nearest file name in the same directory."""
+    directory, _, last = name.rpartition("/")
+    beside = [entry.rpartition("/")[2] for entry in files.entries(directory or ".")]
+    return did_you_mean(last, beside)

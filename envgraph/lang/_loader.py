@@ -1,0 +1,311 @@
+"""Reads files and what they import, and checks them together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from os import PathLike, fspath
+from typing import NoReturn
+
+from envgraph.env import Behaviour
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Note, Source, did_you_mean
+from envgraph.lang._checking import check
+from envgraph.lang._data import bundled_domains, data_path
+from envgraph.lang._environment import read_environment
+from envgraph.lang._family import FamilySpec
+from envgraph.lang._family_check import check_family
+from envgraph.lang._family_reader import FAMILY_FILE, load_family
+from envgraph.lang._files import DiskFiles, Files, read_source
+from envgraph.lang._imports import Import, without_consequences
+from envgraph.lang._metamodel import MetamodelFile, read_metamodel
+from envgraph.lang._model import ModelText, imports_of, read_models
+from envgraph.lang._parsing import Parsed, parse
+from envgraph.lang._query import read_query
+from envgraph.lang._rules import read_rules
+from envgraph.lang._workspace import Workspace
+from envgraph.metamodel import Metamodel
+from envgraph.pattern import Derivation, Pattern, Rule, Unit
+from envgraph.rewrite import Engine
+
+LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
+
+StrPath = str | PathLike[str]
+
+
+def open(*paths: StrPath, seed: int = 0) -> Engine:
+    """An engine with everything that the files and their imports say.
+
+    Args:
+        paths: files of any language, a family file, a directory that holds one, or the name of a bundled domain.
+            Without a model among them and what they import, the engine's model is empty.
+        seed: of the engine's random choices.
+
+    Raises:
+        LoadError: all that is wrong with all of the files, together.
+        InvalidArgument: no path leads to a metamodel, or several lead to a model.
+
+    >>> engine = open("burning_forest")
+    >>> engine.count("burningTile")
+    20
+    """
+    return load_workspace(_family_first(paths)).engine(seed=seed)
+
+
+def load(engine: Engine, *paths: StrPath) -> None:
+    """Adds the patterns, rules, units and derived groups of files and their imports to an engine.
+
+    What the engine has already is left alone: a definition that is equal to a known one of the same name is no error.
+    Models and behaviours among the files are not used.
+
+    Raises:
+        LoadError: all that is wrong with all of the files, together. Nothing is added.
+        InvalidArgument: the files are about another metamodel than the engine's model.
+    """
+    workspace = load_workspace(paths)
+    workspace.raise_errors()
+    own = engine.model.metamodel
+    if workspace.metamodel is not None and not _same(workspace.metamodel, own):
+        raise InvalidArgument(
+            f"the files are about metamodel `{workspace.metamodel.name}`, the engine's model is of `{own.name}`"
+        )
+    known = {one.qualified_name: one for one in engine.definitions}
+    new = [one for one in workspace.definitions if known.get(one.qualified_name) != one]
+    engine.add(*new)
+
+
+def load_behaviour(path: StrPath, name: str | None = None) -> Behaviour:
+    """The behaviour of an `.environment` file (the one of that name if there are several).
+
+    Raises:
+        LoadError: all that is wrong with the file and its imports.
+        InvalidArgument: there is none, or several to choose from.
+    """
+    return load_workspace([path]).behaviour(name)
+
+
+def load_workspace(paths: Iterable[StrPath], *, files: Files | None = None) -> Workspace:
+    """Reads and checks files and what they import; errors are in `diagnostics` of the result.
+
+    Args:
+        paths: files of any language; family files, whose model and environment are read too; directories, of which all
+            files are read; names of bundled domains.
+        files: where files are read from; the disk if None. `TextFiles` for texts at hand.
+    """
+    loader = _Loader(files or DiskFiles())
+    for path in paths:
+        loader.add_root(fspath(path))
+    return loader.workspace()
+
+
+def _family_first(paths: Sequence[StrPath]) -> list[str]:
+    """The paths, with the family file in place of a directory or domain that has one."""
+    files = DiskFiles()
+    chosen = []
+    for path in (fspath(one) for one in paths):
+        directory = _directory(files, path)
+        family = f"{directory}/{FAMILY_FILE}" if directory else None
+        chosen.append(family if family and family in files.entries(directory or "") else path)
+    return chosen
+
+
+def _directory(files: Files, path: str) -> str | None:
+    """The directory that a path means, which may be the name of a bundled domain; None for a file."""
+    name = files.name(path)
+    if files.is_directory(name):
+        return name
+    if isinstance(files, DiskFiles) and path in bundled_domains() and name not in files.entries("."):
+        return DiskFiles().name(str(data_path("rules", path)))
+    return None
+
+
+def _same(one: Metamodel, other: Metamodel) -> bool:
+    return one is other or (one.class_list == other.class_list and one.enum_types == other.enum_types)
+
+
+@dataclass(slots=True)
+class _Loader:
+    """Reads each file once; a file's imports are read right after it, so that the order is that of the text."""
+
+    files: Files
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    roots: list[str] = field(default_factory=list)
+    order: dict[str, int] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
+    lost: set[str] = field(default_factory=set)
+    metamodels: dict[str, MetamodelFile] = field(default_factory=dict)
+    models: list[Parsed] = field(default_factory=list)
+    patterns: list[Pattern] = field(default_factory=list)
+    definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
+    behaviours: list[Behaviour] = field(default_factory=list)
+    families: list[FamilySpec] = field(default_factory=list)
+    uris: list[Import] = field(default_factory=list)
+
+    # --- reading ---
+
+    def add_root(self, path: str) -> None:
+        """Reads a path that was asked for."""
+        directory = _directory(self.files, path)
+        if directory is None:
+            name = self.files.name(path)
+            self.roots.append(name)
+            self._read(name)
+            return
+        found = [name for name in self._known_files(directory) if not name.endswith(".toml")]
+        found += (
+            [f"{directory}/{FAMILY_FILE}"]
+            if f"{directory}/{FAMILY_FILE}" in self._known_files(directory)
+            else []
+        )
+        if not found:
+            place = Source(directory, "").span(0, 0)
+            message = "the directory holds no file of any of the languages"
+            self.diagnostics.append(Diagnostic("missing-file", message, place, _extensions()))
+        for name in found:
+            self.roots.append(name)
+            self._read(name)
+
+    def _known_files(self, directory: str) -> list[str]:
+        known = (*LANGUAGES, "toml")
+        return [name for name in self.files.entries(directory) if name.rpartition(".")[2] in known]
+
+    def _read(self, first: str) -> None:
+        """Reads a file and all that it imports, depth first, without recursion: chains of imports may be long."""
+        waiting: list[tuple[str, Import | None]] = [(first, None)]
+        while waiting:
+            name, asked = waiting.pop()
+            if name not in self.order:
+                self.order[name] = len(self.order)
+                waiting.extend(reversed(self._read_one(name, asked)))
+
+    def _read_one(self, name: str, asked: Import | None) -> list[tuple[str, Import | None]]:
+        """Reads one file and returns the names of what it imports."""
+        extension = name.rpartition(".")[2] if "." in name else ""
+        try:
+            if extension == "toml" and asked is None:
+                return self._family(name)
+            if extension not in LANGUAGES:
+                self._no_language(name, extension, asked)
+            source = read_source(self.files, name)
+        except LoadError as error:
+            self.diagnostics.extend(self._at_import(one, asked, name) for one in error.diagnostics)
+            return []
+        self.sources[name] = source.text
+        imports = self._take(extension, parse(extension, source))
+        self.uris.extend(one for one in imports if "://" in one.path)
+        return [(self.files.name(one.path, beside=name), one) for one in imports if "://" not in one.path]
+
+    def _no_language(self, name: str, extension: str, asked: Import | None) -> NoReturn:
+        span = asked.span if asked else Source(name, "").span(0, 0)
+        hint = did_you_mean(extension, LANGUAGES) if extension else None
+        message = f"`{name.rpartition('/')[2]}` is a file of none of the languages"
+        raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
+
+    def _at_import(self, problem: Diagnostic, asked: Import | None, name: str) -> Diagnostic:
+        """A file that cannot be read is the mistake of who asks for it."""
+        if asked is None or (problem.span and problem.span.source.text):
+            if problem.code == "missing-file" and problem.hint is None and "." not in name:
+                hint = did_you_mean(name, bundled_domains())
+                return Diagnostic(problem.code, problem.message, problem.span, hint)
+            return problem
+        message = f"`{asked.path}`: {problem.message}"
+        return Diagnostic(problem.code, message, asked.span, problem.hint)
+
+    def _take(self, extension: str, parsed: Parsed) -> Sequence[Import]:
+        """Keeps what a file says, and returns its imports."""
+        self.lost |= parsed.lost
+        match extension:
+            case "metamodel":
+                self.metamodels[parsed.source.name] = read_metamodel(parsed)
+                return ()
+            case "model":
+                self.models.append(parsed)
+                return imports_of(parsed)
+            case "query":
+                query = read_query(parsed)
+                self.patterns.extend(query.patterns)
+                self._note(query.diagnostics, query.lost)
+                return query.header.imports
+            case "rules":
+                rules = read_rules(parsed)
+                self.definitions.extend(rules.definitions)
+                self._note(rules.diagnostics, rules.lost)
+                return rules.header.imports
+        environment = read_environment(parsed)
+        self.behaviours.extend([environment.behaviour] if environment.behaviour else [])
+        self._note(environment.diagnostics, environment.lost)
+        return environment.header.imports
+
+    def _note(self, diagnostics: Iterable[Diagnostic], lost: frozenset[str]) -> None:
+        self.diagnostics.extend(diagnostics)
+        self.lost |= lost
+
+    def _family(self, name: str) -> list[tuple[str, Import | None]]:
+        self.sources[name] = read_source(self.files, name).text
+        spec = load_family(name, self.files)
+        self.families.append(spec)
+        named = (spec.model, *spec.imports, spec.environment)
+        return [(one.text, Import(one.text, one.span)) for one in named if one and one.span]
+
+    # --- checking ---
+
+    def workspace(self) -> Workspace:
+        """Everything that was read, checked together."""
+        metamodel = self._metamodel()
+        lost = frozenset(self.lost)
+        models: list[ModelText] = []
+        for parsed in self.models:
+            read = read_models(parsed, metamodel, lost)
+            models.extend(read.models)
+            self.diagnostics.extend(read.diagnostics)
+        workspace = Workspace(
+            metamodel,
+            tuple(models),
+            tuple(self.patterns),
+            tuple(one for one in self.definitions if isinstance(one, Rule)),
+            tuple(one for one in self.definitions if isinstance(one, Unit)),
+            tuple(one for one in self.definitions if isinstance(one, Derivation)),
+            tuple(self.behaviours),
+            tuple(self.families),
+            roots=tuple(dict.fromkeys(self.roots)),
+            sources=self.sources,
+        )
+        self.diagnostics.extend(check(workspace, lost))
+        for spec in self.families:
+            self.diagnostics.extend(without_consequences(check_family(spec, workspace), lost))
+        return replace(workspace, diagnostics=self._sorted())
+
+    def _metamodel(self) -> Metamodel | None:
+        for file in self.metamodels.values():
+            self._note(file.diagnostics, file.lost)
+        self._one_metamodel()
+        found = next(iter(self.metamodels.values()), None)
+        metamodel = found.metamodel if found else None
+        for import_ in self.uris:
+            if metamodel is None or import_.path != metamodel.uri:
+                known = [metamodel.uri] if metamodel and metamodel.uri else []
+                hint = did_you_mean(import_.path, known) or "write the path of a metamodel or query file"
+                message = f"no metamodel has the uri `{import_.path}`"
+                self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
+        return metamodel
+
+    def _one_metamodel(self) -> None:
+        found = list(self.metamodels.values())
+        for other in found[1:]:
+            notes = (Note("the first one is here", found[0].span),)
+            hint = "one engine has one metamodel: put the classes together"
+            message = "the files use two metamodels"
+            self.diagnostics.append(Diagnostic("two-metamodels", message, other.span, hint, notes=notes))
+
+    def _sorted(self) -> tuple[Diagnostic, ...]:
+        """In the order of reading, and each file in the order of its text."""
+
+        def key(one: Diagnostic) -> tuple[int, int, int]:
+            if one.span is None:
+                return (-1, 0, 0)
+            return (self.order.get(one.span.source.name, -1), one.span.start, one.span.end)
+
+        return tuple(sorted(dict.fromkeys(self.diagnostics), key=key))
+
+
+def _extensions() -> str:
+    return "the languages are " + ", ".join(f"`.{language}`" for language in LANGUAGES)

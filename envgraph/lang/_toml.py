@@ -1,0 +1,190 @@
+"""TOML with the position of every key and value.
+
+`tomllib` reads the data and refuses what is no TOML; the index here walks over the same text once more and so may
+take for granted that it is well formed.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass, field
+from typing import Any
+
+from envgraph.errors import Diagnostic, LoadError, Source, Span
+
+TomlPath = tuple[str | int, ...]
+"""Keys and indices from the root to a value."""
+
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)+")
+_KEY = re.compile(r"[A-Za-z0-9_-]+|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*'")
+_STRING = re.compile(
+    r"\"\"\"(?:\\.|[^\\])*?\"{3,5}|'''[\s\S]*?'{3,5}|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*'", re.DOTALL
+)
+_PLAIN = re.compile(r"[^,\]}#\n]+")
+_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+_DEEPEST = 50
+
+
+@dataclass(slots=True)
+class TomlText:
+    """A TOML text as data, with spans.
+
+    Attributes:
+        keys: where the last part of a key, or of the header of a table, stands.
+        values: where a value stands; for a table with a header, the header.
+    """
+
+    source: Source
+    data: dict[str, Any]
+    keys: dict[TomlPath, Span] = field(default_factory=dict)
+    values: dict[TomlPath, Span] = field(default_factory=dict)
+
+    def key(self, *path: str | int) -> Span:
+        """Where a key stands; where the nearest table around it does if it is not there."""
+        return self._nearest(self.keys, path)
+
+    def value(self, *path: str | int) -> Span:
+        """Where a value stands; where the nearest table around it does if it is not there."""
+        return self._nearest(self.values, path)
+
+    def _nearest(self, spans: dict[TomlPath, Span], path: TomlPath) -> Span:
+        while path and path not in spans:
+            path = path[:-1]
+        return spans[path] if path else self.source.span(0, 0)
+
+
+def parse_toml(source: Source) -> TomlText:
+    """Reads a text.
+
+    Raises:
+        LoadError: it is no TOML; the diagnostic says where.
+
+    >>> text = parse_toml(Source("a.toml", "[search]\\nparents = { name = 'random' }"))
+    >>> str(text.value("search", "parents", "name")), text.value("search", "parents", "name").text
+    ('a.toml:2:20', "'random'")
+    """
+    if max((line.count("[") + line.count("{") for line in source.text.split("\n")), default=0) > _DEEPEST:
+        # tomllib recurses into arrays and inline tables.
+        raise LoadError([Diagnostic("nested-too-deeply", "too many brackets", source.span(0, 0))])
+    try:
+        # The offsets of the index are those of the text as it is: tomllib itself replaces "\r\n".
+        text = TomlText(source, tomllib.loads(source.text))
+        _Index(text).run()
+    except tomllib.TOMLDecodeError as error:
+        raise LoadError([_syntax_error(source, str(error))]) from None
+    except (ValueError, RecursionError) as error:
+        # A number of thousands of digits; arrays over many lines, one inside the other.
+        problem = Diagnostic("syntax-error", f"the file cannot be read: {error}", source.span(0, 0))
+        raise LoadError([problem]) from None
+    return text
+
+
+def _syntax_error(source: Source, message: str) -> Diagnostic:
+    place = _PLACE.search(message)
+    start = len(source.text)
+    if place and place.group(1):
+        line, column = int(place.group(1)), int(place.group(2))
+        # tomllib counts in the text without "\r".
+        offsets = [0, *(found.end() for found in re.finditer("\n", source.text))]
+        start = offsets[line - 1] + column - 1
+    text = message[: place.start()] if place else message
+    return Diagnostic("syntax-error", text[0].lower() + text[1:], source.span(start, start + 1))
+
+
+class _Index:
+    def __init__(self, text: TomlText) -> None:
+        self._toml = text
+        self._text = text.source.text
+        self._at = 0
+        self._table: TomlPath = ()
+        self._counts: dict[TomlPath, int] = {}
+
+    def run(self) -> None:
+        self._skip()
+        while self._at < len(self._text):
+            if self._text[self._at] == "[":
+                self._header()
+            else:
+                self._pair(self._table)
+            self._skip()
+
+    def _skip(self) -> None:
+        found = _BLANK.match(self._text, self._at)
+        if found:
+            self._at = found.end()
+
+    def _header(self) -> None:
+        start = self._at
+        array = self._text.startswith("[[", start)
+        self._at += 2 if array else 1
+        path = self._keys(())
+        self._skip()
+        self._at += 2 if array else 1
+        span = self._toml.source.span(start, self._at)
+        self._toml.values.setdefault(path, span)
+        if array:
+            self._counts[path] = self._counts.get(path, -1) + 1
+            path = (*path, self._counts[path])
+            self._toml.keys[path] = self._toml.values[path] = span
+        self._table = path
+
+    def _pair(self, table: TomlPath) -> None:
+        path = self._keys(table)
+        self._skip()
+        self._at += 1  # the equals sign
+        self._value(path)
+
+    def _keys(self, table: TomlPath) -> TomlPath:
+        """A dotted key, from the table it stands in; a part that is an array of tables means its last one."""
+        path = table
+        while True:
+            self._skip()
+            found = _KEY.match(self._text, self._at)
+            assert found is not None
+            if path != table and path in self._counts:
+                path = (*path, self._counts[path])
+            path = (*path, _unquoted(found.group()))
+            self._toml.keys.setdefault(path, self._toml.source.span(found.start(), found.end()))
+            self._at = found.end()
+            self._skip()
+            if not self._text.startswith(".", self._at):
+                return path
+            self._at += 1
+
+    def _value(self, path: TomlPath) -> None:
+        self._skip()
+        start = self._at
+        if self._text[start] == "[":
+            self._items(path, "]")
+        elif self._text[start] == "{":
+            self._items(path, "}")
+        else:
+            found = _STRING.match(self._text, start) or _PLAIN.match(self._text, start)
+            assert found is not None
+            self._at = start + len(found.group().rstrip())
+        self._toml.values[path] = self._toml.source.span(start, self._at)
+
+    def _items(self, path: TomlPath, closing: str) -> None:
+        """The elements of an array, or the pairs of an inline table."""
+        self._at += 1
+        number = 0
+        self._skip()
+        while self._text[self._at] != closing:
+            if closing == "]":
+                self._value((*path, number))
+                number += 1
+            else:
+                self._pair(path)
+            self._skip()
+            if self._text[self._at] == ",":
+                self._at += 1
+                self._skip()
+        self._at += 1
+
+
+def _unquoted(key: str) -> str:
+    if key[0] == '"':
+        # The escapes of a TOML key are those of a TOML string.
+        return str(tomllib.loads(f"x = {key}")["x"])
+    return key[1:-1] if key[0] == "'" else key
