@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lark import Token, Tree
 
-from envgraph.env import Action, Agent, Behaviour, Effect, Observation, OnReset
+from envgraph.env import Action, Agent, Behaviour, Domain, Effect, Observation, OnReset
 from envgraph.errors import Diagnostic
 from envgraph.lang._environment_clauses import (
     action_of,
@@ -18,11 +18,10 @@ from envgraph.lang._environment_clauses import (
     on_reset_of,
 )
 from envgraph.lang._expressions import Reading, type_of, type_span_of
-from envgraph.lang._imports import without_consequences
 from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.lang._query import name_of, parameters_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
-from envgraph.metamodel import Annotation
+from envgraph.metamodel import Annotation, Metamodel
 
 _OUTSIDE = {
     "reset": "on reset",
@@ -39,34 +38,47 @@ class EnvironmentFile:
     """What an `.environment` file says, as far as it can be read.
 
     Attributes:
-        behaviour: None when the file holds none that can be read.
+        behaviours: one for each environment, in the order of the text.
         lost: names that may be defined or used in what could not be read.
     """
 
     header: Header
-    behaviour: Behaviour | None
+    behaviours: tuple[Behaviour, ...]
     diagnostics: tuple[Diagnostic, ...]
     lost: frozenset[str] = frozenset()
 
 
 def read_environment(parsed: Parsed) -> EnvironmentFile:
-    """The behaviour of a parsed file, and what is wrong with it before any name is looked up."""
+    """The behaviours of a parsed file, and what is wrong with it before any name is looked up."""
     reading = Reading(parsed, list(parsed.diagnostics))
     header = header_of(reading)
-    found = [*definitions_of(reading)]
-    reading.once("`environment`", (name_of(tree) for tree in found), "a file describes one environment")
-    if not found and not parsed.diagnostics:
+    behaviours = tuple(_behaviour(reading, tree) for tree in definitions_of(reading))
+    if not behaviours and not parsed.diagnostics:
         end = parsed.source.span(len(parsed.source.text), len(parsed.source.text))
-        reading.error(
-            "missing-environment",
-            "the file describes no environment",
-            end,
-            "write `environment Name { ... }`",
-        )
-    behaviour = _behaviour(reading, found[0]) if found else None
+        hint = "write `environment Name { ... }`"
+        reading.error("missing-environment", "the file describes no environment", end, hint)
     unused_imports(reading, header)
-    diagnostics = without_consequences(reading.diagnostics, parsed.lost)
-    return EnvironmentFile(header, behaviour, tuple(diagnostics), parsed.lost)
+    return EnvironmentFile(header, behaviours, reading.result(), parsed.lost)
+
+
+def with_enums(behaviour: Behaviour, metamodel: Metamodel) -> Behaviour:
+    """The behaviour with the parameters of actions that count through an enum told from those that count objects."""
+
+    def told(actions: tuple[Action, ...]) -> tuple[Action, ...]:
+        return tuple(
+            replace(
+                action,
+                parameters=tuple((name, _told(domain, metamodel)) for name, domain in action.parameters),
+            )
+            for action in actions
+        )
+
+    agents = tuple(replace(agent, actions=told(agent.actions)) for agent in behaviour.agents)
+    return replace(behaviour, actions=told(behaviour.actions), agents=agents)
+
+
+def _told(domain: Domain, metamodel: Metamodel) -> Domain:
+    return replace(domain, cls=None, enum=domain.cls) if domain.cls in metamodel.enums else domain
 
 
 def _behaviour(reading: Reading, tree: Tree[Token]) -> Behaviour:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 from lark import Token, Tree
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, sort_diagnostics
+from envgraph.lang._imports import without_consequences
 from envgraph.lang._parsing import Parsed, span_of, tokens, trees
 from envgraph.pattern import (
     Binary,
@@ -91,6 +92,10 @@ class Reading:
             problem.span and span.start <= problem.span.start <= span.end
             for problem in self.parsed.diagnostics
         )
+
+    def result(self) -> tuple[Diagnostic, ...]:
+        """All diagnostics in the order of the text, without those that follow from others."""
+        return tuple(sort_diagnostics(without_consequences(self.diagnostics, self.parsed.lost)))
 
     def alias(self, token: Token) -> None:
         """A mention of an import by its alias."""

@@ -29,6 +29,36 @@ _MOST_ERRORS = 100
 _DEEPEST = 150
 _LOOKAHEAD = 3
 _SEPARATORS = (";", ",", ")", "]")
+_VALUES = frozenset(
+    {"a name", "a string", "a whole number", "a number", "`_`", "`#`", "`-`", "`!`", "`(`", "`::`"}
+    | {f"`{word}`" for word in ("true", "false", "TRUE", "FALSE", "none")}
+    | {f"`{word}`" for word in ("eval", "count", "sum", "min", "max", "avg")}
+)
+"""What a value may start with: together they are called that in hints."""
+_OPERATORS = frozenset(
+    f"`{sign}`"
+    for sign in (
+        "+",
+        "-",
+        "*",
+        "/",
+        "%",
+        "<",
+        ">",
+        "<=",
+        ">=",
+        "==",
+        "===",
+        "!=",
+        "=",
+        "&&",
+        "||",
+        "?",
+        "and",
+        "or",
+        ".",
+    )
+)
 
 
 @dataclass(slots=True)
@@ -329,9 +359,9 @@ class _Run:
         """A word that is nearly the keyword that makes sense here, or at the start of the statement under way."""
         if self._substitute(index, len(self._states), index):
             return index + 1
-        if self._begins and self._begins[-1] == index - 1:
-            if self._substitute(index - 1, len(self._states) - 1, index):
-                return index
+        just_before = bool(self._begins) and self._begins[-1] == index - 1
+        if just_before and self._substitute(index - 1, len(self._states) - 1, index):
+            return index
         for level in self._levels():
             if 0 <= level.begin < index and self._substitute(level.begin, level.height, index):
                 return level.begin + 1
@@ -421,16 +451,26 @@ class _Run:
                 continue
             states = list(self._states)
             self._grammar.shift(states, terminal)
+            if sign == ";" and self._foreign(index):
+                continue
             if lexeme.kind == END or not self._makes_sense(states, index, index + _LOOKAHEAD):
                 continue
-            if first_on_line(self._source, lexeme.start) or sign == ";":
+            if sign != "," or first_on_line(self._source, lexeme.start):
                 before = Lexeme(PUNCTUATION, sign, self._previous_end, self._previous_end)
-                self._report("missing-token", f"missing `{sign}`", before, self._expectation())
+                self._report("missing-token", f"missing `{sign}`", before, self._completion(sign, index))
             else:
                 self._report_unexpected(index)
             self._feed(terminal, Lexeme(PUNCTUATION, sign, self._previous_end, self._previous_end), index)
             return index
         return None
+
+    def _completion(self, sign: str, index: int) -> str:
+        """Where a separator belongs that was left out."""
+        if sign == ";":
+            return "a statement ends with `;`"
+        lexeme = self._lexemes[index]
+        before = self._source.text[lexeme.start : lexeme.end].split("\n")[0][:30]
+        return f"write `{sign}` before `{before}`"
 
     def _makes_sense(self, states: list[int], start: int, stop: int) -> bool:
         """Whether the lexemes from `start` to `stop` (included) can follow."""
@@ -558,7 +598,12 @@ class _Run:
     def _surplus(self, index: int) -> bool:
         """Whether this is a `}` without a `{`, and an error before it explains that."""
         lexeme = self._lexemes[index]
-        return lexeme.value == "}" and lexeme.kind == PUNCTUATION and lexeme.braces == 0 and bool(self.diagnostics)
+        return (
+            lexeme.value == "}"
+            and lexeme.kind == PUNCTUATION
+            and lexeme.braces == 0
+            and bool(self.diagnostics)
+        )
 
     def _report_unexpected(self, index: int) -> None:
         lexeme = self._lexemes[index]
@@ -567,10 +612,27 @@ class _Run:
             notes = (Note("this `{` is not closed", self._span(opening)),) if opening else ()
             self._report("unexpected-end", "unexpected end of the file", lexeme, self._expectation(), notes)
             return
+        foreign = self._foreign(index)
+        if foreign is not None:
+            keyword = self._lexemes[foreign.begin]
+            hint = self._expectation(self._states[: foreign.height])
+            self._report("unexpected-token", f"unexpected `{keyword.value}`", keyword, hint)
+            return
         shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]
         shown = shown if len(shown) <= 30 else shown[:27] + "..."
         hint = self._escape_hint(index) or self._expectation()
         self._report("unexpected-token", f"unexpected `{shown}`", lexeme, hint)
+
+    def _foreign(self, index: int) -> _Level | None:
+        """The statement under way, if a keyword of other places starts it and the unexpected word follows."""
+        level = next(self._levels(), None)
+        if level is None or not 0 <= level.begin == index - 1 or self._lexemes[index].kind != "NAME":
+            return None
+        lexeme = self._lexemes[level.begin]
+        keyword = lexeme.kind == "NAME" and not lexeme.escaped and lexeme.value in self._grammar.core.keywords
+        return (
+            level if keyword and self._resolve(self._states[: level.height], level.begin) == "NAME" else None
+        )
 
     def _escape_hint(self, index: int) -> str | None:
         """For a keyword where a name is expected."""
@@ -585,25 +647,9 @@ class _Run:
         expected = self._grammar.expected(self._states if states is None else states)
         spelt = list(dict.fromkeys(self._grammar.spelling[terminal] for terminal in expected))
         if {"NAME", "STRING", "INT"} <= set(expected):
-            values = {
-                "a name",
-                "a string",
-                "a whole number",
-                "a number",
-                "`-`",
-                "`!`",
-                "`(`",
-                "`::`",
-                "`true`",
-            }
-            values |= {"`false`", "`none`", "`TRUE`", "`FALSE`", "`_`"}
-            spelt = ["a value", *(one for one in spelt if one not in values)]
-        operators = {
-            f"`{sign}`" for sign in ("+", "-", "*", "/", "%", "<", ">", "<=", ">=", "&&", "||", "?", "!=")
-        }
-        if sum(one in operators for one in spelt) > 4:
-            spelt = [*(one for one in spelt if one not in operators and one != "`==`"), "an operator"]
-        # Signs, then words; the parser's own order depends on hashes.
+            spelt = ["a value", *(one for one in spelt if one not in _VALUES)]
+        if sum(one in _OPERATORS for one in spelt) > 4:
+            spelt = ["an operator", *(one for one in spelt if one not in _OPERATORS)]
         spelt.sort(key=lambda one: (one.startswith("`") and one[1].isalpha(), not one.startswith("`"), one))
         if len(spelt) > 9:
             spelt = [*spelt[:8], "another statement"]

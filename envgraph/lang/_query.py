@@ -9,7 +9,6 @@ from lark import Token, Tree
 
 from envgraph.errors import Diagnostic
 from envgraph.lang._expressions import Reading, type_of, type_span_of
-from envgraph.lang._imports import without_consequences
 from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.lang._query_conditions import condition_of, java_type_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
@@ -36,8 +35,7 @@ def read_query(parsed: Parsed) -> QueryFile:
     header = header_of(reading)
     patterns = tuple(_pattern(reading, header.package, tree) for tree in definitions_of(reading))
     unused_imports(reading, header)
-    diagnostics = without_consequences(reading.diagnostics, parsed.lost)
-    return QueryFile(header, patterns, tuple(diagnostics), parsed.lost)
+    return QueryFile(header, patterns, reading.result(), parsed.lost)
 
 
 def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:

@@ -9,7 +9,6 @@ from lark import Token, Tree
 
 from envgraph.errors import Diagnostic
 from envgraph.lang._expressions import Reading, type_of, type_span_of
-from envgraph.lang._imports import without_consequences
 from envgraph.lang._parsing import Parsed, tokens, trees
 from envgraph.lang._query import name_of, parameters_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
@@ -53,8 +52,7 @@ def read_rules(parsed: Parsed) -> RulesFile:
     header = header_of(reading)
     definitions = tuple(_definition(reading, header.package, tree) for tree in definitions_of(reading))
     unused_imports(reading, header)
-    diagnostics = without_consequences(reading.diagnostics, parsed.lost)
-    return RulesFile(header, definitions, tuple(diagnostics), parsed.lost)
+    return RulesFile(header, definitions, reading.result(), parsed.lost)
 
 
 def _definition(reading: Reading, package: str, tree: Tree[Token]) -> Definition:
