@@ -1,0 +1,216 @@
+"""Plans as functions that change a model.
+
+A rule without nested blocks whose variables are all different objects becomes one straight function. Any other rule
+is carried out phase by phase over the matches of all its blocks, after looking for conflicts between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from envgraph.errors import EnvgraphError, RuleError
+from envgraph.graph import Model
+from envgraph.match import Matcher
+from envgraph.metamodel import Metamodel, Reference
+from envgraph.rewrite._conflicts import Conflicts
+from envgraph.rewrite._match import Row
+from envgraph.rewrite._plan import BlockPlan, ChangeTargets, RulePlan, SetTargets, SetValue
+from envgraph.rewrite._source import Writer
+
+Effect = Callable[[Row], Sequence[Any]]
+"""Applies a rule at a row that is a match, and returns all slots of the rule, created objects among them.
+
+Raises:
+    RuleError: the rule is refused; the model is as before.
+"""
+
+PHASES: Final = ("compute", "unlink", "delete", "retype", "create", "link", "assign")
+
+
+def effect_of(plan: RulePlan, model: Model, matcher: Matcher) -> Effect:
+    """The function that applies a rule."""
+    body = plan.body
+    if body.nested or body.coinciding:
+        return _Staged(plan, model, matcher).apply
+    return _straight(plan, model)
+
+
+# --- straight rules
+
+
+def _straight(plan: RulePlan, model: Model) -> Effect:
+    body = plan.body
+    writer = Writer(model, "e{}".format, lossy=plan.lossy)
+    changes = [line for phase in PHASES[1:] for line in getattr(writer, phase)(body)]
+    lines = writer.compute(body)
+    if _needs_savepoint(body, model.metamodel):
+        writer.namespace.update(
+            savepoint=model.savepoint,
+            rollback=model.rollback,
+            release=model.release,
+            EnvgraphError=EnvgraphError,
+        )
+        lines += ["mark = savepoint()", "try:", *map(_indented, changes), "except EnvgraphError:"]
+        lines += [" rollback(mark)", " raise", "release(mark)"]
+    else:
+        lines += changes
+    lines.append(f"return {writer.slots(tuple(range(body.slots)))}")
+    unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
+    function = _function("do_apply", "row", [unpack, *lines], writer.namespace)
+
+    def apply(row: Row) -> Sequence[Any]:
+        try:
+            result: Sequence[Any] = function(row)
+        except RuleError as error:
+            raise refusal(plan.name, error) from None
+        return result
+
+    return apply
+
+
+def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
+    """Whether a change that the model may refuse comes after another one; each is made completely or not at all."""
+    if body.moves or body.absorbs:
+        return True
+    safe = [True] * len(body.unlinks)
+    safe += [False] * (len(body.deletes) + len(body.retypes))
+    safe += [True] * len(body.creates)
+    safe += [_always_fits(link.reference, metamodel) for link in body.links]
+    for change in body.sets:
+        match change:
+            case SetValue():
+                safe.append(True)
+            case SetTargets():
+                safe.append(_always_set(change.reference, metamodel))
+            case ChangeTargets():
+                safe += [change.operator == "-=" or _always_fits(change.reference, metamodel)] * len(
+                    change.values
+                )
+            case _:
+                safe.append(False)
+    return not all(safe[1:])
+
+
+def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
+    """Whether the model never refuses a link, given ends of the right classes."""
+    opposite = metamodel.opposite(reference)
+    return (
+        reference.upper is None
+        and not _contains(reference, opposite)
+        and (opposite is None or opposite.upper is None)
+    )
+
+
+def _always_set(reference: Reference, metamodel: Metamodel) -> bool:
+    """Whether the model never refuses to replace the targets of a single-valued reference."""
+    opposite = metamodel.opposite(reference)
+    if reference.many or _contains(reference, opposite):
+        return False
+    return opposite is None or opposite.upper in (None, 1)
+
+
+def _contains(reference: Reference, opposite: Reference | None) -> bool:
+    return reference.containment or (opposite is not None and opposite.containment)
+
+
+def _indented(line: str) -> str:
+    return "\n".join(f" {part}" for part in line.split("\n"))
+
+
+def _function(
+    name: str, parameters: str, lines: Sequence[str], namespace: dict[str, Any]
+) -> Callable[..., Any]:
+    source = "\n".join([f"def {name}({parameters}):", *map(_indented, lines or ["pass"])])
+    # The source holds names of ours and operators; nothing that anybody wrote.
+    exec(compile(source, f"<rule {name}>", "exec"), namespace)
+    function: Callable[..., Any] = namespace[name]
+    return function
+
+
+def refusal(rule: str, error: RuleError) -> RuleError:
+    """The reason that the model gives, with the name of the rule that was to be applied."""
+    message = str(error).split("\n", 1)[0]
+    return RuleError(
+        f"rule `{rule}` cannot be applied: {message}", rule=rule, reason=error.reason, details=error.details
+    )
+
+
+# --- rules with blocks
+
+
+@dataclass(slots=True)
+class Instance:
+    """One match of a block: its plan, its slots, and the match of the enclosing block."""
+
+    block: _Block
+    slots: list[Any]
+    parent: Instance | None
+
+
+class _Block:
+    """A block with its compiled phases."""
+
+    def __init__(self, plan: BlockPlan, model: Model, matcher: Matcher, lossy: bool) -> None:
+        self.plan = plan
+        self.rows = (
+            matcher.prepare(plan.pattern, tuple(range(len(plan.arguments)))) if plan.kind != "rule" else None
+        )
+        self.nested = [_Block(inner, model, matcher, lossy) for inner in plan.nested]
+        self.phases: dict[str, Callable[[list[Any]], None] | None] = {}
+        writer = Writer(model, "e[{}]".format, lossy=lossy)
+        for phase in PHASES:
+            lines = getattr(writer, phase)(plan)
+            self.phases[phase] = _function(f"do_{phase}", "e", lines, writer.namespace) if lines else None
+
+    def collect(self, slots: list[Any], parent: Instance | None, found: list[Instance]) -> None:
+        """Add the match with these slots, then those of the nested blocks, all on the present state."""
+        slots += [None] * (self.plan.slots - len(slots))
+        instance = Instance(self, slots, parent)
+        found.append(instance)
+        for block in self.nested:
+            assert block.rows is not None
+            # Sorted: the order of rows is the matcher's own, and ids of new objects follow from this one.
+            rows = sorted(block.rows(*(slots[number] for number in block.plan.arguments)))
+            if block.plan.kind == "optional":
+                rows = rows[:1]
+            for row in rows:
+                block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found)
+
+
+class _Staged:
+    """Applies a rule with nested blocks, or one whose variables may stand for one object."""
+
+    def __init__(self, plan: RulePlan, model: Model, matcher: Matcher) -> None:
+        self.plan = plan
+        self.model = model
+        self.block = _Block(plan.body, model, matcher, plan.lossy)
+
+    def apply(self, row: Row) -> Sequence[Any]:
+        """See `Effect`."""
+        instances: list[Instance] = []
+        self.block.collect(list(row), None, instances)
+        try:
+            self._run(instances, "compute")
+            self._check(instances)
+            with self.model.transaction():
+                for phase in PHASES[1:]:
+                    self._run(instances, phase)
+        except RuleError as error:
+            raise refusal(self.plan.name, error) from None
+        return instances[0].slots
+
+    def _run(self, instances: Sequence[Instance], phase: str) -> None:
+        for instance in instances:
+            if phase == "create" and instance.parent is not None:
+                inherited = instance.block.plan.inherited
+                instance.slots[:inherited] = instance.parent.slots[:inherited]
+            function = instance.block.phases[phase]
+            if function is not None:
+                function(instance.slots)
+
+    def _check(self, instances: Sequence[Instance]) -> None:
+        conflicts = Conflicts(self.model)
+        for instance in instances:
+            conflicts.add(instance.block.plan, instance.slots)

@@ -1,0 +1,465 @@
+"""From the right side of a block to its plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Literal
+
+from envgraph.errors import Span
+from envgraph.metamodel import Reference
+from envgraph.pattern import (
+    Action,
+    Create,
+    DeleteEdge,
+    DeleteNode,
+    Edge,
+    Merge,
+    Modification,
+    Move,
+    Node,
+    ObjectType,
+    Redirect,
+    Retype,
+    RightSide,
+    Rule,
+    Set,
+    StaticType,
+    Variable,
+)
+from envgraph.rewrite._assign import AssignmentReader
+from envgraph.rewrite._left import LoweredBlock
+from envgraph.rewrite._plan import (
+    Absorb,
+    BlockPlan,
+    ChangeClass,
+    ChangeTargets,
+    Delete,
+    Link,
+    New,
+    Rehome,
+    SetTargets,
+    Unlink,
+)
+from envgraph.rewrite._sight import LinkKey, ResolvedEdge, Sight
+from envgraph.rewrite._variables import equated, is_named, node_names
+
+TypesOf = Callable[[LoweredBlock], Mapping[str, StaticType | None]]
+
+
+class BlockBuilder:
+    """Works out what one block does, and collects what is wrong with it in `sight.problems`.
+
+    Names first (what is created, retyped, deleted), then everything that refers to names: the order of the actions
+    in the text does not matter.
+    """
+
+    def __init__(self, rule: Rule, lowered: LoweredBlock, sight: Sight, types_of: TypesOf) -> None:
+        self.rule = rule
+        self.lowered = lowered
+        self.types_of = types_of
+        self._clashes(sight)
+        self.sight = sight.inner(types_of(lowered))
+        self.values = AssignmentReader(self.sight)
+        self.inherited = len(sight.names) - len(lowered.own)
+        self.right = lowered.block.right if lowered.block else rule.right
+        self._own_created: list[str] = []
+        self._own_retyped: list[str] = []
+        self._own_deleted: list[str] = []
+        self._spans: dict[str, Span | None] = {}
+        self._unlinks: dict[LinkKey, ResolvedEdge] = {}
+        self._links: dict[LinkKey, ResolvedEdge] = {}
+        self._moves: list[Rehome] = []
+        self._absorbs: list[Absorb] = []
+        self._wanted: dict[LinkKey, ResolvedEdge] = {}
+        self._read_left()
+
+    def _clashes(self, outer: Sight) -> None:
+        for name in self.lowered.own:
+            if name in outer.created:
+                span = node_names(self.lowered.left).get(name)
+                outer.error("duplicate-definition", f"`{name}` is created by the enclosing rule", span)
+
+    def _read_left(self) -> None:
+        for node in self.lowered.left.nodes:
+            if node.type:
+                self.sight.declared.setdefault(node.name, set()).add(node.type)
+        self.sight.equated |= equated(self.lowered.left)
+        self._arrows = [edge for edge in map(self.sight.left_edge, self.lowered.left.edges) if edge]
+        self.sight.arrows.extend(self._arrows)
+
+    def build(self) -> BlockPlan:
+        """The plan; of use only if no error was found."""
+        match self.right:
+            case Modification():
+                self._modification(self.right)
+            case RightSide():
+                self._right_side(self.right)
+        self._clear_deleted()
+        nested = tuple(
+            BlockBuilder(self.rule, block, self.sight, self.types_of).build() for block in self.lowered.nested
+        )
+        plan = self._plan(nested)
+        self._check_required(plan)
+        return plan
+
+    # --- names
+
+    def _modification(self, right: Modification) -> None:
+        for action in right.actions:
+            match action:
+                case Create():
+                    for node in action.nodes:
+                        self._new_or_known(node)
+                case Retype():
+                    self._retype(action)
+                case DeleteNode():
+                    self._delete(action.node.name, action.node.span or action.span)
+                case Merge():
+                    self._merge(action)
+                case _:
+                    pass
+        for action in right.actions:
+            match action:
+                case Create():
+                    self._new_graph(action.nodes, action.edges)
+                case DeleteEdge():
+                    self._delete_edge(action.edge)
+                case Set():
+                    self.values.set(action)
+                case Move():
+                    self._move(action)
+                case Redirect():
+                    self._redirect(action)
+                case _:
+                    pass
+
+    def _new_or_known(self, node: Node) -> None:
+        if node.type is None:
+            self.sight.knows(node.name, node.span)
+        elif self.sight.sees(node.name):
+            self.sight.error(
+                "duplicate-definition",
+                f"`{node.name}` exists already, so it cannot be created",
+                node.span,
+                f"`retype {node.name} : {node.type};` changes its class; a new object needs another name",
+            )
+        else:
+            self._create(node)
+
+    def _create(self, node: Node) -> None:
+        assert node.type is not None
+        name = node.name
+        self._spans[name] = node.span
+        if not is_named(name):
+            hint = "a name that starts with `_` stands for anything, once; give the object another name"
+            self.sight.error("bad-name", f"`{name}` cannot name a new object", node.span, hint)
+        # An unusable class still makes the name known: one mistake, one diagnostic.
+        if self.sight.instantiable(node.type, node.type_span or node.span):
+            self.sight.created[name] = node.type
+        else:
+            self.sight.types[name] = None
+        self._own_created.append(name)
+        self.sight.add(name)
+
+    def _retype(self, action: Retype) -> None:
+        name, cls = action.node.name, action.type
+        where = action.type_span or action.span
+        if not self.sight.knows(name, action.node.span or action.span) or not self.sight.instantiable(
+            cls, where
+        ):
+            return
+        if name in self.sight.created:
+            message = f"`{name}` is created by this rule"
+            self.sight.error("duplicate-definition", message, action.span, f"create it as `{name} : {cls}`")
+        elif self.sight.was_object(name, action.node.span or action.span):
+            if self.sight.retyped.get(name, cls) != cls:
+                message = f"`{name}` cannot become both `{self.sight.retyped[name]}` and `{cls}`"
+                self.sight.error("duplicate-action", message, where)
+            self._spans[name] = where
+            self.sight.retyped[name] = cls
+            self._own_retyped.append(name)
+
+    def _delete(self, name: str, span: Span | None) -> None:
+        if not self.sight.knows(name, span) or not self.sight.was_object(name, span):
+            return
+        if name in self.sight.created:
+            self.sight.error("duplicate-action", f"`{name}` is created by this rule", span)
+        elif name in self.sight.deleted:
+            self.sight.warn("duplicate-action", f"`{name}` is deleted already", span)
+        else:
+            self.sight.deleted[name] = None
+            self._own_deleted.append(name)
+
+    def _merge(self, action: Merge) -> None:
+        kept, absorbed = action.kept.name, action.absorbed.name
+        span = action.span
+        if kept == absorbed:
+            self.sight.error("duplicate-action", f"`{kept}` cannot be merged with itself", span)
+        elif all([self.sight.is_object(v.name, v.span or span) for v in (action.kept, action.absorbed)]):
+            self._absorbs.append(Absorb(self.sight.slot(kept), self.sight.slot(absorbed)))
+            self.sight.deleted[absorbed] = None
+            self.sight.absorbed[absorbed] = None
+
+    # --- `rhs`: the graph after the rule
+
+    def _right_side(self, right: RightSide) -> None:
+        kept = {**dict.fromkeys(node.name for node in right.nodes)}
+        for edge in right.edges:
+            kept.update({edge.source: None, edge.target: None})
+        for node in right.nodes:
+            self._right_node(node)
+        self._omitted_nodes(right, kept)
+        self._right_edges(right)
+        for node in right.nodes:
+            self._assignments(node)
+        for action in right.actions:
+            self._right_action(action, kept)
+
+    def _right_node(self, node: Node) -> None:
+        if not self.sight.sees(node.name):
+            if node.type is None:
+                self.sight.knows(node.name, node.span)
+            else:
+                self._create(node)
+        elif node.type is not None and node.name in self._own_created:
+            self.sight.error("duplicate-definition", f"`{node.name}` is created twice", node.span)
+        elif node.type is not None and node.type not in self._left_classes(node.name):
+            self._retype(Retype(Variable(node.name, node.span), node.type, node.span, node.type_span))
+
+    def _left_classes(self, name: str) -> set[str]:
+        before = self.sight.before(name)
+        return self.sight.declared.get(name) or ({before} if before else set())
+
+    def _omitted_nodes(self, right: RightSide, kept: Mapping[str, None]) -> None:
+        explicit = {a.node.name for a in right.actions if isinstance(a, DeleteNode)}
+        context = {parameter.name for parameter in self.rule.parameters}
+        for name, span in node_names(self.lowered.left).items():
+            if name in kept or name in context or name not in self.lowered.own:
+                continue
+            if not isinstance(self.sight.types.get(name), ObjectType):
+                continue
+            self.sight.deleted[name] = None
+            self._own_deleted.append(name)
+            if name not in explicit:
+                self.sight.warn(
+                    "deletion-by-omission",
+                    f"`{name}` is deleted, because the right side leaves it out",
+                    span,
+                    f"write `delete {name};` in the right side if that is meant, or name `{name}` there to keep it",
+                )
+
+    def _right_edges(self, right: RightSide) -> None:
+        wanted = self._wanted
+        unclear = False
+        for edge in right.edges:
+            resolved = self.sight.edge(edge)
+            if resolved:
+                wanted[self.sight.key(resolved)] = resolved
+            unclear |= resolved is None
+        before = {self.sight.key(arrow): arrow for arrow in self._arrows}
+        if not unclear:
+            self._unlinks.update((key, arrow) for key, arrow in before.items() if key not in wanted)
+        self._links.update((key, edge) for key, edge in wanted.items() if key not in before)
+
+    def _right_action(self, action: Action, kept: Mapping[str, None]) -> None:
+        match action:
+            case Set():
+                self.values.set(action)
+            case DeleteEdge():
+                self._delete_edge(action.edge)
+            case DeleteNode():
+                name = action.node.name
+                if name in kept:
+                    message = f"`{name}` stands in the right side, so it cannot be deleted"
+                    self.sight.error("duplicate-action", message, action.span)
+                elif name not in self._own_deleted:
+                    self._delete(name, action.span)
+            case Create() | Retype() | Move() | Merge() | Redirect():
+                word = type(action).__name__.lower()
+                hint = "say what the graph looks like afterwards, or use `modify { .. }`"
+                self.sight.error("misplaced-action", f"`{word}` stands in `modify` only", action.span, hint)
+
+    # --- links
+
+    def _new_graph(self, nodes: Sequence[Node], edges: Sequence[Edge]) -> None:
+        for edge in edges:
+            resolved = self.sight.edge(edge)
+            if resolved:
+                self._links[self.sight.key(resolved)] = resolved
+        for node in nodes:
+            self._assignments(node)
+
+    def _delete_edge(self, edge: Edge) -> None:
+        resolved = self.sight.edge(edge, before=True)
+        if resolved is None:
+            return
+        key = self.sight.key(resolved)
+        if key in self._wanted:
+            message = f"`{edge.source} -{edge.reference}-> {edge.target}` stays in the right side"
+            self.sight.error("duplicate-action", message, edge.span)
+        self._unlinks[key] = resolved
+
+    def _clear_deleted(self) -> None:
+        """Links of the left side at a deleted node go with it, whoever wrote them."""
+        gone = self.sight.deleted.keys() - self.sight.absorbed.keys()
+        for arrow in self.sight.arrows:
+            ends = {arrow.source, arrow.target}
+            if ends & set(self._own_deleted) or (arrow in self._arrows and ends & gone):
+                self._unlinks.setdefault(self.sight.key(arrow), arrow)
+
+    def _redirect(self, action: Redirect) -> None:
+        edge = action.edge
+        old = self.sight.edge(edge, before=True)
+        new = self.sight.edge(replace(edge, target=action.target.name, target_span=action.target.span))
+        if old and new:
+            self._unlinks[self.sight.key(old)] = old
+            self._links[self.sight.key(new)] = new
+
+    def _move(self, action: Move) -> None:
+        node, container = action.node, action.container
+        where = action.reference_span or action.span
+        if not all([self.sight.is_object(v.name, v.span or action.span) for v in (node, container)]):
+            return
+        cls = self.sight.after(container.name)
+        reference = self.sight.reference(cls, action.reference, where) if cls else None
+        if reference is None or not self.sight.fits(node.name, reference, node.span or action.span):
+            return
+        if not reference.containment:
+            hint = f"write `create {container.name} -{reference.name}-> {node.name};` to link them"
+            self.sight.error("not-a-containment", f"`{reference}` does not contain its targets", where, hint)
+            return
+        self._moves.append(Rehome(self.sight.slot(node.name), self.sight.slot(container.name), reference))
+
+    def _assignments(self, node: Node) -> None:
+        for assignment in node.assignments:
+            if node.name in self._own_created:
+                self.values.initialise(node, assignment)
+            elif self.sight.sees(node.name):
+                owner = Variable(node.name, node.span)
+                feature, value, span = assignment.feature, assignment.value, assignment.span
+                self.values.set(Set(owner, feature, "=", value, span, feature_span=assignment.feature_span))
+
+    # --- the plan
+
+    def _plan(self, nested: tuple[BlockPlan, ...]) -> BlockPlan:
+        slot = self.sight.slot
+        deletes = tuple(Delete(slot(name)) for name in dict.fromkeys(self._own_deleted))
+        unlinks = tuple(self._unlink(edge) for edge in self._unlinks.values())
+        links = [Link(slot(e.source), e.reference, slot(e.target)) for e in self._links.values()]
+        return BlockPlan(
+            kind=self._kind(),
+            pattern=self.lowered.pattern.qualified_name,
+            arguments=tuple(slot(name) for name in self.lowered.inherited),
+            inherited=self.inherited,
+            names=tuple(self.sight.names),
+            variables=len(self.lowered.own),
+            coinciding=any(self._may_coincide(*pair) for pair in combinations(self.sight.types, 2)),
+            identified=self._identified(),
+            identified_links=self._identified_links(),
+            computed=tuple(self.values.computed),
+            unlinks=unlinks,
+            deletes=deletes,
+            retypes=tuple(
+                ChangeClass(slot(name), self.sight.retyped[name]) for name in dict.fromkeys(self._own_retyped)
+            ),
+            creates=tuple(
+                New(slot(name), self.sight.created[name])
+                for name in self._own_created
+                if name in self.sight.created
+            ),
+            absorbs=tuple(self._absorbs),
+            moves=tuple(self._moves),
+            links=(*links, *self.values.links),
+            sets=tuple(self.values.sets),
+            nested=nested,
+        )
+
+    def _kind(self) -> Literal["rule", "forall", "forall+", "optional"]:
+        block = self.lowered.block
+        if block is None:
+            return "rule"
+        assert block.kind in ("forall", "forall+", "optional")
+        return block.kind
+
+    def _unlink(self, edge: ResolvedEdge) -> Unlink:
+        return Unlink(self.sight.slot(edge.source), edge.reference, self.sight.slot(edge.target))
+
+    def _may_coincide(self, one: str, other: str) -> bool:
+        """Whether two variables may stand for one object in a match of this rule."""
+        if one == other or frozenset((one, other)) in self.sight.equated:
+            return True
+        if self.rule.injective and not any(one in g and other in g for g in self.rule.homomorphic):
+            return False
+        left, right = self.sight.before(one), self.sight.before(other)
+        return bool(left and right and self.sight.metamodel.overlap(left, right))
+
+    def _identified(self) -> tuple[tuple[int, int], ...]:
+        gone = [*self._own_deleted, *(self.sight.names[a.absorbed] for a in self._absorbs)]
+        return tuple(
+            (self.sight.slot(name), self.sight.slot(other))
+            for name in gone
+            for other in self.sight.types
+            if name != other and self._may_coincide(name, other)
+        )
+
+    def _identified_links(self) -> tuple[tuple[Unlink, Unlink], ...]:
+        found: list[tuple[Unlink, Unlink]] = []
+        for key, gone in self._unlinks.items():
+            for arrow in self.sight.arrows:
+                same = self.sight.key(arrow)
+                if same == key or same[0] != key[0]:
+                    continue
+                if self._may_coincide(key[1], same[1]) and self._may_coincide(key[2], same[2]):
+                    found.append((self._unlink(gone), self._unlink(arrow)))
+        return tuple(found)
+
+    def _check_required(self, plan: BlockPlan) -> None:
+        """Warn where an object surely ends without a target that its class requires."""
+        fresh = {name: set[Reference]() for name in self._own_created if name in self.sight.created}
+        for name in self._own_retyped:
+            before = self.sight.before(name)
+            fresh[name] = (
+                {f for f in self.sight.metamodel.features(before or "").values() if isinstance(f, Reference)}
+                if before
+                else set()
+            )
+        for name, had in fresh.items():
+            cls = self.sight.after(name)
+            assert cls is not None
+            for feature in self.sight.metamodel.features(cls).values():
+                if not isinstance(feature, Reference) or feature.lower == 0 or feature in had:
+                    continue
+                if not _provides(plan, self.sight.slot(name), feature, self.sight):
+                    self._warn_required(name, feature)
+
+    def _warn_required(self, name: str, feature: Reference) -> None:
+        self.sight.warn(
+            "missing-required",
+            f"`{name}` gets no `{feature.name}`, and `{feature}` needs {feature.multiplicity}",
+            self._spans.get(name),
+            f"add `{feature.name} = ..`",
+        )
+
+
+def _provides(plan: BlockPlan, slot: int, reference: Reference, sight: Sight) -> bool:
+    """Whether a plan links an object by a reference, from either end."""
+    opposite = sight.metamodel.opposite(reference)
+    for link in plan.links:
+        if (link.source, link.reference) == (slot, reference) or (link.target, link.reference) == (
+            slot,
+            opposite,
+        ):
+            return True
+    for change in plan.sets:
+        if isinstance(change, SetTargets | ChangeTargets):
+            if (change.object, change.reference) == (slot, reference):
+                return True
+            if change.reference == opposite and slot in change.values:
+                return True
+    moved = any(
+        (m.container, m.reference) == (slot, reference) or (m.node, m.reference) == (slot, opposite)
+        for m in plan.moves
+    )
+    return moved or any(_provides(inner, slot, reference, sight) for inner in plan.nested)

@@ -1,0 +1,226 @@
+"""Rules, checked and worked out to plans."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, has_errors
+from envgraph.pattern import (
+    Create,
+    Library,
+    Modification,
+    ObjectType,
+    Parameter,
+    Pattern,
+    RightSide,
+    Rule,
+    StaticType,
+    TypeConstraint,
+    Variable,
+    static_type,
+)
+from envgraph.rewrite._block import BlockBuilder
+from envgraph.rewrite._header import (
+    annotation_span,
+    check_annotations,
+    check_weight,
+    duplicate_parameters,
+    type_names,
+)
+from envgraph.rewrite._left import LeftLowering, LoweredBlock
+from envgraph.rewrite._plan import RulePlan
+from envgraph.rewrite._sight import Sight
+from envgraph.rewrite._variables import all_names, is_named
+
+RULE_ANNOTATIONS = ("hom", "match", "priority", "semantics", "weight")
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedRule:
+    """What checking a rule gives.
+
+    Attributes:
+        patterns: its left sides, in the order in which a library can take them.
+        plan: None if there are errors.
+    """
+
+    rule: Rule
+    patterns: tuple[Pattern, ...]
+    plan: RulePlan | None
+    problems: tuple[Diagnostic, ...]
+
+
+def check_rule(rule: Rule, library: Library) -> list[Diagnostic]:
+    """All errors and warnings of a rule over the patterns of a library, which stays as it is."""
+    return list(examine(rule, library).problems)
+
+
+def examine(rule: Rule, library: Library) -> CheckedRule:
+    """Check a rule, and work out its plan if it has no errors."""
+    problems = [*_check_header(rule), *_check_names(rule), *_check_types(rule, library)]
+    lowering = LeftLowering(rule, library)
+    lowered = lowering.lower(_created(rule))
+    patterns = tuple(lowering.patterns)
+    problems += lowering.problems
+    known = None
+    if not lowering.problems and not has_errors(problems):
+        left = [problem for problem in library.check(*patterns) if problem.severity is Severity.ERROR]
+        problems += left
+        if not left:
+            known = copy(
+                library
+            )  # a library never changes what it has, so that a shallow copy is one of its own
+            known.add(*patterns)
+    sight = Sight(library.metamodel, problems)
+    for parameter in rule.parameters:
+        if parameter.type:
+            sight.declared[parameter.name] = {parameter.type}
+    builder = BlockBuilder(rule, lowered, sight, lambda block: _types_of(block, known))
+    body = builder.build()
+    positions = known.inputs(lowered.pattern.qualified_name) if known else ()
+    inputs = tuple(lowered.own[position] for position in positions)
+    outputs = _outputs(rule, builder.sight, inputs)
+    _check_homomorphic(rule, builder.sight, problems)
+    if has_errors(problems) or known is None:
+        return CheckedRule(rule, patterns, None, tuple(problems))
+    plan = RulePlan(
+        name=rule.qualified_name,
+        weight=float(rule.weight),
+        priority=rule.priority,
+        parameters=tuple(parameter.name for parameter in rule.parameters),
+        variables=lowered.own,
+        types=known.parameter_types(lowered.pattern.qualified_name),
+        inputs=inputs,
+        outputs=outputs,
+        lossy=rule.semantics == "spo",
+        body=body,
+        exact=_exact_class(lowered),
+    )
+    return CheckedRule(rule, patterns, plan, tuple(problems))
+
+
+def _types_of(block: LoweredBlock, known: Library | None) -> Mapping[str, StaticType | None]:
+    """Types of the variables in sight: what the library found where it found no error, else what arrows tell."""
+    if known is None:
+        return block.types
+    found = known.parameter_types(block.pattern.qualified_name)
+    return {**block.types, **dict(zip((*block.inherited, *block.own), found, strict=True))}
+
+
+def _created(rule: Rule) -> set[str]:
+    """Parameters that the right side creates: they are `out`, and no part of the match."""
+    match rule.right:
+        case Modification(actions):
+            nodes = [node for action in actions if isinstance(action, Create) for node in action.nodes]
+        case RightSide():
+            nodes = list(rule.right.nodes)
+        case None:
+            nodes = []
+    outputs = {p.name for p in rule.parameters if p.direction == "out"}
+    left = {node.name for node in rule.left.nodes} | {
+        e for edge in rule.left.edges for e in (edge.source, edge.target)
+    }
+    return {node.name for node in nodes if node.type and node.name in outputs and node.name not in left}
+
+
+def _exact_class(lowered: LoweredBlock) -> str | None:
+    constraints = lowered.pattern.bodies[0].constraints
+    if len(lowered.own) == 1 and len(constraints) == 1 and not lowered.nested:
+        match constraints[0]:
+            case TypeConstraint(cls, Variable(), True):
+                return cls
+    return None
+
+
+# --- what stands in the header
+
+
+def _check_header(rule: Rule) -> Iterable[Diagnostic]:
+    yield from check_weight(rule.weight, rule.annotations, rule.span)
+    yield from check_annotations(rule.annotations, RULE_ANNOTATIONS)
+    if rule.semantics not in ("dpo", "spo"):
+        span = annotation_span(rule.annotations, "semantics") or rule.span
+        hint = "write `@semantics(dpo)` or `@semantics(spo)`"
+        yield Diagnostic("unknown-semantics", f"unknown semantics `{rule.semantics}`", span, hint)
+
+
+def _check_names(rule: Rule) -> Iterable[Diagnostic]:
+    yield from duplicate_parameters(rule.parameters)
+    for parameter in rule.parameters:
+        if not is_named(parameter.name):
+            hint = "a name that starts with `_` stands for anything, once"
+            message = f"`{parameter.name}` cannot name a parameter"
+            yield Diagnostic("bad-name", message, parameter.span, hint)
+    declared: dict[str, Span | None] = {}
+    for node in rule.left.nodes:
+        if node.type is None or not is_named(node.name):
+            continue
+        if node.name in declared:
+            notes = (Note("the first definition is here", declared[node.name]),)
+            message = f"`{node.name}` is declared twice"
+            yield Diagnostic("duplicate-definition", message, node.span, notes=notes)
+        declared.setdefault(node.name, node.span)
+
+
+def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
+    """Types of parameters; those of the left side are checked with it."""
+    for parameter in rule.parameters:
+        if parameter.type and static_type(parameter.type, library.metamodel) is None:
+            hint = did_you_mean(parameter.type, type_names(library.metamodel))
+            yield Diagnostic(
+                "unknown-type",
+                f"unknown type `{parameter.type}`",
+                parameter.type_span or parameter.span,
+                hint,
+            )
+
+
+# --- what needs the whole rule
+
+
+def _outputs(rule: Rule, sight: Sight, given: Sequence[str]) -> tuple[tuple[str, int], ...]:
+    """Name and slot of the `out` parameters; `given` are variables that only a caller can bind."""
+    found: list[tuple[str, int]] = []
+    mentioned = all_names(rule.left)
+    for parameter in rule.parameters:
+        name = parameter.name
+        if parameter.direction != "out":
+            continue
+        if name in sight.created:
+            found.append((name, sight.slot(name)))
+            _check_created_output(parameter, sight)
+        elif name not in mentioned or name in given:
+            hint = "bind it in the left side, or create it in the right side"
+            sight.error("unbound-output", f"nothing gives `{name}` a value", parameter.span, hint)
+        else:
+            found.append((name, sight.slot(name)))
+    return tuple(found)
+
+
+def _check_created_output(parameter: Parameter, sight: Sight) -> None:
+    cls = sight.created[parameter.name]
+    above = parameter.type
+    if above and above in sight.metamodel.classes and not sight.metamodel.is_a(cls, above):
+        message = f"`{parameter.name}` is declared as `{above}` and created as `{cls}`"
+        sight.error("wrong-type", message, parameter.span)
+
+
+def _check_homomorphic(rule: Rule, sight: Sight, problems: list[Diagnostic]) -> None:
+    spans = {
+        name: span
+        for group, places in zip(rule.homomorphic, rule.homomorphic_spans, strict=False)
+        for name, span in zip(group, places, strict=False)
+    }
+    nested = {name for block in rule.blocks for name in (node.name for node in block.left.nodes)}
+    for name in dict.fromkeys(name for group in rule.homomorphic for name in group):
+        if name not in sight.types and name not in nested:
+            hint = did_you_mean(name, sight.types)
+            span = spans.get(name, rule.span)
+            problems.append(
+                Diagnostic("unknown-variable", f"the left side has no variable `{name}`", span, hint)
+            )
+        elif sight.types.get(name) is not None and not isinstance(sight.types[name], ObjectType):
+            message = f"`{name}` is a data value; values are never compared"
+            problems.append(Diagnostic("not-an-object", message, spans.get(name, rule.span)))

@@ -1,0 +1,569 @@
+"""The one facade: a model, its registered patterns, rules, units and derived groups."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from random import Random
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+
+from envgraph.errors import (
+    Diagnostic,
+    EvaluationError,
+    InvalidArgument,
+    ResolutionError,
+    Severity,
+    TypeMismatch,
+    has_errors,
+)
+from envgraph.graph import Model, Node, Savepoint, Version
+from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.metamodel import Value, accepts, type_name
+from envgraph.pattern import Derivation, Library, ObjectType, Pattern, Rule, Unit
+from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
+from envgraph.rewrite._names import Directory, Signature, Taken
+from envgraph.rewrite._register import Registration
+from envgraph.rewrite._runner import PythonRule, Randomness, RuleRunner, graph_rule
+from envgraph.rewrite._units import STEP_LIMIT, Run, UnitBuilder, UnitProgram, apply_one_of, draw_weighted
+
+if TYPE_CHECKING:
+    import numpy
+
+Definition = Pattern | Rule | Unit | Derivation
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+class Engine:
+    """A model together with what can be asked of it and done to it.
+
+    Names of patterns, rules, units and groups may be qualified (`package.name`), or simple where only one definition
+    has that name.
+
+    Args:
+        model: the model; it may also be changed directly.
+        seed: of `rng`.
+        matcher: "compiled", or "naive": slow, and sure.
+
+    Attributes:
+        model: the model.
+        library: the registered patterns; the left sides of rules are among them under names like `rule#lhs`.
+        matcher: finds the matches.
+        step_limit: how many calls and rounds one `run` may take.
+    """
+
+    def __init__(
+        self, model: Model, *, seed: int = 0, matcher: Literal["compiled", "naive"] = "compiled"
+    ) -> None:
+        self.model = model
+        self.library = Library(model.metamodel)
+        if matcher not in ("compiled", "naive"):
+            raise InvalidArgument(f'matcher is "compiled" or "naive", not {matcher!r}')
+        self.matcher: Matcher = (CompiledMatcher if matcher == "compiled" else NaiveMatcher)(
+            model, self.library
+        )
+        self.step_limit = STEP_LIMIT
+        self.seed = seed
+        self._rng: numpy.random.Generator | None = None
+        self._directory = Directory()
+        self._definitions: dict[str, Rule | Unit | Derivation] = {}
+        self._rules: dict[str, RuleRunner] = {}
+        self._units: dict[str, UnitProgram] = {}
+        self._groups: dict[str, tuple[str, ...]] = {}
+        self._choices: dict[tuple[str, ...], _Choice] = {}
+        self._recorders: list[list[Firing]] = []
+        self._questions: dict[str, tuple[Shape, str]] = {}
+
+    def __repr__(self) -> str:
+        return f"<Engine on {self.model!r}: {len(self.rules)} rules>"
+
+    @property
+    def rng(self) -> numpy.random.Generator:
+        """The generator behind every random choice: seeded with `seed` when it is first needed, and settable.
+
+        Without NumPy, a `random.Random` of the same seed stands in; its choices are others.
+        """
+        if self._rng is None:
+            try:
+                from numpy.random import default_rng
+            except ImportError:
+                self._rng = cast("numpy.random.Generator", Random(self.seed))
+            else:
+                self._rng = default_rng(self.seed)
+        return self._rng
+
+    @rng.setter
+    def rng(self, generator: numpy.random.Generator) -> None:
+        self._rng = generator
+
+    # --- definitions
+
+    def check(self, *definitions: Definition) -> list[Diagnostic]:
+        """All errors and warnings that `add` would find; nothing is added."""
+        return self._registration(definitions).problems
+
+    def add(self, *definitions: Definition) -> None:
+        """Register patterns, rules, units and derivations, which may refer to each other.
+
+        Raises:
+            ResolutionError: at least one has an error; all errors together. Nothing is added.
+        """
+        registration = self._registration(definitions)
+        if has_errors(registration.problems):
+            raise ResolutionError([p for p in registration.problems if p.severity is Severity.ERROR])
+        self.library.add(*registration.all_patterns)
+        self._directory = registration.directory
+        self._forget()
+        for plan in registration.plans:
+            self._rules[plan.name] = graph_rule(plan, self.model, self.library, self.matcher)
+        for definition in definitions:
+            if not isinstance(definition, Pattern):
+                self._definitions[definition.qualified_name] = definition
+        self._groups.update(registration.groups)
+        for checked in registration.units:
+            builder = UnitBuilder(checked, self._rules, self._units, self.group, self.model, self.matcher)
+            name = checked.unit.qualified_name
+            self._units[name] = builder.build(self._directory.signatures[name])
+
+    def _forget(self) -> None:
+        """Names may mean something else now."""
+        self._choices.clear()
+        self._questions.clear()
+
+    def _registration(self, definitions: Sequence[Definition]) -> Registration:
+        return Registration(definitions, self.library, self._directory)
+
+    def rule(
+        self, when: str, *, name: str | None = None, weight: float = 1.0, priority: int = 0
+    ) -> Callable[[Function], Function]:
+        """Register a Python function as a rule that applies at the matches of a pattern.
+
+        The function takes variables of the match by name, as `Node`s or values, and the engine if it has a parameter
+        `engine`; it edits the model through the nodes. If it raises, what it did is taken back.
+
+        Args:
+            when: name of a registered pattern.
+            name: name of the rule; else that of the function.
+            weight, priority: as `@weight` and `@priority`.
+
+        Raises:
+            InvalidArgument: an unknown pattern, a name that is taken, a parameter that is no variable of the pattern.
+        """
+        pattern = self._pattern(when)
+
+        def register(function: Function) -> Function:
+            own = name or function.__name__
+            if not weight > 0:
+                raise InvalidArgument(f"a weight is a number above 0, not {weight}")
+            if own in self._directory.signatures or own in self.library.names():
+                raise InvalidArgument(f"`{own}` is defined already")
+            shape = Shape(own, self._shape(pattern).names, self._shape(pattern).types)
+            runner = PythonRule(
+                function,
+                shape,
+                pattern.qualified_name,
+                self.model,
+                self.library,
+                self.matcher,
+                engine=self,
+                weight=float(weight),
+                priority=priority,
+            )
+            parameters = tuple(
+                Taken(variable, type_, required=variable in runner.inputs)
+                for variable, type_ in zip(shape.names, shape.types, strict=True)
+            )
+            self._directory.add(Signature(own, "rule", "", parameters, weight, priority))
+            self._rules[own] = runner
+            self._forget()
+            return function
+
+        return register
+
+    @property
+    def rules(self) -> tuple[str, ...]:
+        """Qualified names of all rules, members of groups included, in the order they were added."""
+        return tuple(self._rules)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Qualified names of the units."""
+        return tuple(self._units)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Qualified names of the derivations."""
+        return tuple(self._groups)
+
+    @property
+    def patterns(self) -> tuple[str, ...]:
+        """Qualified names of the registered patterns, without those that rules are made into."""
+        return tuple(name for name in self.library.names() if "#" not in name)
+
+    @property
+    def definitions(self) -> tuple[Definition, ...]:
+        """The patterns, rules, units and derivations as they were added."""
+        patterns = [pattern for pattern in self.library.patterns if "#" not in pattern.name]
+        return (*patterns, *self._definitions.values())
+
+    def group(self, name: str) -> tuple[str, ...]:
+        """Qualified names of the rules of a derivation; of the rule itself, for a rule; of the unit, for a unit."""
+        qualified = self._directory.resolve(name)
+        return self._groups.get(qualified, (qualified,))
+
+    def signature(self, name: str) -> Signature:
+        """What a rule, unit or group is called with."""
+        return self._directory.signatures[self._directory.resolve(name)]
+
+    def prepare(self, rule: str) -> RuleRunner:
+        """The fast, unchecked interface of a rule, for loops that apply it often.
+
+        Raises:
+            InvalidArgument: an unknown rule.
+        """
+        qualified = self._directory.resolve(rule, "rule")
+        if qualified not in self._rules:
+            kind = self._directory.signatures[qualified].kind
+            raise InvalidArgument(f"`{rule}` is a {kind}, not a rule")
+        return self._rules[qualified]
+
+    def _pattern(self, name: str) -> Pattern:
+        found = self.library.resolve(name)
+        if found is None or "#" in found.name:
+            self._directory_with_patterns().resolve(name, "pattern")
+            raise InvalidArgument(f"`{name}` is not a pattern")
+        return found
+
+    def _shape(self, pattern: Pattern) -> Shape:
+        names = tuple(parameter.name for parameter in pattern.parameters)
+        return Shape(pattern.qualified_name, names, self.library.parameter_types(pattern.qualified_name))
+
+    def _directory_with_patterns(self) -> Directory:
+        """Everything that has matches, for names that mean nothing."""
+        directory = Directory(self._directory.signatures.values())
+        for pattern in self.library.patterns:
+            if "#" not in pattern.name:
+                directory.add(Signature(pattern.qualified_name, "rule", pattern.package))
+        return directory
+
+    # --- matches
+
+    def matches(self, name: str, **bound: object) -> list[Match]:
+        """All matches of a pattern, or of the left side of a rule, that agree with the bound variables.
+
+        The order is a function of the model's version.
+
+        Args:
+            name: of the pattern or rule.
+            **bound: values of variables; objects as `Node`s or ids.
+
+        Raises:
+            InvalidArgument: an unknown name or variable.
+            TypeMismatch: a value of the wrong type.
+        """
+        shape, pattern, arguments = self._question(name, bound)
+        return [Match(self.model, shape, row) for row in self.matcher.rows(pattern, arguments)]
+
+    def first(self, name: str, **bound: object) -> Match | None:
+        """The first of `matches`, or None."""
+        shape, pattern, arguments = self._question(name, bound)
+        row = self.matcher.first(pattern, arguments)
+        return None if row is None else Match(self.model, shape, row)
+
+    def exists(self, name: str, **bound: object) -> bool:
+        """Whether there is a match."""
+        _, pattern, arguments = self._question(name, bound)
+        return self.matcher.exists(pattern, arguments)
+
+    def count(self, name: str, **bound: object) -> int:
+        """The number of matches."""
+        _, pattern, arguments = self._question(name, bound)
+        return self.matcher.count(pattern, arguments)
+
+    def _question(self, name: str, bound: Mapping[str, object]) -> tuple[Shape, str, tuple[object, ...]]:
+        shape, pattern = self._asked(name)
+        ids = self.ids(shape, bound)
+        missing = [shape.names[p] for p in self.library.inputs(pattern) if shape.names[p] not in ids]
+        if missing:
+            names = ", ".join(f"`{name}`" for name in missing)
+            raise InvalidArgument(f"`{shape.definition}` needs values for {names}: nothing enumerates them")
+        return shape, pattern, tuple(ids.get(variable, FREE) for variable in shape.names)
+
+    def _asked(self, name: str) -> tuple[Shape, str]:
+        """Shape and pattern of what has matches."""
+        if name not in self._questions:
+            self._questions[name] = self._find_question(name)
+        return self._questions[name]
+
+    def _find_question(self, name: str) -> tuple[Shape, str]:
+        qualified = self._directory_with_patterns().resolve(name, "pattern or rule")
+        if qualified in self._rules:
+            runner = self._rules[qualified]
+            return runner.shape, runner.pattern
+        if qualified in self._groups or qualified in self._units:
+            kind = self._directory.signatures[qualified].kind
+            rules = ", ".join(f"`{member}`" for member in self._groups.get(qualified, ()))
+            hint = f"; ask for one of its rules: {rules}" if rules else ""
+            raise InvalidArgument(f"`{name}` is a {kind}, which has no matches of its own{hint}")
+        pattern = self.library.get(qualified)
+        return self._shape(pattern), qualified
+
+    def ids(self, shape: Shape, bound: Mapping[str, object]) -> dict[str, Value]:
+        """Values for variables, checked, objects as ids.
+
+        Raises:
+            InvalidArgument: an unknown variable, or a node of another model.
+            TypeMismatch: a value of the wrong type.
+        """
+        found: dict[str, Value] = {}
+        for name, value in bound.items():
+            position = shape.position(name)
+            found[name] = self._id(shape, position, value)
+        return found
+
+    def _id(self, shape: Shape, position: int, value: object) -> Value:
+        type_ = shape.types[position]
+        if isinstance(type_, ObjectType):
+            if isinstance(value, Node) and value.model is not self.model:
+                raise InvalidArgument(f"{value!r} is an object of another model")
+            if isinstance(value, Node) or type(value) is int:
+                return value.id if isinstance(value, Node) else value
+            wanted = f"a `{type_.cls}`"
+        elif accepts(type_, value):
+            return cast("Value", value)
+        else:
+            wanted = f"`{type_name(type_)}`"
+        raise TypeMismatch(f"`{shape.names[position]}` of `{shape.definition}` takes {wanted}, not {value!r}")
+
+    # --- rewriting
+
+    def apply(self, rule: str, match: Match | None = None, **arguments: object) -> Application | None:
+        """Apply a rule at a match, or at one that is drawn uniformly among those that agree with the arguments.
+
+        Of a group (a derivation), a rule is drawn by weight among those that match.
+
+        Args:
+            rule: its name.
+            match: a match of the rule, or None.
+            **arguments: values of variables of the match; objects as `Node`s or ids.
+
+        Returns:
+            What was done; None if there is no match.
+
+        Raises:
+            InvalidArgument: an unknown rule or variable, or a match of something else.
+            RuleError: the match is none any more, or the rule cannot be applied there. The model is as before.
+        """
+        qualified = self._directory.resolve(rule)
+        if qualified in self._groups:
+            return self._apply_group(qualified, match, arguments)
+        runner = self.prepare(rule)
+        if match is not None:
+            if arguments:
+                raise InvalidArgument("give a match or arguments, not both")
+            row = self._row_of(runner, match)
+            result = runner.apply_checked(row)
+        else:
+            found = runner.pick(self.rng, self.ids(runner.shape, arguments))
+            if found is None:
+                return None
+            row, result = found, runner.fire(found)
+        self._record([Firing(runner.name, row)])
+        return runner.application(row, result)
+
+    def _apply_group(
+        self, group: str, match: Match | None, arguments: Mapping[str, object]
+    ) -> Application | None:
+        if arguments:
+            raise InvalidArgument(f"`{group}` is a group: its rules have no arguments in common")
+        if match is not None:
+            if match.definition not in self._groups[group]:
+                raise InvalidArgument(f"{match!r} is no match of a rule of `{group}`")
+            return self.apply(match.definition, match)
+        chosen = self.choose((group,))
+        if chosen is None:
+            return None
+        runner = self._rules[chosen[0]]
+        result = runner.fire(chosen[1])
+        self._record([Firing(*chosen)])
+        return runner.application(chosen[1], result)
+
+    def _row_of(self, runner: RuleRunner, match: Match) -> Row:
+        if match.model is not self.model:
+            raise InvalidArgument(f"{match!r} is a match in another model")
+        own = {runner.name}
+        if isinstance(runner, PythonRule):
+            own.add(runner.pattern)
+        if match.definition not in own:
+            raise InvalidArgument(f"{match!r} is no match of `{runner.name}`")
+        return match.values
+
+    def run(self, unit: str, **arguments: object) -> bool:
+        """Run a unit; a rule or a group counts as a unit that calls it.
+
+        Returns:
+            Whether anything was applied. A unit that fails keeps what it did before, unless it is `atomic`.
+
+        Raises:
+            InvalidArgument: an unknown name or argument, or a missing one.
+            RuleError: the unit failed because the model refused an application, and no `try`, `|` or `alap` was
+                there to go on. The model is as before.
+            EvaluationError: the step limit was reached, or a value could not be computed. The model is as before.
+        """
+        qualified = self._directory.resolve(unit)
+        if qualified in self._rules:
+            return self.apply(unit, None, **arguments) is not None
+        trace = self._run(qualified, arguments)
+        self._record(trace)
+        return bool(trace)
+
+    def _run(self, name: str, arguments: Mapping[str, object]) -> list[Firing]:
+        run = Run(self.model, self.rng, self.step_limit, self.step_limit)
+        with self.model.transaction():
+            try:
+                if name in self._groups:
+                    outcome = apply_one_of(run, [self._rules[member] for member in self._groups[name]])
+                else:
+                    program = self._units[name]
+                    outcome = program.run(run, self._environment(program, arguments))
+            except RecursionError:
+                raise EvaluationError(f"`{name}` nests too deeply") from None
+            if outcome is None and run.refusal is not None:
+                raise run.refusal
+        return run.trace
+
+    def _environment(self, program: UnitProgram, arguments: Mapping[str, object]) -> dict[str, Value]:
+        taken = program.signature.parameters
+        types = tuple(parameter.type for parameter in taken)
+        assert all(type_ is not None for type_ in types), "parameters of units have types"
+        shape = Shape(program.name, tuple(p.name for p in taken), cast("Any", types))
+        environment = self.ids(shape, arguments)
+        missing = [p.name for p in taken if p.required and p.name not in environment]
+        if missing:
+            names = ", ".join(f"`{name}`" for name in missing)
+            raise InvalidArgument(f"unit `{program.name}` needs values for {names}")
+        return environment
+
+    # --- choosing, recording, replaying
+
+    def choose(self, names: Iterable[str], rng: Randomness | None = None) -> tuple[str, Row] | None:
+        """Draw a rule by weight among those with a match, then one of its matches uniformly; nothing is applied.
+
+        Args:
+            names: of rules, groups and units. A unit takes part with its weight, always, and an empty row.
+            rng: instead of `rng` of the engine.
+
+        Returns:
+            Name of the rule and the match, for `fire`; None if no rule has a match.
+        """
+        key = tuple(names)
+        if key not in self._choices:
+            members = [member for name in key for member in self.group(name)]
+            self._choices[key] = _Choice(
+                [self._rules.get(member) or self._units[member] for member in dict.fromkeys(members)]
+            )
+        return self._choices[key].draw(self.rng if rng is None else rng)
+
+    def fire(self, name: str, row: Row = ()) -> tuple[Firing, ...]:
+        """Do what `choose` chose, unchecked: apply a rule at a row, or run a unit.
+
+        Returns:
+            What was applied, for `replay`; empty if a unit found nothing to do.
+
+        Raises:
+            RuleError: it cannot be applied; the model is as before.
+        """
+        runner = self._rules.get(name)
+        if runner is not None:
+            trace: tuple[Firing, ...] = (runner.apply_row(row),)
+        else:
+            trace = tuple(self._run(self._directory.resolve(name), {}))
+        if self._recorders:
+            self._record(trace)
+        return trace
+
+    def replay(self, trace: Iterable[tuple[str, Sequence[Value]]]) -> None:
+        """Apply rules at recorded matches, in order: from an equal state it leads to an equal state, ids included.
+
+        Raises:
+            InvalidArgument: an unknown rule, or a row of another length.
+            RuleError: a row is no match (reason "stale-match"), or a rule cannot be applied. Nothing is applied then.
+        """
+        done: list[Firing] = []
+        with self.model.transaction():
+            for name, values in trace:
+                runner, row = self.prepare(name), tuple(values)
+                if len(row) != len(runner.shape.names):
+                    raise InvalidArgument(
+                        f"a match of `{name}` has {len(runner.shape.names)} values, not {len(row)}"
+                    )
+                runner.apply_checked(row)
+                done.append(Firing(runner.name, row))
+        self._record(done)
+
+    @contextmanager
+    def recording(self) -> Iterator[list[Firing]]:
+        """The list of what is applied inside, in order; what a transaction inside takes back is left out.
+
+        It can be written as JSON, and given to `replay`.
+        """
+        trace: list[Firing] = []
+        self._recorders.append(trace)
+        try:
+            yield trace
+        finally:
+            self._recorders.remove(trace)
+
+    def _record(self, firings: Iterable[Firing]) -> None:
+        if self._recorders:
+            found = list(firings)
+            for recorder in self._recorders:
+                recorder.extend(found)
+
+    # --- transactions and versions
+
+    @contextmanager
+    def transaction(self) -> Iterator[Savepoint]:
+        """Everything inside happens, or, if an exception leaves the block, nothing of it. Transactions nest."""
+        lengths = [len(recorder) for recorder in self._recorders]
+        try:
+            with self.model.transaction() as savepoint:
+                yield savepoint
+        except BaseException:
+            for recorder, length in zip(self._recorders, lengths, strict=False):
+                del recorder[length:]
+            raise
+
+    def commit(self) -> Version:
+        """Name the present state of the model.
+
+        Raises:
+            TransactionError: inside a transaction.
+        """
+        return self.model.commit()
+
+    def checkout(self, version: Version, *, discard: bool = False) -> None:
+        """Put the model into a committed state, exactly as it was then.
+
+        Raises:
+            TransactionError: inside a transaction, a version of another model, or uncommitted changes that are not
+                to be discarded.
+        """
+        self.model.checkout(version, discard=discard)
+
+
+class _Choice:
+    """A weighted random choice among rules; see `Engine.choose`."""
+
+    def __init__(self, members: Sequence[RuleRunner | UnitProgram]) -> None:
+        self.members = members
+
+    def draw(self, rng: Randomness) -> tuple[str, Row] | None:
+        live = [m for m in self.members if isinstance(m, UnitProgram) or m.exists()]
+        if not live:
+            return None
+        chosen = live[draw_weighted(rng, [member.weight for member in live])]
+        if isinstance(chosen, UnitProgram):
+            return chosen.name, ()
+        row = chosen.pick(rng)
+        assert row is not None, "the rule has a match"
+        return chosen.name, row

@@ -1,0 +1,48 @@
+"""What rules, units and derivations have in common: annotations, weights, parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import isfinite
+
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.metamodel import Annotation, Metamodel, Scalar
+from envgraph.pattern import Parameter
+
+
+def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | None) -> Iterable[Diagnostic]:
+    """A weight has to be a positive number."""
+    if not (isfinite(weight) and weight > 0):
+        where = annotation_span(annotations, "weight") or span
+        hint = "leave the rule out where it shall never be chosen"
+        yield Diagnostic("bad-weight", f"a weight is a number above 0, not {weight}", where, hint)
+
+
+def check_annotations(annotations: Sequence[Annotation], known: Sequence[str]) -> Iterable[Diagnostic]:
+    """Warn of annotations that mean nothing at this place."""
+    for annotation in annotations:
+        if annotation.name not in known:
+            message = f"`@{annotation.name}` means nothing here"
+            hint = did_you_mean(annotation.name, known)
+            yield Diagnostic("unknown-annotation", message, annotation.span, hint, Severity.WARNING)
+
+
+def annotation_span(annotations: Sequence[Annotation], name: str) -> Span | None:
+    """Where an annotation stands."""
+    return next((annotation.span for annotation in annotations if annotation.name == name), None)
+
+
+def duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diagnostic]:
+    """Two parameters of one name."""
+    first: dict[str, Span | None] = {}
+    for parameter in parameters:
+        if parameter.name in first:
+            notes = (Note("the first definition is here", first[parameter.name]),)
+            message = f"parameter `{parameter.name}` is declared twice"
+            yield Diagnostic("duplicate-definition", message, parameter.span, notes=notes)
+        first.setdefault(parameter.name, parameter.span)
+
+
+def type_names(metamodel: Metamodel) -> list[str]:
+    """Every name that a parameter may have as its type."""
+    return [*metamodel.classes, *metamodel.enums, *(scalar.value for scalar in Scalar)]

@@ -1,0 +1,296 @@
+"""Left sides as ordinary patterns.
+
+The left side of a rule becomes a pattern over the variables of its match. A `not` or `require` block becomes a
+pattern of its own, over the enclosing variables that it uses, which the enclosing one calls; so does a `forall` or
+`optional` block, whose matches are looked up when the rule is applied. Generated patterns are named `rule#lhs`,
+`rule#not1`: no text can spell such a name. Injectivity becomes `!=`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+
+from envgraph.errors import Diagnostic
+from envgraph.metamodel import Attribute
+from envgraph.pattern import (
+    Binary,
+    Block,
+    Body,
+    Check,
+    Closure,
+    Comparison,
+    Constant,
+    Constraint,
+    Edge,
+    LeftSide,
+    Library,
+    Negation,
+    ObjectType,
+    Parameter,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Rule,
+    StaticType,
+    TypeConstraint,
+    Variable,
+    type_text,
+)
+from envgraph.rewrite._variables import (
+    TypeReader,
+    Types,
+    all_names,
+    equated,
+    is_named,
+    own_variables,
+    terms_of,
+)
+
+_CONDITIONS = ("not", "require")
+
+
+@dataclass(frozen=True, slots=True)
+class LoweredBlock:
+    """A block that rewrites, or a whole rule.
+
+    Attributes:
+        block: what was written; None for the rule itself.
+        pattern: its pattern: `inherited` parameters first, then `own`.
+        inherited: enclosing variables that the pattern takes as arguments.
+        own: the variables that the block adds.
+        types: types of all variables in sight, as far as the left sides tell.
+        nested: the blocks inside that rewrite.
+    """
+
+    block: Block | None
+    left: LeftSide
+    pattern: Pattern
+    inherited: tuple[str, ...]
+    own: tuple[str, ...]
+    types: Mapping[str, StaticType | None]
+    nested: tuple[LoweredBlock, ...]
+
+
+class LeftLowering:
+    """Lowers all left sides of one rule.
+
+    Attributes:
+        patterns: every pattern made, callees before callers.
+        problems: what is wrong with arrows and blocks; the library checks the rest, on the patterns.
+    """
+
+    def __init__(self, rule: Rule, library: Library) -> None:
+        self.rule = rule
+        self.metamodel = library.metamodel
+        self.reader = TypeReader(library, rule.package)
+        self.patterns: list[Pattern] = []
+        self.problems: list[Diagnostic] = []
+        self._numbers = count(1)
+        self._groups = [frozenset(group) for group in rule.homomorphic]
+
+    def lower(self, created: set[str]) -> LoweredBlock:
+        """The rule itself; parameters among the `created` names are left out of the match."""
+        rule = self.rule
+        parameters = [p for p in rule.parameters if p.name not in created]
+        outside = self.reader.parameters(parameters)
+        types = self.reader.left_side(rule.left, outside)
+        constraints, nested = self._body(rule.left, rule.blocks, types, ())
+        names = tuple(types)
+        declared = [self._parameter(p, rule.left, constraints, types[p.name]) for p in parameters]
+        constraints += self._unmentioned(parameters, constraints, types)
+        declared += [Parameter(name, span=self.rule.span) for name in names[len(declared) :]]
+        pattern = self._pattern("lhs", declared, constraints, rule.left)
+        return LoweredBlock(None, rule.left, pattern, (), names, types, nested)
+
+    # --- parameters
+
+    def _parameter(
+        self,
+        parameter: Parameter,
+        left: LeftSide,
+        constraints: Sequence[Constraint],
+        type_: StaticType | None,
+    ) -> Parameter:
+        """A value that the left side does not enumerate has to be given: `in`."""
+        if type_ is None or isinstance(type_, ObjectType):
+            return replace(parameter, direction=None)
+        positive = {
+            term.name
+            for constraint in left.constraints
+            if not isinstance(constraint, Negation | Check)
+            for term in terms_of(constraint)
+            if isinstance(term, Variable)
+        }
+        return replace(parameter, direction=None if parameter.name in positive else "in")
+
+    def _unmentioned(
+        self, parameters: Sequence[Parameter], constraints: Sequence[Constraint], types: Types
+    ) -> list[Constraint]:
+        """Constraints that mention parameters of which the left side says nothing: every parameter needs one."""
+        mentioned = all_names(LeftSide(constraints=tuple(constraints)))
+        found: list[Constraint] = []
+        for parameter in parameters:
+            variable = Variable(parameter.name, parameter.span)
+            if parameter.name in mentioned or parameter.type is None:
+                continue
+            if isinstance(types[parameter.name], ObjectType):
+                found.append(TypeConstraint(parameter.type, variable, span=parameter.span))
+            else:
+                found.append(Check(Binary("==", variable, variable)))
+        return found
+
+    # --- bodies
+
+    def _body(
+        self, left: LeftSide, blocks: Sequence[Block], types: Types, enclosing: Sequence[str]
+    ) -> tuple[list[Constraint], tuple[LoweredBlock, ...]]:
+        constraints = [*self._nodes(left), *self._edges(left, types), *left.constraints]
+        own = [name for name in types if name not in enclosing]
+        constraints += self._injectivity(own, enclosing, types, left)
+        nested: list[LoweredBlock] = []
+        for block in blocks:
+            if block.kind in _CONDITIONS:
+                constraints.append(self._condition(block, types))
+            else:
+                lowered = self._rewriting(block, types)
+                nested.append(lowered)
+                if block.kind == "forall+":
+                    constraints.append(_call(lowered, span_of=block))
+        return constraints, tuple(nested)
+
+    def _nodes(self, left: LeftSide) -> Iterator[Constraint]:
+        for node in left.nodes:
+            if node.type:
+                yield TypeConstraint(
+                    node.type, Variable(node.name, node.span), span=node.span, type_span=node.type_span
+                )
+
+    def _edges(self, left: LeftSide, types: Types) -> Iterator[Constraint]:
+        for edge in left.edges:
+            feature = self.reader.feature(types.get(edge.source), edge.reference)
+            if isinstance(feature, Attribute):
+                self._attribute_in_arrow(edge, feature)
+            else:
+                yield PathConstraint(
+                    "",
+                    (edge.reference,),
+                    Variable(edge.source, edge.source_span or edge.span),
+                    Variable(edge.target, edge.target_span or edge.span),
+                    Closure(edge.closure),
+                    edge.span,
+                    feature_spans=(edge.reference_span,) if edge.reference_span else (),
+                )
+
+    def _attribute_in_arrow(self, edge: Edge, feature: Attribute) -> None:
+        self.problems.append(
+            Diagnostic(
+                "not-a-reference",
+                f"`{feature}` is an attribute, and an arrow follows references",
+                edge.reference_span or edge.span,
+                f"write `{feature.owner}.{feature.name}({edge.source}, {edge.target});`",
+            )
+        )
+
+    def _injectivity(
+        self, own: Sequence[str], enclosing: Sequence[str], types: Types, left: LeftSide
+    ) -> Iterator[Constraint]:
+        if not self.rule.injective:
+            return
+        same = equated(left)
+        for position, one in enumerate(own):
+            for other in (*own[position + 1 :], *enclosing):
+                if self._must_differ(one, other, types) and frozenset((one, other)) not in same:
+                    yield Comparison("!=", Variable(one), Variable(other))
+
+    def _must_differ(self, one: str, other: str, types: Types) -> bool:
+        left, right = types[one], types[other]
+        if not (isinstance(left, ObjectType) and isinstance(right, ObjectType)):
+            return False
+        if any(one in group and other in group for group in self._groups):
+            return False
+        known = self.metamodel.classes
+        return left.cls in known and right.cls in known and self.metamodel.overlap(left.cls, right.cls)
+
+    # --- blocks
+
+    def _condition(self, block: Block, outside: Types) -> Constraint:
+        """The call that stands for a `not` or `require` block."""
+        if block.right is not None:
+            self.problems.append(
+                Diagnostic(
+                    "misplaced-right-side",
+                    f"a `{block.kind}` block is a condition and rewrites nothing",
+                    block.right.span or block.span,
+                    "move the rewriting to the rule, or use `forall`",
+                )
+            )
+        for inner in block.blocks:
+            if inner.kind not in _CONDITIONS:
+                self.problems.append(
+                    Diagnostic(
+                        "misplaced-block",
+                        f"`{inner.kind}` cannot stand in a `{block.kind}` block, which rewrites nothing",
+                        inner.span,
+                    )
+                )
+        conditions = tuple(inner for inner in block.blocks if inner.kind in _CONDITIONS)
+        lowered = self._helper(replace(block, blocks=conditions), outside, ())
+        call = _call(lowered, span_of=block)
+        return Negation(call, block.span) if block.kind == "not" else call
+
+    def _rewriting(self, block: Block, outside: Types) -> LoweredBlock:
+        types = self.reader.left_side(block.left, outside)
+        return self._helper(block, outside, [name for name in types if name not in outside])
+
+    def _helper(self, block: Block, outside: Types, exported: Sequence[str]) -> LoweredBlock:
+        """The pattern of a block, over the enclosing variables that it uses and the `exported` ones of its own."""
+        types = self.reader.left_side(block.left, outside)
+        enclosing = list(outside)
+        number = next(self._numbers)
+        constraints, nested = self._body(block.left, block.blocks, types, enclosing)
+        if not constraints:
+            self.problems.append(
+                Diagnostic("empty-block", f"this `{block.kind}` block asks for nothing", block.span)
+            )
+        used = all_names(LeftSide(constraints=tuple(constraints)))
+        # What the blocks inside rewrite may need more: they are looked up with the enclosing match at hand.
+        inherited = tuple(name for name in enclosing if name in used)
+        declared = [self._inherited(name, outside[name]) for name in inherited]
+        declared += [Parameter(name) for name in exported]
+        pattern = self._pattern(f"{block.kind.rstrip('+')}{number}", declared, constraints, block.left)
+        return LoweredBlock(block, block.left, pattern, inherited, tuple(exported), types, nested)
+
+    def _inherited(self, name: str, type_: StaticType | None) -> Parameter:
+        if type_ is None:
+            return Parameter(name)
+        return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
+
+    def _pattern(
+        self, suffix: str, parameters: Sequence[Parameter], constraints: Sequence[Constraint], left: LeftSide
+    ) -> Pattern:
+        span = left.span or self.rule.span
+        body = Body(tuple(constraints) or (Check(Constant(True), span),), span=span)
+        pattern = Pattern(
+            f"{self.rule.name}#{suffix}",
+            tuple(parameters),
+            (body,),
+            package=self.rule.package,
+            private=True,
+            strategy="search",
+            span=span,
+        )
+        self.patterns.append(pattern)
+        return pattern
+
+
+def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
+    """`find helper(enclosing.., _, ..)`."""
+    arguments = (*lowered.inherited, *("_" for _ in lowered.own))
+    return PatternCall(
+        lowered.pattern.qualified_name, tuple(Variable(name) for name in arguments), span=span_of.span
+    )
+
+
+__all__ = ["LeftLowering", "LoweredBlock", "is_named", "own_variables"]

@@ -1,0 +1,162 @@
+"""Matches and applications as people see them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.graph import Model, Node
+from envgraph.metamodel import Value
+from envgraph.pattern import ObjectType, StaticType
+
+Row = tuple[Value, ...]
+"""One match as the matcher returns it: objects as ids."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What the matches of one pattern or rule have in common: its name, its variables and their types."""
+
+    definition: str
+    names: tuple[str, ...]
+    types: tuple[StaticType, ...]
+
+    def position(self, name: str) -> int:
+        """Place of a variable in the tuple.
+
+        Raises:
+            InvalidArgument: there is no such variable.
+        """
+        if name in self.names:
+            return self.names.index(name)
+        hint = did_you_mean(name, self.names)
+        known = ", ".join(f"`{known}`" for known in self.names) or "none"
+        raise InvalidArgument(
+            f"`{self.definition}` has no variable `{name}`: " + (hint or f"its variables are {known}")
+        )
+
+    def is_object(self, position: int) -> bool:
+        """Whether the variable at this place stands for an object."""
+        return isinstance(self.types[position], ObjectType)
+
+
+class Match:
+    """One match of a pattern or of the left side of a rule: an immutable mapping from variables to what they stand for.
+
+    `match["tile"]` and `match.tile` give a `Node`, or a data value. `names` and `values` are two tuples of equal
+    length; `values` holds ids instead of nodes. Equal matches are those of one model, one definition and equal
+    values; a match stays what it is when the model changes.
+    """
+
+    __slots__ = ("_model", "_shape", "values")
+
+    _model: Model
+    _shape: Shape
+    values: Row
+
+    def __init__(self, model: Model, shape: Shape, values: Row) -> None:
+        object.__setattr__(self, "_model", model)
+        object.__setattr__(self, "_shape", shape)
+        object.__setattr__(self, "values", values)
+
+    @property
+    def definition(self) -> str:
+        """Qualified name of the pattern or rule."""
+        return self._shape.definition
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables, parameters first."""
+        return self._shape.names
+
+    @property
+    def model(self) -> Model:
+        """The model that was matched."""
+        return self._model
+
+    def keys(self) -> tuple[str, ...]:
+        """The names, so that `dict(match)` works."""
+        return self.names
+
+    def items(self) -> tuple[tuple[str, Node | Value], ...]:
+        """Pairs of a name and what it stands for."""
+        return tuple((name, self[name]) for name in self.names)
+
+    def __getitem__(self, name: str) -> Node | Value:
+        if name not in self.names:
+            raise KeyError(name)
+        position = self.names.index(name)
+        value = self.values[position]
+        if self._shape.is_object(position):
+            assert isinstance(value, int)
+            return self.model.node(value)
+        return value
+
+    def __getattr__(self, name: str) -> Node | Value:
+        if name.startswith("__") or name not in self.names:
+            hint = None if name.startswith("__") else did_you_mean(name, self.names)
+            raise AttributeError(
+                f"match of `{self.definition}` has no variable `{name}`" + (f": {hint}" if hint else "")
+            )
+        return self[name]
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError("a match is immutable")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Match):
+            return NotImplemented
+        return self.model is other.model and self._shape == other._shape and self.values == other.values
+
+    def __hash__(self) -> int:
+        return hash((self.definition, self.values))
+
+    def __repr__(self) -> str:
+        inside = ", ".join(f"{name}={self._text(position)}" for position, name in enumerate(self.names))
+        return f"{self.definition}({inside})"
+
+    def _text(self, position: int) -> str:
+        value = self.values[position]
+        if not self._shape.is_object(position):
+            return repr(value)
+        assert isinstance(value, int)
+        return repr(self.model.node(value)) if self.model.alive(value) else f"<deleted #{value}>"
+
+
+class Firing(NamedTuple):
+    """One application as a trace records it: a rule and the match it was applied at. Plain data, ready for JSON."""
+
+    rule: str
+    values: Row
+
+
+@dataclass(frozen=True, slots=True)
+class Application:
+    """What applying a rule did.
+
+    Attributes:
+        match: where the rule was applied.
+        created: the new objects, by the name that the rule gives them.
+        outputs: values of the `out` parameters.
+    """
+
+    rule: str
+    match: Match
+    created: Mapping[str, Node]
+    outputs: Mapping[str, Node | Value]
+
+    @property
+    def firing(self) -> Firing:
+        """The application as a trace records it."""
+        return Firing(self.rule, self.match.values)

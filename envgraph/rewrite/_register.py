@@ -1,0 +1,155 @@
+"""Definitions that are added together: checked against what is there and against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+
+from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors, sort_diagnostics
+from envgraph.pattern import Derivation, Library, Pattern, Rule, Unit, static_type
+from envgraph.rewrite._check import CheckedRule, examine
+from envgraph.rewrite._derive import check_derivation, derived_rules
+from envgraph.rewrite._names import Directory, Signature, Taken
+from envgraph.rewrite._plan import RulePlan
+from envgraph.rewrite._unit_check import CheckedUnit, check_unit, unit_signature
+
+Definition = Pattern | Rule | Unit | Derivation
+
+
+class Registration:
+    """Checks definitions, and works out everything that adding them takes.
+
+    Attributes:
+        problems: all errors and warnings, in the order of the text.
+        all_patterns: the patterns, then those that rules and units are made into.
+        plans: of the rules, those of derivations included.
+        units: in the order of the text.
+        groups: members of each derivation.
+        directory: names of everything, what was there before included.
+    """
+
+    def __init__(self, definitions: Sequence[Definition], library: Library, directory: Directory) -> None:
+        self._patterns = [d for d in definitions if isinstance(d, Pattern)]
+        self._definitions = [d for d in definitions if not isinstance(d, Pattern)]
+        self._library = library
+        self.directory = Directory(directory.signatures.values())
+        self.units: list[CheckedUnit] = []
+        self.groups: dict[str, tuple[str, ...]] = {}
+        self._rules: list[CheckedRule] = []
+        self._broken: set[str] = set()
+        found = [*library.check(*self._patterns), *self._duplicates(directory)]
+        known = self._with_patterns(found)
+        found += self._check(known)
+        self.problems = sort_diagnostics(found)
+
+    @property
+    def all_patterns(self) -> tuple[Pattern, ...]:
+        """See above."""
+        rules = [pattern for checked in self._rules for pattern in checked.patterns]
+        units = [pattern for checked in self.units for pattern in checked.patterns]
+        return (*self._patterns, *rules, *units)
+
+    @property
+    def plans(self) -> list[RulePlan]:
+        """See above; complete if there are no errors."""
+        return [checked.plan for checked in self._rules if checked.plan is not None]
+
+    def _with_patterns(self, problems: Sequence[Diagnostic]) -> Library:
+        """The library as it will be, without the patterns that have errors."""
+        if not self._patterns:
+            return self._library
+        if has_errors(problems):
+            return self._with_sound_patterns()
+        library = copy(self._library)  # the copy may grow by itself: a library never changes what it has
+        library.add(*self._patterns)
+        return library
+
+    def _with_sound_patterns(self) -> Library:
+        """With those patterns that can be added one by one; rules must not be blamed for the others."""
+        library = copy(self._library)
+        left = list(self._patterns)
+        while left:
+            sound = [pattern for pattern in left if not has_errors(library.check(pattern))]
+            if not sound:
+                break
+            try:
+                for pattern in sound:
+                    library.add(pattern)
+            except ResolutionError:
+                break
+            left = [pattern for pattern in left if pattern not in sound]
+        self._broken = {pattern.name for pattern in left}
+        return library
+
+    def _duplicates(self, directory: Directory) -> Iterator[Diagnostic]:
+        first: dict[str, Span | None] = {pattern.qualified_name: pattern.span for pattern in self._patterns}
+        for definition in self._definitions:
+            name = definition.qualified_name
+            known = name in directory.signatures or name in self._library.names()
+            if known or name in first:
+                notes = (Note("the first definition is here", first[name]),) if first.get(name) else ()
+                message = f"`{name}` is defined twice" if name in first else f"`{name}` is defined already"
+                hint = "rules, units, derivations and patterns share their names: rename one of them"
+                yield Diagnostic("duplicate-definition", message, definition.span, hint, notes=notes)
+            first.setdefault(name, definition.span)
+
+    def _check(self, library: Library) -> list[Diagnostic]:
+        problems: list[Diagnostic] = []
+        for definition in self._definitions:
+            match definition:
+                case Rule():
+                    problems += self._check_rule(definition, library)
+                case Derivation():
+                    problems += self._check_derivation(definition, library)
+                case Unit():
+                    self.directory.add(unit_signature(definition, library.metamodel))
+        for definition in self._definitions:
+            if isinstance(definition, Unit):
+                checked = check_unit(definition, self.directory, library)
+                self.units.append(checked)
+                problems += checked.problems
+        return problems
+
+    def _check_rule(self, rule: Rule, library: Library) -> list[Diagnostic]:
+        checked = examine(rule, library)
+        self._rules.append(checked)
+        self.directory.add(_rule_signature(checked, library))
+        return [problem for problem in checked.problems if not self._follows(problem)]
+
+    def _follows(self, problem: Diagnostic) -> bool:
+        """Whether a problem is there only because a pattern has been left out for its own errors."""
+        return any(f"`{name}`" in problem.message for name in self._broken)
+
+    def _check_derivation(self, derivation: Derivation, library: Library) -> list[Diagnostic]:
+        problems = check_derivation(derivation, library.metamodel)
+        name, weight = derivation.qualified_name, derivation.weight
+        self.directory.add(Signature(name, "group", derivation.package, weight=weight))
+        if not has_errors(problems):
+            rules = derived_rules(derivation)
+            self.groups[name] = tuple(rule.qualified_name for rule in rules)
+            for rule in rules:
+                # Warnings would come once for each member, and the members have no text of their own.
+                problems += [p for p in self._check_rule(rule, library) if p.severity is Severity.ERROR]
+        return problems
+
+
+def _rule_signature(checked: CheckedRule, library: Library) -> Signature:
+    rule, plan = checked.rule, checked.plan
+    types = dict(zip(plan.variables, plan.types, strict=True)) if plan else {}
+    return Signature(
+        rule.qualified_name,
+        "rule",
+        rule.package,
+        tuple(
+            Taken(
+                parameter.name,
+                types.get(parameter.name)
+                or (static_type(parameter.type, library.metamodel) if parameter.type else None),
+                parameter.direction == "out",
+                plan is not None and parameter.name in plan.inputs,
+            )
+            for parameter in rule.parameters
+        ),
+        rule.weight,
+        rule.priority,
+    )

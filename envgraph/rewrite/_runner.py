@@ -1,0 +1,306 @@
+"""Rules that are ready to run: their matches, and what applying them does."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter as Argument
+from inspect import signature
+from typing import Any, Protocol
+
+from envgraph.errors import InvalidArgument, RuleError, did_you_mean
+from envgraph.graph import Model, Node
+from envgraph.match import FREE, Matcher
+from envgraph.metamodel import Value
+from envgraph.pattern import Library
+from envgraph.rewrite._apply import effect_of
+from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
+from envgraph.rewrite._plan import RulePlan
+
+
+class Randomness(Protocol):
+    """What random choices need: a `numpy.random.Generator` has it."""
+
+    def random(self) -> float:
+        """A number from 0 (included) to 1 (excluded)."""
+
+
+def draw(rng: Randomness, count: int) -> int:
+    """One of `count` numbers from 0, equally likely; without a choice nothing is drawn."""
+    return int(rng.random() * count) if count > 1 else 0
+
+
+Find = Callable[..., Sequence[Row]]
+NO_ARGUMENTS: Mapping[str, Value] = {}
+
+
+class RuleRunner(ABC):
+    """A rule over the model of one engine.
+
+    Rows are matches as plain tuples, in the order of `shape.names`; objects are ids. Arguments bind any variables of
+    the match in advance, by name.
+
+    Attributes:
+        shape: name and variables of the rule.
+        parameters: names of its parameters, in order.
+        weight, priority: for random choices among rules.
+        inputs: variables that an argument has to bind, because nothing enumerates them.
+    """
+
+    def __init__(
+        self,
+        shape: Shape,
+        pattern: str,
+        model: Model,
+        library: Library,
+        matcher: Matcher,
+        *,
+        parameters: Sequence[str],
+        weight: float,
+        priority: int,
+    ) -> None:
+        self.shape = shape
+        self.name = shape.definition
+        self.pattern = pattern
+        self.model = model
+        self.matcher = matcher
+        self.parameters = tuple(parameters)
+        self.weight = weight
+        self.priority = priority
+        self.inputs = tuple(shape.names[position] for position in library.inputs(pattern))
+        self._free: tuple[object, ...] = (FREE,) * len(shape.names)
+        self._prepared: dict[tuple[str, ...], Find] = {}
+        self._all: Find | None = None
+
+    # --- matches
+
+    def rows(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> Sequence[Row]:
+        """All matches that agree with the arguments.
+
+        Raises:
+            InvalidArgument: an unknown variable, or an input without an argument.
+            TypeMismatch: an argument of the wrong type.
+        """
+        return self.matcher.rows(self.pattern, self._arguments(arguments)) if arguments else self.all_rows()
+
+    def all_rows(self) -> Sequence[Row]:
+        """All matches; fast."""
+        if self._all is None:
+            self._all = self.prepare(())
+        return self._all()
+
+    def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
+        """Whether there is a match that agrees with the arguments; raises like `rows`."""
+        return self.matcher.exists(self.pattern, self._arguments(arguments))
+
+    def is_match(self, row: Row) -> bool:
+        """Whether a row is a match in the present state."""
+        return self.matcher.exists(self.pattern, row)
+
+    def prepare(self, names: tuple[str, ...]) -> Find:
+        """`rows` for one set of bound variables, as a fast function of their values in the order of `names`.
+
+        The values are not checked: they must have the right type, and objects must exist.
+
+        Raises:
+            InvalidArgument: an unknown variable, or an input that is not bound.
+        """
+        if names not in self._prepared:
+            self._require(names)
+            positions = [self.shape.position(name) for name in names]
+            order = sorted(range(len(positions)), key=positions.__getitem__)
+            find = self.matcher.prepare(self.pattern, tuple(positions[place] for place in order))
+            self._prepared[names] = find if order == list(range(len(order))) else _reordered(find, order)
+        return self._prepared[names]
+
+    def pick(self, rng: Randomness, arguments: Mapping[str, object] = NO_ARGUMENTS) -> Row | None:
+        """One of the matches, equally likely; None if there is none."""
+        rows = self.rows(arguments)
+        return rows[draw(rng, len(rows))] if rows else None
+
+    def _arguments(self, arguments: Mapping[str, object]) -> tuple[object, ...]:
+        self._require(arguments)
+        if not arguments:
+            return self._free
+        values = list(self._free)
+        for name, value in arguments.items():
+            values[self.shape.position(name)] = value
+        return tuple(values)
+
+    def _require(self, bound: Mapping[str, object] | tuple[str, ...]) -> None:
+        for name in self.inputs:
+            if name not in bound:
+                raise InvalidArgument(f"rule `{self.name}` needs a value for `{name}`")
+
+    # --- application
+
+    @abstractmethod
+    def fire(self, row: Row) -> Sequence[Any]:
+        """Apply the rule at a row that is a match; the result is for `application`.
+
+        Raises:
+            RuleError: the rule is refused; the model is as before.
+        """
+
+    def apply_row(self, row: Row) -> Firing:
+        """Apply the rule at a row that is known to be a match: the fast path of searches.
+
+        Returns:
+            What a trace needs to do the same again: see `Engine.replay`.
+
+        Raises:
+            RuleError: the rule is refused; the model is as before.
+        """
+        self.fire(row)
+        return Firing(self.name, row)
+
+    def apply_checked(self, row: Row) -> Sequence[Any]:
+        """Apply the rule at a row that may have ceased to be a match.
+
+        Raises:
+            RuleError: it has ("stale-match"), or the rule is refused.
+        """
+        if not self.is_match(row):
+            match = Match(self.model, self.shape, row)
+            raise RuleError(f"{match!r} is not a match any more", rule=self.name, reason="stale-match")
+        return self.fire(row)
+
+    def application(self, row: Row, result: Sequence[Any]) -> Application:
+        """What people see of an application."""
+        return Application(self.name, Match(self.model, self.shape, row), {}, {})
+
+
+def _reordered(find: Find, order: Sequence[int]) -> Find:
+    def rows(*values: object) -> Sequence[Row]:
+        return find(*(values[place] for place in order))
+
+    return rows
+
+
+class GraphRule(RuleRunner):
+    """A rule with a plan."""
+
+    def __init__(self, plan: RulePlan, model: Model, library: Library, matcher: Matcher) -> None:
+        super().__init__(
+            Shape(plan.name, plan.variables, plan.types),
+            plan.body.pattern,
+            model,
+            library,
+            matcher,
+            parameters=plan.parameters,
+            weight=plan.weight,
+            priority=plan.priority,
+        )
+        self.plan = plan
+        self._effect = effect_of(plan, model, matcher)
+        # An instance attribute, to save a call in the loop of a search.
+        self.fire = self._effect  # type: ignore[method-assign, assignment]
+
+    def fire(self, row: Row) -> Sequence[Any]:
+        """Apply the rule at a row that is a match, and return its slots."""
+        return self._effect(row)
+
+    def application(self, row: Row, result: Sequence[Any]) -> Application:
+        """What people see of an application."""
+        created = {
+            self.plan.body.names[new.node]: self.model.node(result[new.node])
+            for new in self.plan.body.creates
+        }
+        outputs = {name: self._shown(name, result[slot]) for name, slot in self.plan.outputs}
+        return Application(self.name, Match(self.model, self.shape, row), created, outputs)
+
+    def _shown(self, name: str, value: Any) -> Node | Value:
+        is_object = name not in self.shape.names or self.shape.is_object(self.shape.position(name))
+        return self.model.node(value) if is_object else value
+
+
+class ExactClassRule(GraphRule):
+    """A rule whose left side is an object of exactly one class: its matches are an extent."""
+
+    def __init__(self, plan: RulePlan, model: Model, library: Library, matcher: Matcher) -> None:
+        super().__init__(plan, model, library, matcher)
+        assert plan.exact is not None
+        self._cls = plan.exact
+
+    def all_rows(self) -> Sequence[Row]:
+        """All matches."""
+        return [(node,) for node in self.model.exact_extent(self._cls)]
+
+    def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
+        """Whether there is a match."""
+        return super().exists(arguments) if arguments else bool(self.model.exact_extent(self._cls))
+
+    def pick(self, rng: Randomness, arguments: Mapping[str, object] = NO_ARGUMENTS) -> Row | None:
+        """One of the matches, equally likely."""
+        if arguments:
+            return super().pick(rng, arguments)
+        extent = self.model.exact_extent(self._cls)
+        return (extent[draw(rng, len(extent))],) if extent else None
+
+
+def graph_rule(plan: RulePlan, model: Model, library: Library, matcher: Matcher) -> GraphRule:
+    """The runner for a plan."""
+    kind = GraphRule if plan.exact is None else ExactClassRule
+    return kind(plan, model, library, matcher)
+
+
+class PythonRule(RuleRunner):
+    """A rule whose left side is a pattern and whose right side is a function.
+
+    The function takes variables of the match by name, as handles or values, and `engine` if it has such a parameter.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., object],
+        shape: Shape,
+        pattern: str,
+        model: Model,
+        library: Library,
+        matcher: Matcher,
+        *,
+        engine: object,
+        weight: float,
+        priority: int,
+    ) -> None:
+        super().__init__(
+            shape, pattern, model, library, matcher, parameters=shape.names, weight=weight, priority=priority
+        )
+        self.function = function
+        self._names, self._takes_engine = _wanted(function, shape)
+        self._engine = engine
+
+    def fire(self, row: Row) -> Sequence[Any]:
+        """Call the function; an exception takes back what it did."""
+        match = Match(self.model, self.shape, row)
+        arguments: dict[str, object] = {name: match[name] for name in self._names}
+        if self._takes_engine:
+            arguments["engine"] = self._engine
+        with self.model.transaction():
+            self.function(**arguments)
+        return row
+
+
+def _wanted(function: Callable[..., object], shape: Shape) -> tuple[tuple[str, ...], bool]:
+    """The variables that a function takes, and whether it takes the engine.
+
+    Raises:
+        InvalidArgument: it takes something else.
+    """
+    names: list[str] = []
+    takes_engine = False
+    for argument in signature(function).parameters.values():
+        if argument.kind is Argument.VAR_KEYWORD:
+            return shape.names, takes_engine or "engine" in names
+        if argument.name in shape.names and argument.kind is not Argument.POSITIONAL_ONLY:
+            names.append(argument.name)
+        elif argument.name == "engine":
+            takes_engine = True
+        elif argument.default is Argument.empty:
+            hint = did_you_mean(argument.name, shape.names)
+            known = ", ".join(f"`{name}`" for name in shape.names) or "none"
+            raise InvalidArgument(
+                f"`{shape.definition}` takes `{argument.name}`, which is no variable of its pattern: "
+                + (hint or f"they are {known}")
+            )
+    return tuple(names), takes_engine

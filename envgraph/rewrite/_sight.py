@@ -1,0 +1,233 @@
+"""What the right side of a block can refer to: variables, new objects, arrows of the left side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
+from envgraph.metamodel import Attribute, Metamodel, Reference
+from envgraph.pattern import Edge, ObjectType, StaticType
+
+LinkKey = tuple[int, str, str]
+"""A link whichever end it is written from: index of the reference, source, target."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResolvedEdge:
+    """An arrow whose names mean something."""
+
+    source: str
+    reference: Reference
+    target: str
+
+
+@dataclass(slots=True)
+class Sight:
+    """Names that a block sees, those of the enclosing blocks included.
+
+    Attributes:
+        names: name of every slot, "" for computed values.
+        types: types on the state before the rule; created objects are not among them.
+        created: class of every object that the rule creates.
+        retyped: class after the rule of every object that changes it.
+        deleted: names of objects that go.
+        absorbed: those of them that a merge takes; their links survive.
+        declared: the classes that left sides give to a variable.
+        arrows: the arrows of the left sides that follow one link.
+        equated: pairs of variables that a left side says are the same.
+    """
+
+    metamodel: Metamodel
+    problems: list[Diagnostic]
+    names: list[str] = field(default_factory=list)
+    types: dict[str, StaticType | None] = field(default_factory=dict)
+    created: dict[str, str] = field(default_factory=dict)
+    retyped: dict[str, str] = field(default_factory=dict)
+    deleted: dict[str, None] = field(default_factory=dict)
+    absorbed: dict[str, None] = field(default_factory=dict)
+    declared: dict[str, set[str]] = field(default_factory=dict)
+    arrows: list[ResolvedEdge] = field(default_factory=list)
+    equated: set[frozenset[str]] = field(default_factory=set)
+    _reported: set[str] = field(default_factory=set)
+
+    def inner(self, names: Mapping[str, StaticType | None]) -> Sight:
+        """The sight of a nested block whose left side adds variables, or narrows types."""
+        return Sight(
+            self.metamodel,
+            self.problems,
+            [*self.names, *(name for name in names if name not in self.types)],
+            {**self.types, **names},
+            dict(self.created),
+            dict(self.retyped),
+            dict(self.deleted),
+            dict(self.absorbed),
+            {name: set(classes) for name, classes in self.declared.items()},
+            list(self.arrows),
+            set(self.equated),
+        )
+
+    # --- problems
+
+    def error(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
+        """Note an error."""
+        self.problems.append(Diagnostic(code, message, span, hint))
+
+    def warn(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
+        """Note a warning."""
+        self.problems.append(Diagnostic(code, message, span, hint, Severity.WARNING))
+
+    # --- names
+
+    def slot(self, name: str) -> int:
+        """The slot of a visible name."""
+        return self.names.index(name)
+
+    def add(self, name: str) -> int:
+        """A new slot."""
+        self.names.append(name)
+        return len(self.names) - 1
+
+    def sees(self, name: str) -> bool:
+        """Whether a name stands for something here."""
+        return name in self.types or name in self.created
+
+    def knows(self, name: str, span: Span | None) -> bool:
+        """Like `sees`; an unknown name is reported, once."""
+        if self.sees(name):
+            return True
+        if name not in self._reported:
+            self._reported.add(name)
+            hint = did_you_mean(name, [*self.types, *self.created])
+            if name.startswith("_"):
+                hint = "a name that starts with `_` stands for anything, once; give the variable another name"
+            self.error(
+                "unknown-variable",
+                f"`{name}` is neither matched by the left side nor created",
+                span,
+                hint or f"write `{name} : Class` to create it",
+            )
+        return False
+
+    def is_object(self, name: str, span: Span | None) -> bool:
+        """Whether a name stands for an object that is there after the rule; if not, that is reported."""
+        if not self.knows(name, span):
+            return False
+        if name in self.deleted:
+            self.error("deleted-variable", f"`{name}` is deleted by this rule", span)
+            return False
+        return self.was_object(name, span)
+
+    def was_object(self, name: str, span: Span | None) -> bool:
+        """Whether a known name stands for an object; a data value is reported."""
+        type_ = self.types.get(name)
+        if name in self.created or isinstance(type_, ObjectType):
+            return True
+        if type_ is not None:
+            self.error("not-an-object", f"`{name}` is a data value, not an object", span)
+        return False
+
+    # --- classes and features
+
+    def before(self, name: str) -> str | None:
+        """Class of a variable on the left side, None if unknown."""
+        type_ = self.types.get(name)
+        return type_.cls if isinstance(type_, ObjectType) and type_.cls in self.metamodel.classes else None
+
+    def after(self, name: str) -> str | None:
+        """Class of an object after the rule, None if unknown."""
+        return self.created.get(name) or self.retyped.get(name) or self.before(name)
+
+    def instantiable(self, cls: str, span: Span | None) -> bool:
+        """Whether objects of a class can exist; if not, that is reported."""
+        found = self.metamodel.classes.get(cls)
+        if found is None:
+            hint = did_you_mean(cls, self.metamodel.classes)
+            self.error("unknown-class", f"unknown class `{cls}`", span, hint)
+            return False
+        if found.abstract:
+            concrete = ", ".join(f"`{name}`" for name in self.metamodel.concrete(cls))
+            hint = f"name one of its subclasses: {concrete}" if concrete else None
+            self.error("abstract-class", f"`{cls}` is abstract: no object is exactly a `{cls}`", span, hint)
+            return False
+        return True
+
+    def feature(self, cls: str, name: str, span: Span | None) -> Attribute | Reference | None:
+        """A feature of a class; an unknown one is reported."""
+        feature = self.metamodel.feature(cls, name)
+        if feature is None:
+            hint = did_you_mean(name, self.metamodel.features(cls))
+            hint = hint or self._subclass_hint(cls, name)
+            self.error("unknown-feature", f"`{cls}` has no feature `{name}`", span, hint)
+        return feature
+
+    def _subclass_hint(self, cls: str, feature: str) -> str | None:
+        for sub in self.metamodel.class_list:
+            if self.metamodel.is_a(sub.name, cls) and any(own.name == feature for own in sub.features):
+                return f"its subclass `{sub.name}` has one: declare the variable as `{sub.name}`"
+        return None
+
+    def reference(self, cls: str, name: str, span: Span | None) -> Reference | None:
+        """A reference of a class; anything else is reported."""
+        feature = self.feature(cls, name, span)
+        if isinstance(feature, Attribute):
+            hint = "set it: `set object.attribute = value;`"
+            self.error("not-a-reference", f"`{feature}` is an attribute, not a reference", span, hint)
+            return None
+        return feature
+
+    def fits(self, name: str, reference: Reference, span: Span | None) -> bool:
+        """Whether an object may be a target of a reference; if not, that is reported."""
+        cls = self.after(name)
+        if cls is None or self.metamodel.is_a(cls, reference.target):
+            return cls is not None
+        message = f"`{reference}` leads to `{reference.target}`, and `{name}` is a `{cls}`"
+        self.error("wrong-type", message, span)
+        return False
+
+    # --- arrows
+
+    def edge(self, edge: Edge, *, before: bool = False) -> ResolvedEdge | None:
+        """An arrow of the right side; everything wrong with it is reported.
+
+        Args:
+            edge: the arrow.
+            before: it is about a link that is there before the rule, such as `delete a -ref-> b`.
+        """
+        where = edge.reference_span or edge.span
+        if edge.closure:
+            message = (
+                f"`{edge.reference}{edge.closure}` stands for any number of links, which no rule can rewrite"
+            )
+            self.error("closure-in-right-side", message, where)
+            return None
+        ends = {edge.target: edge.target_span or edge.span, edge.source: edge.source_span or edge.span}
+        sound = [
+            (self.knows(end, span) and self.was_object(end, span)) if before else self.is_object(end, span)
+            for end, span in reversed(ends.items())
+        ]
+        cls = self.before(edge.source) if before else self.after(edge.source)
+        if not all(sound) or cls is None:
+            return None
+        reference = self.reference(cls, edge.reference, where)
+        if reference is None or (not before and not self.fits(edge.target, reference, ends[edge.target])):
+            return None
+        return ResolvedEdge(edge.source, reference, edge.target)
+
+    def left_edge(self, edge: Edge) -> ResolvedEdge | None:
+        """An arrow of a left side, None if it is no single link between named variables."""
+        cls = self.before(edge.source)
+        if edge.closure or cls is None or edge.source not in self.types or edge.target not in self.types:
+            return None
+        feature = self.metamodel.feature(cls, edge.reference)
+        if not isinstance(feature, Reference):
+            return None
+        return ResolvedEdge(edge.source, feature, edge.target)
+
+    def key(self, edge: ResolvedEdge) -> LinkKey:
+        """The same for a link and for its opposite: they are one fact."""
+        reference, source, target = edge.reference, edge.source, edge.target
+        opposite = self.metamodel.opposite(reference)
+        if opposite is not None and (opposite.index, target, source) < (reference.index, source, target):
+            return opposite.index, target, source
+        return reference.index, source, target

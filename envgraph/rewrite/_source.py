@@ -1,0 +1,331 @@
+"""Python source for the parts of a plan.
+
+The source holds names of ours and operators; classes, features and literals are constants of the generated function's
+namespace. Slot number 3 is the local variable `e3`, or `e[3]` where blocks share a list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from envgraph.errors import EvaluationError, RuleError
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, Reference, Value
+from envgraph.pattern import (
+    EXPRESSION_NAMESPACE,
+    Binary,
+    Conditional,
+    Expression,
+    FunctionCall,
+    Navigation,
+    ObjectType,
+    StaticType,
+    Unary,
+    Variable,
+    check_expression,
+    compile_expression,
+)
+from envgraph.rewrite._plan import (
+    Absorb,
+    Assign,
+    BlockPlan,
+    ChangeTargets,
+    Compute,
+    Delete,
+    Increase,
+    Link,
+    Rehome,
+    SetTargets,
+    SetValue,
+    Unlink,
+)
+
+Namer = Callable[[int], str]
+"""The source that stands for a slot."""
+
+
+class Writer:
+    """Writes the source of one function, and keeps the constants it names.
+
+    Attributes:
+        namespace: what the source may refer to.
+    """
+
+    def __init__(self, model: Model, slot: Namer, *, lossy: bool) -> None:
+        self.model = model
+        self.slot = slot
+        self.semantics = "spo" if lossy else "dpo"
+        self.lossy = lossy
+        self.namespace: dict[str, Any] = {
+            **EXPRESSION_NAMESPACE,
+            "alive": model.alive,
+            "delete": model.delete,
+            "link": model.link,
+            "new": model.new,
+            "retype": model.retype,
+            "set_target": model.set_target,
+            "set_targets": model.set_targets,
+            "set_value": model.set_value,
+            "target": model.target,
+            "unlink": model.unlink,
+            "value": model.value,
+            "_absorb": lambda kept, absorbed: absorb(model, kept, absorbed, lossy=lossy),
+            "_leave": lambda node, container, reference: leave(model, node, container, reference),
+            "_need": need,
+            "_present": present,
+        }
+
+    def constant(self, value: object) -> str:
+        """A name for a constant."""
+        name = f"k{len(self.namespace)}"
+        self.namespace[name] = value
+        return name
+
+    def slots(self, numbers: tuple[int, ...]) -> str:
+        """A tuple of slots."""
+        return f"({''.join(f'{self.slot(number)}, ' for number in numbers)})"
+
+    # --- the phases of a block, in order
+
+    def compute(self, plan: BlockPlan) -> list[str]:
+        """Values on the state before the rule."""
+        return [f"{self.slot(c.slot)} = {self._value(c)}" for c in plan.computed]
+
+    def unlink(self, plan: BlockPlan) -> list[str]:
+        """Links that go, and objects that leave their container."""
+        return [*map(self._unlink, plan.unlinks), *map(self._leave, plan.moves)]
+
+    def delete(self, plan: BlockPlan) -> list[str]:
+        """Objects that go."""
+        return [self._delete(d) for d in plan.deletes]
+
+    def retype(self, plan: BlockPlan) -> list[str]:
+        """Objects that change their class."""
+        return [f"retype({self.slot(r.node)}, {self.constant(r.cls)}, {self.lossy})" for r in plan.retypes]
+
+    def create(self, plan: BlockPlan) -> list[str]:
+        """New objects."""
+        return [f"{self.slot(n.node)} = new({self.constant(n.cls)})" for n in plan.creates]
+
+    def link(self, plan: BlockPlan) -> list[str]:
+        """Merges, moves and new links."""
+        moves = [
+            f"link({self.slot(m.container)}, {self.constant(m.reference)}, {self.slot(m.node)})"
+            for m in plan.moves
+        ]
+        return [*map(self._absorb, plan.absorbs), *moves, *map(self._link, plan.links)]
+
+    def assign(self, plan: BlockPlan) -> list[str]:
+        """Values and targets that are set."""
+        return [self._assign(change) for change in plan.sets]
+
+    # --- parts
+
+    def _unlink(self, op: Unlink) -> str:
+        source, reference, target = self.slot(op.source), self.constant(op.reference), self.slot(op.target)
+        return f"unlink({source}, {reference}, {target})"
+
+    def _leave(self, op: Rehome) -> str:
+        return f"_leave({self.slot(op.node)}, {self.slot(op.container)}, {self.constant(op.reference)})"
+
+    def _delete(self, op: Delete) -> str:
+        # A container that went before has taken its contents along.
+        return f"if alive({self.slot(op.node)}): delete({self.slot(op.node)}, {self.semantics!r})"
+
+    def _absorb(self, op: Absorb) -> str:
+        return f"_absorb({self.slot(op.kept)}, {self.slot(op.absorbed)})"
+
+    def _link(self, op: Link) -> str:
+        source, target = self.slot(op.source), self.slot(op.target)
+        return f"if {target} is not None: link({source}, {self.constant(op.reference)}, {target})"
+
+    def _assign(self, op: Assign) -> str:
+        node = self.slot(op.object)
+        match op:
+            case SetValue():
+                value = "None" if op.value is None else self.slot(op.value)
+                return f"set_value({node}, {self.constant(op.attribute)}, {value})"
+            case Increase():
+                attribute = self.constant(op.attribute)
+                function = "_add" if op.operator == "+=" else "_subtract"
+                old = f"_need(value({node}, {attribute}), {self.constant(str(op.attribute))})"
+                return f"set_value({node}, {attribute}, _bounded({function}({old}, {self.slot(op.value)})))"
+            case SetTargets():
+                return self._set_targets(op)
+            case ChangeTargets():
+                return self._change_targets(op)
+
+    def _set_targets(self, op: SetTargets) -> str:
+        node, reference = self.slot(op.object), self.constant(op.reference)
+        if op.reference.many:
+            return f"set_targets({node}, {reference}, _present({self.slots(op.values)}))"
+        return f"set_target({node}, {reference}, {self.slot(op.values[0]) if op.values else 'None'})"
+
+    def _change_targets(self, op: ChangeTargets) -> str:
+        node, reference = self.slot(op.object), self.constant(op.reference)
+        loop = f"for t in {self.slots(op.values)}:"
+        if op.operator == "+=":
+            return f"{loop}\n if t is not None: link({node}, {reference}, t)"
+        return f"{loop}\n if t is not None: unlink({node}, {reference}, t)"
+
+    # --- values
+
+    def _value(self, compute: Compute) -> str:
+        types = {name: type_ for name, _, type_ in compute.scope}
+        names = {name: self.slot(slot) for name, slot, _ in compute.scope}
+        reader = PathReader(self, types, names)
+        expression = reader.without_paths(compute.expression)
+        return self.expression(expression, reader.names, reader.types)
+
+    def expression(
+        self, expression: Expression, names: Mapping[str, str], types: Mapping[str, StaticType | None]
+    ) -> str:
+        """The source of an expression without paths."""
+        base = len(self.namespace)
+        known = {name: type_ for name, type_ in types.items() if type_ is not None}
+        compiled = compile_expression(expression, names, known, constant=lambda number: f"c{base}_{number}")
+        for number, literal in enumerate(compiled.constants):
+            self.namespace[f"c{base}_{number}"] = literal
+        return compiled.source
+
+
+class PathReader:
+    """Replaces the paths of an expression by variables, whose source reads the model.
+
+    A path that leads nowhere is None where `evaluate` gives None, and an error where an operator needs a value.
+    """
+
+    def __init__(
+        self, writer: Writer, types: Mapping[str, StaticType | None], names: Mapping[str, str]
+    ) -> None:
+        self.writer = writer
+        self.metamodel = writer.model.metamodel
+        self.types = dict(types)
+        self.names = dict(names)
+
+    def without_paths(self, node: Expression, needed: bool = False) -> Expression:
+        """The expression without paths; `needed` where the operator around it takes no None."""
+        match node:
+            case Navigation():
+                return self._path(node, needed)
+            case Unary():
+                return replace(node, operand=self.without_paths(node.operand, True))
+            case Binary():
+                strict = node.operator not in ("==", "!=")
+                return replace(
+                    node,
+                    left=self.without_paths(node.left, strict),
+                    right=self.without_paths(node.right, strict),
+                )
+            case Conditional():
+                return replace(
+                    node,
+                    test=self.without_paths(node.test, True),
+                    then=self.without_paths(node.then, needed),
+                    otherwise=self.without_paths(node.otherwise, needed),
+                )
+            case FunctionCall():
+                return replace(node, arguments=tuple(self.without_paths(a, True) for a in node.arguments))
+            case _:
+                return node
+
+    def _path(self, node: Navigation, needed: bool) -> Variable:
+        source, feature = self._read(node)
+        if needed:
+            source = f"_need({source}, {self.writer.constant(node.feature)})"
+        name = f"#{len(self.names)}"
+        self.names[name] = source
+        self.types[name] = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
+        return Variable(name)
+
+    def _read(self, node: Navigation) -> tuple[str, Attribute | Reference]:
+        owner, _ = check_expression(node.object, self.types, self.metamodel)
+        assert isinstance(owner, ObjectType), "the expression has been checked"
+        feature = self.metamodel.feature(owner.cls, node.feature)
+        assert feature is not None
+        inner = node.object
+        base = self._read(inner)[0] if isinstance(inner, Navigation) else self._base(inner)
+        read = "value" if isinstance(feature, Attribute) else "target"
+        constant = self.writer.constant(feature)
+        if isinstance(inner, Variable):
+            return f"{read}({base}, {constant})", feature
+        temporary = f"t{len(self.writer.namespace)}"
+        self.writer.namespace[temporary] = None
+        return f"(None if ({temporary} := {base}) is None else {read}({temporary}, {constant}))", feature
+
+    def _base(self, node: Expression) -> str:
+        if isinstance(node, Variable):
+            return self.names[node.name]
+        return self.writer.expression(self.without_paths(node), self.names, self.types)
+
+
+def need(value: Value | int | None, feature: str) -> Value | int:
+    """The value, which an operator needs.
+
+    Raises:
+        EvaluationError: there is none.
+    """
+    if value is None:
+        raise EvaluationError(f"`{feature}` has no value")
+    return value
+
+
+def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:
+    """The targets that there are, each once."""
+    return tuple(dict.fromkeys(target for target in targets if target is not None))
+
+
+def leave(model: Model, node: int, container: int, reference: Reference) -> None:
+    """Take an object out of its container, unless it is already where it is to go."""
+    old = model.container(node)
+    if old is not None and old != (container, reference):
+        model.unlink(old[0], old[1], node)
+
+
+def absorb(model: Model, kept: int, absorbed: int, *, lossy: bool) -> None:
+    """Merge two objects: the links of `absorbed` go over to `kept`, then it is deleted.
+
+    A link that both have becomes one, one between the two a loop. The container of `kept` stays, if it has one.
+
+    Raises:
+        RuleError: the class of `kept` lacks a reference ("lost-link", unless `lossy`), or `kept` has another target
+            there ("full").
+    """
+    if kept == absorbed:
+        raise RuleError("an object cannot be merged with itself", reason="identification")
+    cls = model.class_of(kept)
+    housed = model.container(kept) is not None
+    for reference, source, target in links_of(model, absorbed):
+        model.unlink(source, reference, target)
+        source, target = (kept if end == absorbed else end for end in (source, target))
+        if reference.containment and (source == target or (target == kept and housed)):
+            continue
+        end = reference.owner if source == kept else reference.target
+        if not model.metamodel.is_a(cls, end):
+            if lossy:
+                continue
+            message = f"a `{cls}` cannot take over links of `{reference}`"
+            raise RuleError(message, reason="lost-link")
+        model.link(source, reference, target)
+    model.delete(absorbed, "dpo")
+
+
+def links_of(model: Model, node: int) -> list[tuple[Reference, int, int]]:
+    """The links at an object; of an opposite pair by the reference that contains, else by the first."""
+    found: dict[tuple[Reference, int, int], None] = {}
+    cls = model.class_of(node)
+    for reference in model.metamodel.references:
+        opposite = model.metamodel.opposite(reference)
+        if opposite is not None and _precedence(opposite) < _precedence(reference):
+            continue
+        if model.metamodel.is_a(cls, reference.owner):
+            found.update(((reference, node, other), None) for other in model.targets(node, reference))
+        if model.metamodel.is_a(cls, reference.target):
+            found.update(((reference, other, node), None) for other in model.sources(node, reference))
+    return list(found)
+
+
+def _precedence(reference: Reference) -> tuple[bool, int]:
+    return not reference.containment, reference.index

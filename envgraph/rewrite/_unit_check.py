@@ -1,0 +1,295 @@
+"""What can be wrong with a unit, and its conditions as patterns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
+from envgraph.metamodel import Metamodel
+from envgraph.pattern import (
+    Alap,
+    Atomic,
+    Body,
+    Call,
+    Check,
+    Choice,
+    Expression,
+    If,
+    Library,
+    Negation,
+    ObjectType,
+    Parameter,
+    Pattern,
+    PatternCall,
+    Relation,
+    Repeat,
+    StaticType,
+    Step,
+    Try,
+    Unit,
+    Variable,
+    assignable,
+    check_expression,
+    static_type,
+    type_text,
+)
+from envgraph.pattern import (
+    Sequence as Steps,
+)
+from envgraph.rewrite._header import check_annotations, check_weight, duplicate_parameters, type_names
+from envgraph.rewrite._names import Directory, Signature, Taken
+from envgraph.rewrite._variables import is_named, mentioned
+
+UNIT_ANNOTATIONS = ("priority", "weight")
+Scope = dict[str, StaticType | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """The condition of an `if` as a pattern over the variables of the unit that it uses."""
+
+    pattern: Pattern
+    arguments: tuple[str, ...]
+    negated: bool
+
+
+@dataclass(slots=True)
+class CheckedUnit:
+    """What checking a unit gives.
+
+    Attributes:
+        calls: what each call means, by the identity of the step; None where the name is unknown.
+        conditions: the condition of each `if` with `find`, by the identity of the step.
+        types: of the parameters.
+    """
+
+    unit: Unit
+    problems: list[Diagnostic] = field(default_factory=list)
+    calls: dict[int, Signature] = field(default_factory=dict)
+    conditions: dict[int, Condition] = field(default_factory=dict)
+    types: Scope = field(default_factory=dict)
+
+    @property
+    def patterns(self) -> tuple[Pattern, ...]:
+        """Patterns of the conditions."""
+        return tuple(condition.pattern for condition in self.conditions.values())
+
+
+def check_unit(unit: Unit, directory: Directory, library: Library) -> CheckedUnit:
+    """All errors and warnings of a unit, and what its names mean."""
+    checker = _Checker(unit, directory, library)
+    checker.check()
+    return checker.result
+
+
+def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
+    """What a call of a unit takes; its `out` parameters are not required."""
+    return Signature(
+        unit.qualified_name,
+        "unit",
+        unit.package,
+        tuple(
+            Taken(
+                parameter.name,
+                static_type(parameter.type, metamodel) if parameter.type else None,
+                parameter.direction == "out",
+                parameter.direction != "out",
+            )
+            for parameter in unit.parameters
+        ),
+        unit.weight,
+        unit.priority,
+    )
+
+
+class _Checker:
+    def __init__(self, unit: Unit, directory: Directory, library: Library) -> None:
+        self.unit = unit
+        self.directory = directory
+        self.library = library
+        self.metamodel = library.metamodel
+        self.result = CheckedUnit(unit)
+
+    def check(self) -> None:
+        unit = self.unit
+        self.result.problems.extend(check_weight(unit.weight, unit.annotations, unit.span))
+        self.result.problems.extend(check_annotations(unit.annotations, UNIT_ANNOTATIONS))
+        self.result.problems.extend(duplicate_parameters(unit.parameters))
+        self.result.types = {parameter.name: self._type(parameter) for parameter in unit.parameters}
+        outputs = {parameter.name for parameter in unit.parameters if parameter.direction == "out"}
+        scope = {name: type_ for name, type_ in self.result.types.items() if name not in outputs}
+        self._step(unit.body, scope)
+        for parameter in unit.parameters:
+            if parameter.name in outputs and parameter.name not in scope:
+                self._error(
+                    "unbound-output",
+                    f"nothing gives `{parameter.name}` a value",
+                    parameter.span,
+                    "pass it to an `out` parameter of a rule, outside of any block",
+                )
+
+    def _type(self, parameter: Parameter) -> StaticType | None:
+        if parameter.type is None:
+            advice = f"write `{parameter.name} : Class`, or a data type"
+            self._error("missing-type", f"parameter `{parameter.name}` has no type", parameter.span, advice)
+            return None
+        type_ = static_type(parameter.type, self.metamodel)
+        if type_ is None:
+            hint = did_you_mean(parameter.type, type_names(self.metamodel))
+            span = parameter.type_span or parameter.span
+            self._error("unknown-type", f"unknown type `{parameter.type}`", span, hint)
+        return type_
+
+    def _error(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
+        self.result.problems.append(Diagnostic(code, message, span, hint))
+
+    # --- steps
+
+    def _step(self, step: Step, scope: Scope) -> None:
+        """Check a step; `out` arguments of its calls join the scope, unless they are inside a block."""
+        match step:
+            case Call():
+                self._call(step, scope)
+            case Steps(steps):
+                if not steps:
+                    self.result.problems.append(
+                        Diagnostic("empty-block", "nothing to do here", step.span, severity=Severity.WARNING)
+                    )
+                for inner in steps:
+                    self._step(inner, scope)
+            case Choice(alternatives):
+                for inner in alternatives:
+                    self._step(inner, dict(scope))
+            case Alap(body):
+                self._step(body, dict(scope))
+            case Atomic(body):
+                self._step(body, scope)
+            case Repeat(lower, upper, body):
+                if not 0 <= lower <= upper:
+                    hint = "the lower bound comes first, and is at least 0"
+                    self._error("bad-bounds", f"cannot repeat {lower}..{upper} times", step.span, hint)
+                self._step(body, dict(scope))
+            case Try(body, otherwise):
+                self._step(body, dict(scope))
+                if otherwise is not None:
+                    self._step(otherwise, dict(scope))
+            case If():
+                self._condition(step, scope)
+                self._step(step.then, dict(scope))
+                if step.otherwise is not None:
+                    self._step(step.otherwise, dict(scope))
+
+    def _call(self, call: Call, scope: Scope) -> None:
+        span = call.name_span or call.span
+        found = self.directory.candidates(call.name, self.unit.package)
+        if len(found) != 1:
+            if found:
+                names = ", ".join(f"`{name}`" for name in found)
+                self._error(
+                    "ambiguous-name", f"`{call.name}` may mean {names}", span, "write the qualified name"
+                )
+            else:
+                hint = self.directory.hint(call.name)
+                self._error("unknown-rule", f"unknown rule or unit `{call.name}`", span, hint)
+            return
+        callee = self.directory.signatures[found[0]]
+        self.result.calls[id(call)] = callee
+        if call.every and callee.kind == "unit":
+            self._error("wrong-kind", f"`all` takes a rule, and `{call.name}` is a unit", span)
+        elif self._arity(call, callee):
+            for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
+                self._argument(argument, parameter, callee, scope, call.every)
+
+    def _arity(self, call: Call, callee: Signature) -> bool:
+        required = [parameter.name for parameter in callee.parameters if parameter.required]
+        if not call.arguments:
+            if required:
+                names = ", ".join(f"`{name}`" for name in required)
+                self._error("wrong-arity", f"`{call.name}` needs arguments for {names}", call.span)
+            return not required
+        if len(call.arguments) != len(callee.parameters):
+            names = ", ".join(parameter.name for parameter in callee.parameters)
+            message = f"`{call.name}` takes {len(callee.parameters)} arguments, not {len(call.arguments)}"
+            hint = f"write `{call.name}({names})`; `_` leaves one open" if names else f"write `{call.name}`"
+            self._error("wrong-arity", message, call.span, hint)
+            return False
+        return True
+
+    def _argument(
+        self, argument: Expression, parameter: Taken, callee: Signature, scope: Scope, every: bool
+    ) -> None:
+        if isinstance(argument, Variable) and not is_named(argument.name):
+            if parameter.required:
+                message = f"`{callee.simple}` needs a value for `{parameter.name}`"
+                self._error("wrong-arity", message, argument.span)
+            return
+        if isinstance(argument, Variable) and argument.name not in scope and parameter.output and not every:
+            scope[argument.name] = parameter.type
+            return
+        type_, problems = check_expression(argument, scope, self.metamodel, expected=_data(parameter.type))
+        self.result.problems.extend(problems)
+        if not problems and type_ and parameter.type and not self._may_be(type_, parameter.type):
+            message = f"`{parameter.name}` of `{callee.simple}` is a `{type_text(parameter.type)}`"
+            self._error("wrong-type", f"{message}, not a `{type_text(type_)}`", argument.span)
+
+    def _may_be(self, type_: StaticType, wanted: StaticType) -> bool:
+        """An object may turn out to be of the wanted class; if it is not, the rule has no match."""
+        if isinstance(type_, ObjectType) and isinstance(wanted, ObjectType):
+            return self.metamodel.overlap(type_.cls, wanted.cls)
+        return assignable(type_, wanted, self.metamodel)
+
+    # --- conditions
+
+    def _condition(self, step: If, scope: Scope) -> None:
+        condition = step.condition
+        unknown = list(self._unknown(condition, scope))
+        for variable in unknown:
+            hint = did_you_mean(variable.name, scope) or "write `_` for any"
+            self._error("unknown-variable", f"unknown variable `{variable.name}`", variable.span, hint)
+        if unknown:
+            return
+        if isinstance(condition, Check):
+            expected = static_type("bool", self.metamodel)
+            _, problems = check_expression(
+                condition.expression, scope, self.metamodel, expected=expected, bare_objects=False
+            )
+            self.result.problems.extend(problems)
+            return
+        relation: Relation = condition.relation if isinstance(condition, Negation) else condition
+        lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
+        problems = [p for p in self.library.check(lowered.pattern) if p.severity is Severity.ERROR]
+        self.result.problems.extend(problems)
+        self.result.conditions[id(step)] = lowered
+
+    def _unknown(self, condition: PatternCall | Negation | Check, scope: Scope) -> Iterator[Variable]:
+        for variable in mentioned(condition):
+            if is_named(variable.name) and variable.name not in scope:
+                yield variable
+
+    def _pattern(self, relation: Relation, negated: bool, scope: Scope, span: Span | None) -> Condition:
+        """Negation is left to the caller: then an argument need not be bound by anything else."""
+        used = tuple(dict.fromkeys(v.name for v in mentioned(relation) if is_named(v.name)))
+        parameters = tuple(_parameter(name, scope[name]) for name in used)
+        name = f"{self.unit.name}#if{len(self.result.conditions) + 1}"
+        pattern = Pattern(
+            name,
+            parameters,
+            (Body((relation,), span=span),),
+            package=self.unit.package,
+            private=True,
+            strategy="search",
+            span=span,
+        )
+        return Condition(pattern, used, negated)
+
+
+def _parameter(name: str, type_: StaticType | None) -> Parameter:
+    if type_ is None:
+        return Parameter(name)
+    return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
+
+
+def _data(type_: StaticType | None) -> StaticType | None:
+    """The type that an argument has to have; classes are compared less strictly."""
+    return None if isinstance(type_, ObjectType) else type_

@@ -1,0 +1,249 @@
+"""The variables of a left side, in order, and what is known about their types from the left side alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations
+
+from envgraph.errors import Span
+from envgraph.metamodel import Attribute, Metamodel, Reference
+from envgraph.pattern import (
+    Aggregate,
+    Binary,
+    Check,
+    Comparison,
+    Conditional,
+    Constraint,
+    Evaluation,
+    Expression,
+    FunctionCall,
+    LeftSide,
+    Library,
+    Navigation,
+    Negation,
+    ObjectType,
+    Parameter,
+    PathConstraint,
+    PatternCall,
+    Relation,
+    StaticType,
+    Term,
+    TypeConstraint,
+    Unary,
+    Variable,
+    static_type,
+)
+
+Types = dict[str, StaticType | None]
+"""Type of each variable in the order of the match; None where it is not known."""
+
+
+def is_named(name: str) -> bool:
+    """Whether a variable belongs to the match: `_` and names that start with it are for single use."""
+    return not name.startswith("_")
+
+
+def read_variables(expression: Expression) -> Iterator[Variable]:
+    """The variables of an expression, each place, in the order of the text."""
+    match expression:
+        case Variable():
+            yield expression
+        case Navigation(inner) | Unary(_, inner):
+            yield from read_variables(inner)
+        case Binary(_, left, right):
+            yield from read_variables(left)
+            yield from read_variables(right)
+        case Conditional(test, then, otherwise):
+            for part in (test, then, otherwise):
+                yield from read_variables(part)
+        case FunctionCall(_, arguments):
+            for part in arguments:
+                yield from read_variables(part)
+        case _:
+            pass
+
+
+def _arguments(relation: Relation) -> tuple[Term, ...]:
+    match relation:
+        case TypeConstraint():
+            return (relation.term,)
+        case PathConstraint():
+            return (relation.source, relation.target)
+        case PatternCall():
+            return relation.arguments
+
+
+def terms_of(constraint: Constraint) -> tuple[Term, ...]:
+    """The terms that stand in a constraint directly, those of a negation included."""
+    match constraint:
+        case Negation():
+            return _arguments(constraint.relation)
+        case Comparison():
+            return (constraint.left, constraint.right)
+        case Check():
+            return ()
+        case _:
+            return _arguments(constraint)
+
+
+def mentioned(constraint: Constraint) -> Iterator[Variable]:
+    """Every place of a variable in a constraint, those that are quantified in it included."""
+    if isinstance(constraint, Check):
+        yield from read_variables(constraint.expression)
+    yield from _in_terms(terms_of(constraint))
+
+
+def _in_terms(terms: Iterable[Term]) -> Iterator[Variable]:
+    for term in terms:
+        match term:
+            case Variable():
+                yield term
+            case Evaluation():
+                yield from read_variables(term.expression)
+            case Aggregate():
+                yield from _in_terms(_arguments(term.over))
+            case _:
+                pass
+
+
+def _visible(constraint: Constraint) -> Iterator[Variable]:
+    """The places that a negation or an aggregate does not quantify by itself."""
+    if isinstance(constraint, Check):
+        yield from read_variables(constraint.expression)
+    elif isinstance(constraint, Negation):
+        for term in terms_of(constraint):
+            if isinstance(term, Evaluation):
+                yield from read_variables(term.expression)
+    else:
+        for term in terms_of(constraint):
+            if isinstance(term, Variable):
+                yield term
+            elif isinstance(term, Evaluation):
+                yield from read_variables(term.expression)
+
+
+def node_names(left: LeftSide) -> dict[str, Span | None]:
+    """The variables that are declared or stand in an arrow, with the first place of each."""
+    found: dict[str, Span | None] = {}
+    for node in left.nodes:
+        found.setdefault(node.name, node.span)
+    for edge in left.edges:
+        found.setdefault(edge.source, edge.source_span or edge.span)
+        found.setdefault(edge.target, edge.target_span or edge.span)
+    return {name: span for name, span in found.items() if is_named(name)}
+
+
+def own_variables(left: LeftSide, outside: Iterable[str]) -> list[str]:
+    """The named variables that a left side adds to the `outside` ones: its nodes first, then those of constraints.
+
+    A variable that stands in negations and aggregates alone is quantified there and belongs to no match.
+    """
+    known = set(outside)
+    found = dict.fromkeys(name for name in node_names(left) if name not in known)
+    for constraint in left.constraints:
+        for variable in _visible(constraint):
+            if is_named(variable.name) and variable.name not in known:
+                found[variable.name] = None
+    return list(found)
+
+
+def all_names(left: LeftSide) -> set[str]:
+    """Every name in a left side, quantified ones included."""
+    return set(node_names(left)) | {v.name for c in left.constraints for v in mentioned(c)}
+
+
+def equated(left: LeftSide) -> set[frozenset[str]]:
+    """Pairs of variables that `==` says are the same, transitively."""
+    groups: list[set[str]] = []
+    for constraint in left.constraints:
+        if isinstance(constraint, Comparison) and constraint.operator == "==":
+            sides = {term.name for term in (constraint.left, constraint.right) if isinstance(term, Variable)}
+            if len(sides) == 2:
+                touching = [group for group in groups if group & sides]
+                groups = [group for group in groups if not group & sides]
+                groups.append(sides.union(*touching))
+    return {frozenset(pair) for group in groups for pair in combinations(sorted(group), 2)}
+
+
+class TypeReader:
+    """Works out the types of variables from declarations, arrows, paths and calls.
+
+    It is forgiving: what makes no sense says nothing about a type. The library reports it.
+    """
+
+    def __init__(self, library: Library, package: str) -> None:
+        self.library = library
+        self.metamodel: Metamodel = library.metamodel
+        self.package = package
+
+    def parameters(self, parameters: Iterable[Parameter]) -> Types:
+        """Types of declared parameters."""
+        return {p.name: static_type(p.type, self.metamodel) if p.type else None for p in parameters}
+
+    def left_side(self, left: LeftSide, outside: Mapping[str, StaticType | None]) -> Types:
+        """Types of all variables of a left side: the outside ones, narrowed by it, then its own."""
+        types: Types = dict(outside)
+        types.update((name, None) for name in own_variables(left, outside))
+        for node in left.nodes:
+            if node.type:
+                self._narrow(types, node.name, static_type(node.type, self.metamodel))
+        for constraint in left.constraints:
+            self._constraint(types, constraint)
+        for _ in range(len(left.edges) + 1):  # an arrow types its target once its source has a type
+            before = dict(types)
+            for edge in left.edges:
+                feature = self.feature(types.get(edge.source), edge.reference)
+                if isinstance(feature, Reference):
+                    self._narrow(types, edge.target, ObjectType(feature.target))
+            if types == before:
+                break
+        return types
+
+    def feature(self, type_: StaticType | None, name: str) -> Attribute | Reference | None:
+        """A feature of the class that a type is, if it has it."""
+        if isinstance(type_, ObjectType) and type_.cls in self.metamodel.classes:
+            return self.metamodel.feature(type_.cls, name)
+        return None
+
+    def _narrow(self, types: Types, name: str, type_: StaticType | None) -> None:
+        if name not in types or type_ is None:
+            return
+        old = types[name]
+        if old is None:
+            types[name] = type_
+        elif isinstance(old, ObjectType) and isinstance(type_, ObjectType):
+            types[name] = type_ if self.metamodel.is_a(type_.cls, old.cls) else old
+
+    def _constraint(self, types: Types, constraint: Constraint) -> None:
+        match constraint:
+            case TypeConstraint():
+                self._term(types, constraint.term, static_type(constraint.type, self.metamodel))
+            case PathConstraint():
+                self._path(types, constraint)
+            case PatternCall():
+                called = self.library.resolve(constraint.pattern, self.package)
+                if called is not None and len(called.parameters) == len(constraint.arguments):
+                    known = self.library.parameter_types(called.qualified_name)
+                    for term, type_ in zip(constraint.arguments, known, strict=True):
+                        self._term(types, term, type_)
+            case _:
+                pass
+
+    def _term(self, types: Types, term: Term, type_: StaticType | None) -> None:
+        if isinstance(term, Variable):
+            self._narrow(types, term.name, type_)
+
+    def _path(self, types: Types, path: PathConstraint) -> None:
+        if path.type not in self.metamodel.classes:
+            return
+        start = ObjectType(path.type)
+        end: StaticType | None = start
+        for name in path.features:
+            feature = self.feature(end, name)
+            if isinstance(feature, Reference):
+                end = ObjectType(feature.target)
+            else:
+                end = None if feature is None else feature.type
+        self._term(types, path.source, start)
+        if path.closure != "*":
+            self._term(types, path.target, end)

@@ -1,0 +1,529 @@
+"""What applying a rule does, and when it is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from envgraph.errors import EvaluationError, RuleError
+from envgraph.graph import Model
+from envgraph.rewrite import Engine
+from tests.unit.rewrite.graphs import METAMODEL, chain, engine, snapshot
+
+
+def refused(made: Engine, reason: str, name: str = "r", **arguments: object) -> RuleError:
+    """Apply a rule that must be refused for a reason, leaving everything as it was."""
+    before = snapshot(made.model)
+    with pytest.raises(RuleError) as caught:
+        made.apply(name, **arguments)
+    assert caught.value.reason == reason
+    assert caught.value.rule == name
+    assert snapshot(made.model) == before
+    made.model.check_integrity()
+    return caught.value
+
+
+# --- right sides
+
+
+@pytest.mark.parametrize(
+    "right",
+    [
+        "rhs { a -links-> b; b : Special; c : Item { n = 9 }; b -next-> c; delete d; }",
+        """modify {
+            delete a -next-> b; delete d; create a -links-> b; retype b : Special;
+            create b -next-> c : Item { n = 9 };
+        }""",
+    ],
+)
+def test_rhs_and_modify_say_the_same(right: str) -> None:
+    model = chain(2)
+    d = model.create("Box", n=5)
+    made = engine(f"rule r {{ lhs {{ a : Item -next-> b : Item; d : Box; }} {right} }}", model=model)
+    application = made.apply("r")
+    assert application is not None
+    a, b, c = model.node(0), model.node(1), application.created["c"]
+    assert d not in model
+    assert a.next is None and list(a.links) == [b]
+    assert b.cls == "Special" and b.next == c
+    assert c.cls == "Item" and c.n == 9
+    model.check_integrity()
+
+
+def test_a_node_that_the_right_side_leaves_out_is_deleted() -> None:
+    made = engine("rule r { lhs { a : Item -next-> b : Item; } rhs { a; } }", model=chain(2))
+    made.apply("r")
+    assert [node.id for node in made.model.nodes("Item")] == [0]
+
+
+def test_context_is_never_deleted_by_omission() -> None:
+    made = engine(
+        "rule r(p : Item) { lhs { p -next-> b : Item; find linked(p, c); Item.next(b, d); } rhs { b; } }",
+        "pattern linked(from : Item, to : Item) { Item.links(from, to); }",
+        model=chain(3),
+    )
+    made.model.node(0).links.append(made.model.create("Item"))
+    made.apply("r")
+    assert len(made.model) == 4
+    assert made.model.node(0).next is None  # the arrow is left out, so the link goes
+
+
+def test_context_may_be_deleted_by_word() -> None:
+    made = engine("rule r(p : Item) { lhs { } modify { delete p; } }", model=chain(1))
+    made.apply("r", p=0)
+    assert len(made.model) == 0
+
+
+def test_an_opposite_arrow_is_the_same_link() -> None:
+    made = engine("rule r { lhs { a : Item -next-> b : Item; } rhs { b -prev-> a; } }", model=chain(2))
+    before = snapshot(made.model)
+    made.apply("r")
+    assert snapshot(made.model) == before
+
+
+def test_a_symmetric_arrow_has_no_direction() -> None:
+    model = chain(2)
+    model.node(0).next = None
+    model.node(0).friends.append(model.node(1))
+    made = engine("rule r(a : Item) { lhs { a -friends-> b : Item; } rhs { b -friends-> a; } }", model=model)
+    before = snapshot(model)
+    made.apply("r", a=0)
+    assert snapshot(model) == before
+
+
+def test_a_class_in_the_right_side_retypes_to_exactly_it() -> None:
+    model = Model(METAMODEL)
+    model.create("Special")
+    made = engine(
+        "rule keep { lhs { a : Item; } rhs { a : Item; } } rule lower { lhs { a : Special; } rhs { a : Item; } }",
+        model=model,
+    )
+    made.apply("keep")
+    assert model.node(0).cls == "Special"
+    made.apply("lower")
+    assert model.node(0).cls == "Item"
+
+
+def test_retyping_keeps_identity_and_shared_features_and_adds_initial_values() -> None:
+    model = chain(2)
+    made = engine("rule r(a : Item) { lhs { } modify { retype a : Special; } }", model=model)
+    made.apply("r", a=0)
+    special = model.node(0)
+    assert (special.cls, special.n, special.next, special.extra) == ("Special", 0, model.node(1), 7)
+
+
+def test_rules_may_retype_and_set_what_only_the_new_class_has() -> None:
+    made = engine(
+        "rule r(a : Item) { lhs { } modify { set a.extra = 3; retype a : Special; } }", model=chain(1)
+    )
+    made.apply("r", a=0)
+    assert made.model.node(0).extra == 3
+
+
+def test_creating_takes_values_and_links_in_one_literal() -> None:
+    model = chain(2)
+    made = engine(
+        """
+        rule r(a : Item) {
+            lhs { a -next-> b : Item; }
+            modify {
+                create box : Box -content-> x : Special {
+                    n = a.n + 5, weight = 2, label = "x" + b.n, colour = ::blue, done = true,
+                    links = [a, b], favourite = b.prev, parent = none
+                };
+            }
+        }
+        """,
+        model=model,
+    )
+    application = made.apply("r", a=0)
+    assert application is not None
+    x, box = application.created["x"], application.created["box"]
+    assert (x.n, x.weight, x.label, x.colour, x.done, x.extra) == (5, 2.0, "x1", "blue", True, 7)
+    assert list(x.links) == [model.node(0), model.node(1)] and x.favourite == model.node(0)
+    assert list(box.content) == [x]
+    model.check_integrity()
+
+
+# --- set, move, merge, redirect
+
+
+def test_values_are_computed_on_the_state_before_the_rule() -> None:
+    made = engine(
+        "rule r { lhs { a : Item -next-> b : Item; } modify { set a.n = b.n; set b.n = a.n; } }",
+        model=chain(2),
+    )
+    made.apply("r")
+    assert (made.model.node(0).n, made.model.node(1).n) == (1, 0)
+
+
+def test_values_of_a_deleted_object_can_be_used() -> None:
+    made = engine(
+        "rule r { lhs { a : Item -next-> b : Item; } modify { set a.n = b.n; delete b; } }", model=chain(2)
+    )
+    made.apply("r")
+    assert made.model.node(0).n == 1 and len(made.model) == 1
+
+
+def test_attributes_can_be_increased_and_cleared() -> None:
+    made = engine(
+        """
+        rule more(a : Item) { lhs { } modify { set a.n += 2; set a.weight += 1; set a.label += "!"; } }
+        rule less(a : Item) { lhs { } modify { set a.n -= 5; set a.weight = none; } }
+        """,
+        model=chain(1),
+    )
+    node = made.model.node(0)
+    node.label = "hey"
+    made.apply("more", a=node)
+    assert (node.n, node.weight, node.label) == (2, 1.0, "hey!")
+    made.apply("less", a=node)
+    assert (node.n, node.weight) == (-3, None)
+    with pytest.raises(EvaluationError, match=r"Item\.weight. has no value"):
+        made.apply("more", a=node)
+    assert node.n == -3
+
+
+def test_a_single_reference_that_is_set_releases_the_opposite() -> None:
+    model = chain(4)  # 0 -> 1 -> 2 -> 3
+    made = engine("rule r(a : Item, b : Item) { lhs { } modify { set a.next = b; } }", model=model)
+    made.apply("r", a=0, b=3)
+    node = model.node
+    assert node(0).next == node(3) and node(3).prev == node(0)
+    assert node(1).prev is None and node(2).next is None
+    model.check_integrity()
+
+
+def test_references_can_be_set_to_nothing_or_to_a_path() -> None:
+    model = chain(3)
+    made = engine(
+        """
+        rule clear(a : Item) { lhs { } modify { set a.next = none; set a.links = none; } }
+        rule skip(a : Item) { lhs { } modify { set a.next = a.next.next; } }
+        """,
+        model=model,
+    )
+    made.apply("skip", a=0)
+    assert model.node(0).next == model.node(2)
+    made.apply("skip", a=0)
+    assert model.node(0).next is None
+    model.node(1).links = [model.node(0), model.node(2)]
+    made.apply("clear", a=1)
+    assert not model.node(1).links
+
+
+def test_many_valued_references_are_set_extended_and_reduced() -> None:
+    model = chain(4)
+    made = engine(
+        """
+        rule put(a : Item, b : Item, c : Item) { lhs { } modify { set a.links = [c, b]; } }
+        rule more(a : Item, b : Item) { lhs { } modify { set a.links += b; } }
+        rule less(a : Item, b : Item) { lhs { } modify { set a.links -= b; } }
+        """,
+        model=model,
+    )
+    node = model.node
+    made.apply("put", a=0, b=1, c=2)
+    assert list(node(0).links) == [node(2), node(1)]
+    made.apply("more", a=0, b=3)
+    made.apply("more", a=0, b=3)
+    assert list(node(0).links) == [node(2), node(1), node(3)]
+    made.apply("less", a=0, b=1)
+    made.apply("less", a=0, b=1)
+    assert list(node(0).links) == [node(2), node(3)]
+
+
+def test_moving_leaves_the_old_container_before_anything_is_linked() -> None:
+    model = Model(METAMODEL)
+    boxes = [model.create("Box", content=[model.create("Item"), model.create("Item")]) for _ in range(2)]
+    made = engine(
+        """
+        rule swap {
+            lhs { a : Box -content-> x : Item; b : Box -content-> y : Item; }
+            modify { move x to b.content; move y to a.content; }
+        }
+        """,
+        model=model,
+    )
+    made.apply("swap", a=boxes[0], b=boxes[1], x=0, y=3)
+    assert [[item.id for item in box.content] for box in boxes] == [[1, 3], [4, 0]]
+    model.check_integrity()
+
+
+def test_moving_to_where_it_is_changes_nothing() -> None:
+    model = Model(METAMODEL)
+    box = model.create("Box", content=[model.create("Item")])
+    made = engine(
+        "rule r(b : Box) { lhs { b -content-> x : Item; } modify { move x to b.content; } }", model=model
+    )
+    before = snapshot(model)
+    made.apply("r", b=box)
+    assert snapshot(model) == before
+
+
+def test_moving_into_itself_is_refused() -> None:
+    model = Model(METAMODEL)
+    inner = model.create("Item")
+    model.create("Item", kids=[inner])
+    made = engine("rule r { lhs { a : Item -kids-> b : Item; } modify { move a to b.kids; } }", model=model)
+    refused(made, "containment")
+
+
+def test_merging_hands_over_links() -> None:
+    model = chain(3)  # 0 -> 1 -> 2
+    node = model.node
+    other = model.create("Item", links=[node(0), node(1)])
+    node(0).links.append(other)
+    node(2).links.append(other)
+    other.kids.append(model.create("Item"))
+    made = engine("rule r(a : Item, b : Item) { lhs { } modify { merge a <- b; } }", model=model)
+    made.apply("r", a=1, b=other)
+    assert other not in model
+    assert [n.id for n in node(1).links] == [0, 1]  # the link to node 1 has become a loop
+    assert list(node(0).links) == [node(1)] and list(node(2).links) == [node(1)]
+    assert [n.id for n in node(1).kids] == [4]
+    model.check_integrity()
+
+
+def test_merging_is_refused_where_a_reference_is_full_or_missing() -> None:
+    model = chain(4)
+    model.create("Special", favourite=model.node(0))
+    made = engine("rule r(a : Item, b : Item) { lhs { } modify { merge a <- b; } }", model=model)
+    refused(made, "full", a=0, b=2)
+    refused(made, "lost-link", a=3, b=4)
+
+
+def test_redirecting_gives_an_arrow_another_target() -> None:
+    model = chain(3)
+    model.node(0).next = None
+    model.node(0).links = [model.node(1)]
+    made = engine(
+        "rule r(c : Item) { lhs { a : Item -links-> b : Item; } modify { redirect a -links-> b to c; } }",
+        model=model,
+    )
+    made.apply("r", c=2)
+    assert list(model.node(0).links) == [model.node(2)]
+
+
+# --- links
+
+
+def test_an_existing_link_is_not_made_twice() -> None:
+    made = engine(
+        "rule r { lhs { a : Item -next-> b : Item; } modify { create a -next-> b; create b -prev-> a; } }",
+        model=chain(2),
+    )
+    before = snapshot(made.model)
+    assert made.apply("r") is not None
+    assert snapshot(made.model) == before
+
+
+def test_a_link_into_a_full_reference_is_refused() -> None:
+    model = chain(3)
+    made = engine(
+        """
+        rule source(a : Item, b : Item) { lhs { } modify { create a -next-> b; set a.n = 99; } }
+        rule pair(a : Item, b : Item) { lhs { } modify { create a -pair-> b; } }
+        rule one(a : Item) { lhs { b : Item -next-> a; } modify { create c : Item { next = a, n = 4 }; } }
+        """,
+        model=model,
+    )
+    error = refused(made, "full", "source", a=0, b=2)
+    assert str(error).startswith(
+        "rule `source` cannot be applied: `Item#0` has 1 of at most 1 targets of `next`"
+    )
+    refused(made, "full", "one", a=1)  # the opposite is full
+    model.node(0).pair = [model.node(1), model.node(2)]
+    third = model.create("Item")
+    refused(made, "full", "pair", a=0, b=third)
+
+
+def test_a_link_may_take_the_place_of_one_that_the_rule_removes() -> None:
+    made = engine(
+        "rule r(c : Item) { lhs { a : Item -next-> b : Item; } rhs { a -next-> c; b; } }", model=chain(2)
+    )
+    new = made.model.create("Item")
+    made.apply("r", c=new)
+    assert made.model.node(0).next == new
+
+
+def test_links_of_the_left_side_can_be_exchanged() -> None:
+    model = Model(METAMODEL)
+    items = [model.create("Item") for _ in range(4)]
+    items[0].next, items[1].next = items[2], items[3]
+    made = engine(
+        "rule r { lhs { p : Item -next-> a : Item; q : Item -next-> b : Item; } rhs { p -next-> b; q -next-> a; } }",
+        model=model,
+    )
+    made.apply("r", p=0)
+    assert items[0].next == items[3] and items[1].next == items[2]
+
+
+# --- deletion
+
+
+def test_dpo_refuses_to_leave_dangling_links_and_lists_them() -> None:
+    made = engine("rule r(a : Item) { lhs { } modify { delete a; } }", model=chain(3))
+    error = refused(made, "dangling", a=1)
+    assert error.details == ("`Item#1` -next-> `Item#2`", "`Item#1` -prev-> `Item#0`")
+    assert "2 links would be left dangling" in str(error)
+
+
+def test_spo_removes_dangling_links() -> None:
+    made = engine("@semantics(spo) rule r(a : Item) { lhs { } modify { delete a; } }", model=chain(3))
+    made.apply("r", a=1)
+    assert made.model.node(0).next is None and made.model.node(2).prev is None
+    made.model.check_integrity()
+
+
+def test_links_of_the_left_side_go_with_their_node() -> None:
+    made = engine("rule r { lhs { a : Item -next-> b : Item; } modify { delete b; } }", model=chain(2))
+    made.apply("r")
+    assert made.model.node(0).next is None
+
+
+def test_contents_go_with_their_container() -> None:
+    model = Model(METAMODEL)
+    model.create("Box", content=[model.create("Item", kids=[model.create("Item")])])
+    made = engine("rule r { lhs { a : Box; } modify { delete a; } }", model=model)
+    made.apply("r")
+    assert len(model) == 0
+
+
+def test_container_and_contents_may_both_be_deleted() -> None:
+    model = Model(METAMODEL)
+    model.create("Box", content=[model.create("Item")])
+    made = engine(
+        "rule r { lhs { a : Box -content-> b : Item; } modify { delete a; delete b; } }", model=model
+    )
+    made.apply("r")
+    assert len(model) == 0
+
+
+def test_retyping_that_would_lose_links_is_refused_under_dpo_and_loses_them_under_spo() -> None:
+    for semantics in ("dpo", "spo"):
+        model = chain(1)
+        special = model.create("Special", favourite=model.node(0))
+        made = engine(
+            f"@semantics({semantics}) rule r {{ lhs {{ a : Special; }} modify {{ retype a : Item; }} }}",
+            model=model,
+        )
+        if semantics == "dpo":
+            refused(made, "lost-link")
+        else:
+            made.apply("r")
+            assert special.cls == "Item"
+        model.check_integrity()
+
+
+def test_what_is_deleted_may_not_be_matched_as_something_kept() -> None:
+    made = engine(
+        """
+        @match(homomorphic) rule r { lhs { a : Item; b : Item; } modify { delete a; set b.n = 1; } }
+        @match(homomorphic) @semantics(spo) rule both { lhs { a : Item; b : Item; } modify { delete a; } }
+        """,
+        model=chain(1),
+    )
+    assert "`a` and `b` are one object, and `a` is deleted" in str(refused(made, "identification"))
+    refused(made, "identification", "both")
+
+
+def test_a_link_that_is_removed_may_not_be_matched_as_one_that_is_kept() -> None:
+    model = chain(2)
+    made = engine(
+        """
+        @hom(b, c) rule r {
+            lhs { a : Item -links-> b : Item; a -links-> c : Item; }
+            modify { delete a -links-> b; }
+        }
+        """,
+        model=model,
+    )
+    model.node(0).links = [model.node(1)]
+    refused(made, "identification")
+    model.node(0).links.append(model.create("Item"))
+    made.apply("r", b=1, c=2)
+    assert [n.id for n in model.node(0).links] == [2]
+
+
+def test_variables_that_coincide_may_not_get_two_values() -> None:
+    made = engine(
+        "@match(homomorphic) rule r { lhs { a : Item; b : Item; } modify { set a.n = 1; set b.n = 2; } }",
+        model=chain(1),
+    )
+    assert "gets two values of `Thing.n`: 1 and 2" in str(refused(made, "ambiguous"))
+
+
+# --- failing
+
+
+def test_a_refused_application_takes_everything_back() -> None:
+    model = chain(3)
+    made = engine(
+        """
+        rule r(a : Item, b : Item, c : Item) {
+            lhs { }
+            modify {
+                create x : Item { n = 4, links = [a] };
+                set a.n = 77;
+                retype b : Special;
+                delete a -next-> b;
+                set a.links += c;
+                delete c;
+            }
+        }
+        """.replace("set a.links += c;", ""),
+        model=model,
+    )
+    refused(made, "dangling", a=0, b=1, c=2)
+    assert model.create("Item").id == 3
+
+
+def test_a_value_that_cannot_be_computed_leaves_the_model_alone() -> None:
+    made = engine("rule r(a : Item) { lhs { } modify { set a.n = 1 / a.n; } }", model=chain(1))
+    before = snapshot(made.model)
+    with pytest.raises(EvaluationError, match="division by zero"):
+        made.apply("r", a=0)
+    assert snapshot(made.model) == before
+
+
+def test_a_match_that_is_none_any_more_is_refused() -> None:
+    model = chain(3)
+    made = engine("rule r { lhs { a : Item -next-> b : Item; } modify { set a.next = none; } }", model=model)
+    first, second = made.matches("r")
+    made.apply("r", first)
+    with pytest.raises(RuleError, match="is not a match any more") as caught:
+        made.apply("r", first)
+    assert caught.value.reason == "stale-match"
+    model.node(1).next = None
+    model.delete(2)
+    with pytest.raises(RuleError) as caught:
+        made.apply("r", second)
+    assert caught.value.reason == "stale-match"
+
+
+def test_without_a_match_nothing_is_applied() -> None:
+    assert engine("rule r { lhs { a : Box; } modify { delete a; } }").apply("r") is None
+
+
+def test_out_parameters_are_found_or_created() -> None:
+    made = engine(
+        """
+        rule r(a : Item, out value : int, out made : Special) {
+            lhs { a -next-> b : Item; Item.n(b, value); }
+            modify { create made : Special { n = value }; }
+        }
+        """,
+        model=chain(2),
+    )
+    application = made.apply("r", a=0)
+    assert application is not None
+    assert application.match.names == ("a", "value", "b")
+    assert application.outputs == {"value": 1, "made": application.created["made"]}
+    assert application.created["made"].n == 1
+
+
+def test_a_rule_without_a_right_side_changes_nothing() -> None:
+    made = engine("rule r { lhs { a : Item; } }", model=chain(1))
+    before = snapshot(made.model)
+    assert made.apply("r") is not None
+    assert snapshot(made.model) == before

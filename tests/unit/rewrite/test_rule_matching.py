@@ -1,0 +1,195 @@
+"""What a left side matches: the tuple, injectivity, context, conditions."""
+
+from __future__ import annotations
+
+import pytest
+
+from envgraph.errors import InvalidArgument, TypeMismatch
+from envgraph.graph import Model
+from tests.unit.rewrite.graphs import METAMODEL, chain, engine
+
+LINKED = """
+pattern linked(from : Item, to : Item) { Item.links(from, to); }
+pattern size(n : int) { n == count Item(_); }
+"""
+
+
+def rows(found: list) -> list[tuple]:
+    return sorted(match.values for match in found)
+
+
+def test_a_match_is_parameters_then_named_variables_without_those_of_blocks() -> None:
+    made = engine(
+        """
+        rule r(b : Item) {
+            lhs { a : Item -next-> b; find size(total); check total > 1; a -links-> _; }
+            not { c : Item -prev-> a; d : Special; }
+        }
+        """,
+        LINKED,
+    )
+    assert made.prepare("r").shape.names == ("b", "a", "total")
+
+
+def test_a_variable_that_only_a_negation_mentions_is_no_part_of_the_match() -> None:
+    made = engine("rule r { lhs { a : Item; neg find linked(a, b); } }", LINKED)
+    assert made.prepare("r").shape.names == ("a",)
+
+
+def test_objects_of_a_match_are_different() -> None:
+    model = chain(1)
+    model.node(0).next = model.node(0)
+    made = engine("rule r { lhs { a : Item -next-> b : Item; } }", model=model)
+    assert made.matches("r") == []
+
+
+def test_values_of_a_match_may_be_equal() -> None:
+    model = chain(2)
+    model.node(0).n = model.node(1).n = 5
+    made = engine("rule r { lhs { a : Item -next-> b : Item; Item.n(a, x); Item.n(b, y); } }", model=model)
+    assert rows(made.matches("r")) == [(0, 1, 5, 5)]
+
+
+def test_parameters_count_among_the_different_objects() -> None:
+    made = engine("rule r(a : Item) { lhs { b : Item; } }", model=chain(2))
+    assert rows(made.matches("r")) == [(0, 1), (1, 0)]
+
+
+def test_called_patterns_stay_homomorphic() -> None:
+    model = chain(1)
+    model.node(0).links.append(model.node(0))
+    made = engine(
+        "rule outside { lhs { a : Item; find loop(a); } } rule inside { lhs { find linked(a, b); } }",
+        LINKED + "pattern loop(x : Item) { Item.links(x, y); Item.links(y, x); }",
+        model=model,
+    )
+    assert rows(made.matches("outside")) == [(0,)]
+    assert made.matches("inside") == []
+
+
+def test_homomorphic_rules_let_objects_coincide() -> None:
+    model = chain(2)
+    made = engine(
+        """
+        @match(homomorphic) rule all { lhs { a : Item; b : Item; } }
+        @hom(a, b) rule some { lhs { a : Item; b : Item; c : Item; } }
+        """,
+        model=model,
+    )
+    assert rows(made.matches("all")) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert rows(made.matches("some")) == [(0, 0, 1), (1, 1, 0)]
+
+
+def test_variables_that_are_equated_may_coincide() -> None:
+    made = engine("rule r { lhs { a : Item; b : Item; a == b; } }", model=chain(2))
+    assert rows(made.matches("r")) == [(0, 0), (1, 1)]
+
+
+def test_variables_of_a_block_differ_from_the_enclosing_ones() -> None:
+    model = chain(2)
+    model.node(0).links.append(model.node(0))
+    made = engine("rule r { lhs { a : Item; } not { a -links-> b; } }", model=model)
+    assert rows(made.matches("r")) == [(0,), (1,)]
+    model.node(0).links.append(model.node(1))
+    assert rows(made.matches("r")) == [(1,)]
+
+
+def test_conditions_nest() -> None:
+    # An item all of whose links lead to something with a next.
+    text = "rule r { lhs { a : Item; } not { a -links-> b : Item; not { b -next-> c : Item; } } }"
+    model = Model(METAMODEL)
+    items = [model.create("Item") for _ in range(4)]
+    made = engine(text, model=model)
+    items[0].links = [items[1]]
+    items[1].next = items[2]
+    items[2].links = [items[3]]
+    assert rows(made.matches("r")) == [(0,), (1,), (3,)]
+
+
+def test_require_asks_for_something_without_adding_it_to_the_match() -> None:
+    model = chain(3)
+    made = engine(
+        "rule r { lhs { a : Item; } require { a -next-> b : Item; b -next-> c : Item; } }", model=model
+    )
+    assert rows(made.matches("r")) == [(0,)]
+
+
+def test_blocks_see_values_of_the_match() -> None:
+    model = chain(3)
+    made = engine("rule r { lhs { a : Item; Item.n(a, x); } not { b : Item; check b.n > x; } }", model=model)
+    assert rows(made.matches("r")) == [(2, 2)]
+
+
+def test_arrows_may_be_closures() -> None:
+    made = engine("rule r { lhs { a : Item -next+-> b : Item; } }", model=chain(3))
+    assert rows(made.matches("r")) == [(0, 1), (0, 2), (1, 2)]
+
+
+def test_arrows_may_point_back() -> None:
+    made = engine("rule r { lhs { a : Item <-next- b : Item; } }", model=chain(2))
+    assert rows(made.matches("r")) == [(1, 0)]
+
+
+def test_arguments_bind_any_part_of_the_match() -> None:
+    made = engine("rule r { lhs { a : Item -next-> b : Item; Item.n(b, x); } }", model=chain(3))
+    node = made.model.node
+    assert rows(made.matches("r", a=node(1))) == [(1, 2, 2)]
+    assert rows(made.matches("r", b=1)) == [(0, 1, 1)]
+    assert rows(made.matches("r", x=2)) == [(1, 2, 2)]
+    assert made.count("r") == 2
+    assert made.exists("r", a=0, b=1) and not made.exists("r", a=0, b=2)
+    assert made.first("r", x=9) is None
+
+
+def test_parameters_that_nothing_enumerates_have_to_be_given() -> None:
+    made = engine(
+        """
+        rule above(limit : int) { lhs { a : Item; check a.n > limit; } }
+        rule put(a : Item, value : int) { lhs { } modify { set a.n = value; } }
+        """,
+        model=chain(3),
+    )
+    assert rows(made.matches("above", limit=1)) == [(1, 2)]
+    with pytest.raises(InvalidArgument, match="needs values for `limit`"):
+        made.matches("above")
+    made.apply("put", a=0, value=40)
+    assert made.model.node(0).n == 40
+
+
+def test_an_object_of_another_class_or_a_deleted_one_has_no_match() -> None:
+    model = chain(2)
+    made = engine("rule r(s : Special) { lhs { } }", model=model)
+    assert made.matches("r", s=0) == []
+    gone = model.create("Special").id
+    model.delete(gone)
+    assert made.matches("r", s=gone) == []
+
+
+def test_wrong_arguments_are_refused() -> None:
+    made = engine("rule r { lhs { first : Item; Item.label(first, text); } }", model=chain(2))
+    with pytest.raises(InvalidArgument, match="did you mean `first`"):
+        made.matches("r", frist=0)
+    with pytest.raises(TypeMismatch, match="`text` of `r` takes `string`, not 3"):
+        made.matches("r", text=3)
+    with pytest.raises(TypeMismatch, match="takes a `Item`, not 'x'"):
+        made.matches("r", first="x")
+    with pytest.raises(InvalidArgument, match="another model"):
+        made.matches("r", first=chain(1).node(0))
+
+
+def test_a_rule_without_a_left_side_matches_once() -> None:
+    made = engine("rule r { lhs { } modify { create x : Item; } }")
+    assert rows(made.matches("r")) == [()]
+    assert rows(made.matches("r")) == [()]
+
+
+def test_a_node_of_a_block_may_be_an_enclosing_one() -> None:
+    model = chain(1)
+    model.create("Special")
+    made = engine("rule r { lhs { a : Item; } not { a : Special; } }", model=model)
+    assert rows(made.matches("r")) == [(0,)]
+
+
+def test_anonymous_ends_match_anything() -> None:
+    made = engine("rule r { lhs { a : Item -next-> _; } }", model=chain(3))
+    assert rows(made.matches("r")) == [(0,), (1,)]
