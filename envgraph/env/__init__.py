@@ -1,4 +1,9 @@
-"""An agent's behaviour over a model, and the environment as arrays."""
+"""An agent's behaviour over a model, and the environment that it makes: simulated, as arrays, in Gymnasium, drawn.
+
+`check_behaviour` says what is wrong with a behaviour, `Simulator` runs it on a live engine and defines what a step
+is, `explore` makes it a `Tabular` of all reachable states, with pictures; `EnvgraphEnv`, `EnvgraphLiveEnv` and
+`EnvgraphVectorEnv` are the Gymnasium environments over them. Importing the package registers the bundled environments.
+"""
 
 from envgraph.env._behaviour import (
     Action,
@@ -20,18 +25,40 @@ from envgraph.env._behaviour import (
     RuleCall,
     Token,
 )
+from envgraph.env._check import check_behaviour
+from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
+from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv
+from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._pixels import scene_rgb
+from envgraph.env._render import render_rgb, render_svg, render_text
+from envgraph.env._scene import Draw, GraphScene, GridScene, Mark, Scene, scene_of
+from envgraph.env._simulator import Outcome, Simulator
+from envgraph.env._svg import scene_svg
 from envgraph.env._tabular import Tabular
+from envgraph.env._text import scene_text
+from envgraph.env._vector import EnvgraphVectorEnv
+from envgraph.env.registration import register, register_entry_point
 
 __all__ = [
+    "DEFAULT_LIMIT",
     "Action",
     "Agent",
     "Behaviour",
     "Branch",
     "Domain",
+    "Draw",
     "DrawGraph",
     "DrawGrid",
     "EachStep",
     "Effect",
+    "EnvgraphEnv",
+    "EnvgraphLiveEnv",
+    "EnvgraphVectorEnv",
+    "Explored",
+    "GraphScene",
+    "GridScene",
+    "KeyIndex",
+    "Mark",
     "Observation",
     "ObserveAttribute",
     "ObserveFind",
@@ -39,7 +66,25 @@ __all__ = [
     "ObserveRange",
     "OnFind",
     "OnReset",
+    "Outcome",
     "RuleCall",
+    "Scene",
+    "Simulator",
     "Tabular",
     "Token",
+    "check_behaviour",
+    "enumerate_states",
+    "explore",
+    "indexed_classes",
+    "register",
+    "register_entry_point",
+    "render_rgb",
+    "render_svg",
+    "render_text",
+    "scene_of",
+    "scene_rgb",
+    "scene_svg",
+    "scene_text",
 ]
+
+register_entry_point()

@@ -1,0 +1,91 @@
+"""What the names of a behaviour stand for in one model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, did_you_mean
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, Metamodel, Reference, Value
+from envgraph.pattern import Expression, Navigation, Parameter, Variable
+
+Reader = Callable[[int, str], Value | int | None]
+"""Reads a single-valued feature of an object: the value, the id of the target, or None."""
+
+
+def reader(model: Model) -> Reader:
+    """Reads the features of a model's objects by name, as expressions need it."""
+    mm = model.metamodel
+    known: dict[tuple[str, str], Attribute | Reference] = {}
+
+    def read(node: int, feature: str) -> Value | int | None:
+        place = model.class_of(node), feature
+        found = known.get(place)
+        if found is None:
+            found = known[place] = _feature(mm, *place)
+        return model.value(node, found) if isinstance(found, Attribute) else model.target(node, found)
+
+    return read
+
+
+def _feature(metamodel: Metamodel, cls: str, name: str) -> Attribute | Reference:
+    found = metamodel.feature(cls, name)
+    if found is None:
+        raise InvalidArgument(f"`{cls}` has no feature `{name}`")
+    return found
+
+
+def follow(path: Expression, values: Mapping[str, Value | int | None], read: Reader) -> Value | int | None:
+    """Where a path leads; None when one of its features has no value."""
+    if isinstance(path, Variable):
+        return values[path.name]
+    if not isinstance(path, Navigation):
+        raise InvalidArgument(f"a path was expected, not {path}")
+    owner = follow(path.object, values, read)
+    return read(owner, path.feature) if type(owner) is int else None
+
+
+def bind_parameters(model: Model, parameters: Iterable[Parameter]) -> dict[str, int]:
+    """The object that each parameter stands for, in order.
+
+    Raises:
+        ResolutionError: a parameter has no object, or several; all of them at once.
+    """
+    bound: dict[str, int] = {}
+    problems: list[Diagnostic] = []
+    for parameter in parameters:
+        try:
+            bound[parameter.name] = bind_parameter(model, parameter)
+        except ResolutionError as error:
+            problems.extend(error.diagnostics)
+    if problems:
+        raise ResolutionError(problems)
+    return bound
+
+
+def bind_parameter(model: Model, parameter: Parameter) -> int:
+    """The model's object of that name and type, else the only instance of the type.
+
+    Raises:
+        ResolutionError: there is neither.
+    """
+    mm = model.metamodel
+    named = model.find_object(parameter.name)
+    if named is not None and (parameter.type is None or mm.is_a(model.class_of(named), parameter.type)):
+        return named
+    if parameter.type is None:
+        message = f"the model has no object `{parameter.name}`"
+        names = (model.object_name(node) for cls in mm.class_list for node in model.exact_extent(cls.name))
+        hint = did_you_mean(parameter.name, (name for name in names if name))
+        raise ResolutionError([Diagnostic("unbound-parameter", message, parameter.span, hint)])
+    instances = list(model.extent(parameter.type))
+    if len(instances) == 1:
+        return instances[0]
+    count = f"{len(instances)} objects of class `{parameter.type}`" if instances else f"no `{parameter.type}`"
+    message = f"nothing to bind `{parameter.name}` to: the model has {count}"
+    hint = (
+        f"call one of them `{parameter.name}`"
+        if instances
+        else f"add one to the model, called `{parameter.name}`"
+    )
+    raise ResolutionError([Diagnostic("unbound-parameter", message, parameter.span, hint)])

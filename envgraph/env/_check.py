@@ -1,0 +1,172 @@
+"""What can be wrong with a behaviour, before any model is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import prod
+
+from envgraph.env._behaviour import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
+from envgraph.env._check_base import Scope, type_names
+from envgraph.env._check_calls import CallChecking
+from envgraph.env._check_views import ViewChecking
+from envgraph.env._clauses import condition_question, is_asked
+from envgraph.env._domains import MOST_VALUES, domain_count, domain_type
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, sort_diagnostics
+from envgraph.metamodel import Scalar
+from envgraph.pattern import Negation, Parameter, PatternCall, StaticType, Variable, static_type
+from envgraph.rewrite import Engine
+
+MOST_ACTIONS = 100_000
+
+
+def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
+    """All errors and warnings of a behaviour, in the order of its text; one for each mistake.
+
+    Args:
+        behaviour: as written.
+        engine: knows the metamodel, the patterns and the rules. Its model does not matter and nothing changes.
+    """
+    checker = _Checker(engine, [])
+    checker.check(behaviour)
+    return sort_diagnostics(checker.problems)
+
+
+class _Checker(CallChecking, ViewChecking):
+    """Goes through a whole behaviour."""
+
+    def check(self, behaviour: Behaviour) -> None:
+        """Collect everything."""
+        scope = self._parameters(behaviour.parameters)
+        self._owner(behaviour, scope)
+        for reset in behaviour.resets:
+            self.call(reset.apply, scope)
+        for agent in behaviour.agents:
+            self._agent(agent, scope)
+        self._whole(behaviour)
+        if behaviour.draw is not None:
+            self.draw(behaviour.draw, scope)
+
+    # --- the whole and its parts
+
+    def _whole(self, behaviour: Behaviour) -> None:
+        owners: Sequence[Behaviour | Agent] = (behaviour, *behaviour.agents)
+        span = behaviour.span
+        if not any(owner.actions for owner in owners):
+            hint = "write `action name = rule(..)`"
+            self.report("no-actions", f"environment `{behaviour.name}` has no actions", span, hint)
+        clauses = [effect for owner in owners for effect in owner.effects if isinstance(effect, OnFind)]
+        if not any(clause.terminate == "success" for clause in clauses):
+            message = f"environment `{behaviour.name}` never ends in success"
+            hint = "write `on find .. terminate success`"
+            self.report("no-success", message, span, hint, Severity.WARNING)
+        if not any(owner.observations for owner in owners):
+            message = f"the agent of `{behaviour.name}` observes nothing"
+            self.report("no-observation", message, span, "write `observe ..`", Severity.WARNING)
+        if behaviour.limit is not None and behaviour.limit < 1:
+            self.report("empty-range", f"a limit of {behaviour.limit} steps", span, "at least 1 step")
+
+    def _parameters(self, parameters: Iterable[Parameter]) -> Scope:
+        scope: Scope = {}
+        first: dict[str, Span | None] = {}
+        for parameter in parameters:
+            if parameter.name in first:
+                self.twice("parameter", parameter.name, parameter.span, first[parameter.name])
+                continue
+            first[parameter.name] = parameter.span
+            scope[parameter.name] = self.class_of(parameter)
+        return scope
+
+    def _agent(self, agent: Agent, outer: Scope) -> None:
+        scope = dict(outer)
+        if agent.variable in scope:
+            self.report("duplicate-definition", f"`{agent.variable}` is a parameter already", agent.span)
+        scope[agent.variable] = self.known_class(agent.cls, agent.cls_span or agent.span)
+        self._owner(agent, scope)
+
+    def _owner(self, owner: Behaviour | Agent, scope: Scope) -> None:
+        first: dict[str, Span | None] = {}
+        total = 0
+        for action in owner.actions:
+            if action.name in first:
+                self.twice("action", action.name, action.span, first[action.name])
+            first.setdefault(action.name, action.span)
+            total += self._action(action, scope)
+        if total > MOST_ACTIONS:
+            message = f"{total} actions, at most {MOST_ACTIONS} are possible"
+            self.report("too-many-actions", message, owner.span)
+        for effect in owner.effects:
+            self._effect(effect, scope)
+        sizes = [self.observation(observation, scope) for observation in owner.observations]
+        if prod(sizes) > MOST_VALUES:
+            span = owner.observations[-1].span
+            message = (
+                f"the observations have {prod(sizes)} values together, at most {MOST_VALUES} are possible"
+            )
+            self.report("too-many-observations", message, span, "observe less, or in smaller ranges")
+
+    # --- actions
+
+    def _action(self, action: Action, outer: Scope) -> int:
+        """Check an action; returns how many actions it stands for, as far as that is known without a model."""
+        scope = dict(outer)
+        count = 1
+        spans: Sequence[Span | None] = action.parameter_spans or [action.span] * len(action.parameters)
+        seen: dict[str, Span | None] = {}
+        for (name, domain), span in zip(action.parameters, spans, strict=True):
+            if name in seen:
+                self.twice("parameter", name, span, seen[name])
+            elif name in outer:
+                hint = "a parameter of an action needs another name"
+                self.report("duplicate-definition", f"`{name}` is a parameter of the environment", span, hint)
+            seen.setdefault(name, span)
+            scope[name] = self._domain(domain)
+            count *= domain_count(domain, self.metamodel)
+        outputs = self.branches(action.branches, scope)
+        self.rewards(action, scope, outputs)
+        return count
+
+    def _domain(self, domain: Domain) -> StaticType | None:
+        name = domain.enum or domain.cls
+        if name is None:
+            if domain.low > domain.high:
+                message = f"the range {domain.low}..{domain.high} is empty"
+                self.report("empty-range", message, domain.span, f"write `{domain.high}..{domain.low}`")
+            return Scalar.INT
+        type_ = domain_type(domain, self.metamodel)
+        if type_ is None:
+            known = [*self.metamodel.enums, *self.metamodel.classes]
+            scalar = static_type(name, self.metamodel)
+            message = (
+                f"unknown enum or class `{name}`" if scalar is None else f"cannot count through `{name}`"
+            )
+            hint = did_you_mean(name, known) if scalar is None else "give a range: `lo..hi`"
+            self.report("unknown-type", message, domain.span, hint)
+        return type_
+
+    # --- effects
+
+    def _effect(self, effect: Effect, scope: Scope) -> None:
+        if isinstance(effect, EachStep):
+            self.reward(effect.reward, scope)
+            self.branches(effect.apply, scope)
+            return
+        inner = {**scope, **self._condition(effect.condition, scope)}
+        self.reward(effect.reward, inner)
+        if effect.apply is not None:
+            self.call(effect.apply, inner)
+
+    def _condition(self, condition: PatternCall | Negation, scope: Scope) -> Scope:
+        """Check a condition; returns the variables that it matches."""
+        sound = self.answerable(condition_question("#check", condition, type_names(scope)))
+        return self._matched(condition, scope, sound) if isinstance(condition, PatternCall) else {}
+
+    def _matched(self, call: PatternCall, scope: Scope, sound: bool) -> Scope:
+        types: Sequence[StaticType | None] = [None] * len(call.arguments)
+        called = self.library.resolve(call.pattern)
+        if sound and called is not None:
+            types = self.library.parameter_types(called.qualified_name)
+        return {
+            term.name: type_
+            for term, type_ in zip(call.arguments, types, strict=True)
+            if isinstance(term, Variable) and is_asked(term, scope)
+        }

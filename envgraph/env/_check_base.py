@@ -1,0 +1,98 @@
+"""What the checks of a behaviour's parts share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from envgraph.env._clauses import Question
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, has_errors
+from envgraph.metamodel import Metamodel
+from envgraph.pattern import (
+    Expression,
+    Library,
+    Navigation,
+    ObjectType,
+    Parameter,
+    StaticType,
+    Variable,
+    check_expression,
+    static_type,
+    type_text,
+)
+from envgraph.rewrite import Engine
+
+Scope = dict[str, StaticType | None]
+"""Type of every name; None for one whose declaration has an error already."""
+
+
+class Checking:
+    """Collects diagnostics in a list that all checks of one behaviour share."""
+
+    def __init__(self, engine: Engine, problems: list[Diagnostic]) -> None:
+        self.engine = engine
+        self.library: Library = engine.library
+        self.metamodel: Metamodel = engine.model.metamodel
+        self.problems = problems
+
+    def report(
+        self,
+        code: str,
+        message: str,
+        span: Span | None,
+        hint: str | None = None,
+        severity: Severity = Severity.ERROR,
+        notes: tuple[Note, ...] = (),
+    ) -> None:
+        """Add a diagnostic."""
+        self.problems.append(Diagnostic(code, message, span, hint, severity, notes))
+
+    def twice(self, what: str, name: str, span: Span | None, first: Span | None) -> None:
+        """Report a second definition of a name."""
+        notes = (Note("the first one is here", first),)
+        self.report("duplicate-definition", f"{what} `{name}` is defined twice", span, notes=notes)
+
+    def class_of(self, parameter: Parameter) -> ObjectType | None:
+        """The class of a parameter that stands for an object."""
+        if parameter.type is None:
+            message = f"parameter `{parameter.name}` needs a class"
+            self.report("unknown-class", message, parameter.span, f"write `{parameter.name} : Class`")
+            return None
+        return self.known_class(parameter.type, parameter.type_span or parameter.span)
+
+    def known_class(self, name: str, span: Span | None) -> ObjectType | None:
+        """The class of a name; None if it is none, which is reported."""
+        if name in self.metamodel.classes:
+            return ObjectType(name)
+        if static_type(name, self.metamodel) is not None:
+            self.report("unknown-class", f"`{name}` is no class", span, "objects of a class are meant here")
+        else:
+            hint = did_you_mean(name, self.metamodel.classes)
+            self.report("unknown-class", f"unknown class `{name}`", span, hint)
+        return None
+
+    def answerable(self, question: Question) -> bool:
+        """Report the errors of a helper pattern; its warnings are about a pattern that nobody wrote."""
+        problems = self.library.check(question.pattern)
+        self.problems.extend(problem for problem in problems if problem.severity is Severity.ERROR)
+        return not has_errors(problems)
+
+    def path(self, path: Expression, scope: Scope) -> StaticType | None:
+        """The type of where a path leads; None if it has an error, which is reported."""
+        type_, problems = check_expression(path, scope, self.metamodel)
+        self.problems.extend(problems)
+        if not problems and not _is_path(path):
+            hint = "observe one of its parts"
+            self.report("no-path", "a path such as `x.feature` is needed here", path.span, hint)
+            return None
+        return type_
+
+
+def type_names(scope: Mapping[str, StaticType | None]) -> dict[str, str]:
+    """Names of the types in a scope; those that are unknown because of another error are left out."""
+    return {name: type_text(type_) for name, type_ in scope.items() if type_ is not None}
+
+
+def _is_path(expression: Expression) -> bool:
+    while isinstance(expression, Navigation):
+        expression = expression.object
+    return isinstance(expression, Variable)

@@ -1,0 +1,142 @@
+"""What can be wrong with choices, calls of rules, and rewards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+from envgraph.env._behaviour import Action, Branch, RuleCall
+from envgraph.env._check_base import Checking, Scope
+from envgraph.env._clauses import variables_of
+from envgraph.env._rulebook import callable_names, signature_of, written
+from envgraph.errors import did_you_mean
+from envgraph.metamodel import Scalar
+from envgraph.pattern import (
+    Constant,
+    Expression,
+    ObjectType,
+    StaticType,
+    Variable,
+    assignable,
+    check_expression,
+    type_text,
+)
+from envgraph.rewrite import Signature
+
+
+class CallChecking(Checking):
+    """Checks everything that applies rules or counts rewards."""
+
+    def branches(self, branches: Sequence[Branch], scope: Scope) -> list[Scope]:
+        """Check a choice; returns the outputs of each branch."""
+        for branch in branches:
+            if not (isfinite(branch.probability) and 0.0 <= branch.probability <= 1.0):
+                message = f"{branch.probability} is no probability"
+                span = branch.probability_span or branch.span
+                self.report("bad-probability", message, span, "a number from 0 to 1")
+        probabilities = [branch.probability for branch in branches]
+        if all(0.0 <= p <= 1.0 for p in probabilities) and sum(probabilities) > 1.0 + 1e-9:
+            last = branches[-1]
+            message = f"the probabilities add up to {sum(probabilities):.6g}, which is above 1"
+            self.report("bad-probability", message, last.probability_span or last.span, _share_hint(branches))
+        return [self.call(branch.call, scope) for branch in branches]
+
+    def rewards(self, action: Action, scope: Scope, outputs: list[Scope]) -> None:
+        """Check the rewards of an action, given the outputs of each branch."""
+        shared = dict(scope)
+        partly: set[str] = set()
+        for name in dict.fromkeys(name for scope_ in outputs for name in scope_):
+            types = [found[name] for found in outputs if name in found]
+            shared[name] = types[0] if all(type_ == types[0] for type_ in types) else None
+            if len(types) < len(outputs):
+                partly.add(name)
+        if action.reward is not None:
+            lacking = next((v for v in variables_of(action.reward) if v.name in partly), None)
+            if lacking is not None:
+                message = f"`{lacking.name}` has no value in every branch"
+                self.report(
+                    "unbound-output", message, lacking.span, "use it where each branch gives it a value"
+                )
+            self.reward(action.reward, shared)
+        self.reward(action.else_reward, scope)
+
+    def reward(self, reward: Expression | None, scope: Mapping[str, StaticType | None]) -> None:
+        """Check that a reward is a number."""
+        if reward is None:
+            return
+        type_, problems = check_expression(reward, scope, self.metamodel, expected=Scalar.FLOAT)
+        self.problems.extend(problems)
+        if type_ is None and isinstance(reward, Constant):
+            self.report("wrong-type", "a reward is a number", reward.span, "leave it out for no reward")
+
+    # --- calls of rules
+
+    def call(self, call: RuleCall, scope: Scope) -> Scope:
+        """Check `rule(arguments)`; returns the names that its outputs give a value, and their types."""
+        if call.rule is None:
+            if call.arguments:
+                self.report("wrong-arity", "`nothing` takes no arguments", call.span)
+            return {}
+        signature = signature_of(self.engine, call.rule)
+        if signature is None:
+            self._unknown_rule(call)
+            return {}
+        if signature.kind != "rule":
+            message = f"`{call.rule}` is a {signature.kind}; an environment applies single rules"
+            self.report("no-rule", message, call.rule_span or call.span, "name a rule")
+            return {}
+        if len(call.arguments) != len(signature.parameters):
+            message = f"rule `{call.rule}` takes {_count(signature)}, not {len(call.arguments)}"
+            self.report("wrong-arity", message, call.span, f"write `{written(signature)}`")
+            return {}
+        return self._arguments(call, signature, scope)
+
+    def _unknown_rule(self, call: RuleCall) -> None:
+        assert call.rule is not None
+        span = call.rule_span or call.span
+        if self.library.resolve(call.rule) is not None:
+            message = f"`{call.rule}` is a pattern, not a rule"
+            self.report("unknown-rule", message, span, "patterns are asked with `on find` or `observe find`")
+            return
+        hint = did_you_mean(call.rule, [*callable_names(self.engine), "nothing"])
+        self.report("unknown-rule", f"unknown rule `{call.rule}`", span, hint)
+
+    def _arguments(self, call: RuleCall, signature: Signature, scope: Scope) -> Scope:
+        outputs: Scope = {}
+        for argument, slot in zip(call.arguments, signature.parameters, strict=True):
+            if not slot.output:
+                self._argument(argument, slot.type, scope)
+            elif not isinstance(argument, Variable) or argument.name in scope or argument.name in outputs:
+                message = f"`{slot.name}` is an output of `{call.rule}`: it needs a new name"
+                self.report("bound-output", message, argument.span, f"write `{slot.name}`")
+            elif not argument.anonymous:
+                outputs[argument.name] = slot.type
+        return outputs
+
+    def _argument(self, argument: Expression, expected: StaticType | None, scope: Scope) -> None:
+        wanted = None if isinstance(expected, ObjectType) else expected
+        type_, problems = check_expression(argument, scope, self.metamodel, expected=wanted)
+        self.problems.extend(problems)
+        if problems or type_ is None or not isinstance(expected, ObjectType):
+            if not problems and type_ is None and isinstance(argument, Constant):
+                self.report("wrong-type", "an argument needs a value", argument.span)
+            return
+        if not self._fits(type_, expected):
+            message = f"expected `{type_text(expected)}`, found `{type_text(type_)}`"
+            self.report("wrong-type", message, argument.span)
+
+    def _fits(self, type_: StaticType, expected: StaticType) -> bool:
+        """Whether some value of one type is of the other: an object of a superclass may be the right one."""
+        if isinstance(type_, ObjectType) and isinstance(expected, ObjectType):
+            return self.metamodel.overlap(type_.cls, expected.cls)
+        return assignable(type_, expected, self.metamodel)
+
+
+def _count(signature: Signature) -> str:
+    count = len(signature.parameters)
+    return f"{count} argument" + ("" if count == 1 else "s")
+
+
+def _share_hint(branches: Sequence[Branch]) -> str | None:
+    rest = 1.0 - sum(branch.probability for branch in branches[:-1])
+    return f"at most {rest:.6g} is left for the last" if rest > 0.0 and len(branches) > 1 else None

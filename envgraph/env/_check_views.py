@@ -1,0 +1,159 @@
+"""What can be wrong with observations and drawings."""
+
+from __future__ import annotations
+
+from envgraph.env._behaviour import (
+    DrawGraph,
+    DrawGrid,
+    Observation,
+    ObserveAttribute,
+    ObserveFind,
+    ObserveObject,
+    ObserveRange,
+    Token,
+)
+from envgraph.env._check_base import Checking, Scope, type_names
+from envgraph.env._clauses import condition_question, count_question
+from envgraph.errors import Severity, Span, did_you_mean
+from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
+from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, check_expression, type_text
+
+
+class ViewChecking(Checking):
+    """Checks what the agent sees and what people see."""
+
+    # --- observations
+
+    def observation(self, observation: Observation, outer: Scope) -> int:
+        """Check an observation; returns how many values it has, 1 where only a family tells."""
+        scope = dict(outer)
+        if not isinstance(observation, ObserveFind) and observation.each is not None:
+            each = observation.each
+            if each.name in outer:
+                message = f"`{each.name}` is a parameter already"
+                self.report("duplicate-definition", message, each.span, "choose another name after `for`")
+            scope[each.name] = self.class_of(each)
+        match observation:
+            case ObserveFind():
+                return self._observe_find(observation, scope)
+            case ObserveObject():
+                self._observe_object(observation, scope)
+                return 1
+            case ObserveRange():
+                return self._observe_range(observation, scope)
+            case ObserveAttribute():
+                return self._observe_attribute(observation, scope)
+
+    def _observe_find(self, observation: ObserveFind, scope: Scope) -> int:
+        names = type_names(scope)
+        if observation.up_to is None:
+            question = condition_question("#check", observation.call, names)
+        else:
+            question = count_question("#check", observation.call, names)
+            if observation.up_to < 1:
+                message = f"counting up to {observation.up_to} tells nothing"
+                self.report("empty-range", message, observation.span, "count up to 1 or more")
+        self.answerable(question)
+        return 2 if observation.up_to is None else max(1, observation.up_to + 1)
+
+    def _observe_object(self, observation: ObserveObject, scope: Scope) -> None:
+        among = self.known_class(observation.among, observation.among_span or observation.span)
+        type_ = self.path(observation.path, scope)
+        if type_ is None or among is None:
+            return
+        if not isinstance(type_, ObjectType):
+            hint = _data_hint(type_)
+            message = f"a `{type_text(type_)}` is no object among `{among.cls}`"
+            self.report("wrong-type", message, observation.path.span, hint)
+        elif not self.metamodel.overlap(type_.cls, among.cls):
+            message = f"a `{type_.cls}` is never a `{among.cls}`"
+            span = observation.among_span or observation.span
+            self.report("wrong-type", message, span, f"write `among {type_.cls}`")
+        elif not observation.or_none and (loose := self._optional(observation.path, scope)):
+            message = f"`{loose}` may lead nowhere, and then there is nothing to observe"
+            hint = f"write `among {among.cls} or none`"
+            self.report("maybe-none", message, observation.path.span, hint, Severity.WARNING)
+
+    def _optional(self, path: Expression, scope: Scope) -> Reference | None:
+        """The first step of a path that may have no target."""
+        if not isinstance(path, Navigation):
+            return None
+        earlier = self._optional(path.object, scope)
+        owner, _ = check_expression(path.object, scope, self.metamodel)
+        feature = self.metamodel.feature(owner.cls, path.feature) if isinstance(owner, ObjectType) else None
+        return earlier or (feature if isinstance(feature, Reference) and feature.lower == 0 else None)
+
+    def _observe_range(self, observation: ObserveRange, scope: Scope) -> int:
+        type_ = self.path(observation.path, scope)
+        if type_ is not None and type_ is not Scalar.INT:
+            message = f"only an `int` can be observed in a range, not a `{type_text(type_)}`"
+            hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else None
+            self.report("wrong-type", message, observation.path.span, hint)
+        low, high = observation.low, observation.high
+        if low > high:
+            self.report(
+                "empty-range", f"the range {low}..{high} is empty", observation.span, f"write `{high}..{low}`"
+            )
+        return max(1, high - low + 1)
+
+    def _observe_attribute(self, observation: ObserveAttribute, scope: Scope) -> int:
+        type_ = self.path(observation.path, scope)
+        if type_ is None or isinstance(type_, EnumType) or type_ is Scalar.BOOL:
+            return 2 if type_ is Scalar.BOOL else len(type_.literals) if isinstance(type_, EnumType) else 1
+        hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
+        message = f"a `{type_text(type_)}` has no fixed number of values"
+        self.report("wrong-type", message, observation.path.span, hint)
+        return 1
+
+    # --- drawing
+
+    def draw(self, draw: DrawGrid | DrawGraph, scope: Scope) -> None:
+        """Check what is drawn."""
+        cls = self.known_class(draw.cls, draw.cls_span or draw.span)
+        if cls is not None and isinstance(draw, DrawGrid):
+            for name, span in ((draw.column, draw.column_span), (draw.row, draw.row_span)):
+                self._drawn_attribute(cls.cls, name, span or draw.span, whole=True)
+        if cls is not None and isinstance(draw, DrawGraph) and draw.label is not None:
+            self._drawn_attribute(cls.cls, draw.label, draw.label_span or draw.span, whole=False)
+        for token in draw.tokens:
+            self._token(token, cls, scope)
+
+    def _drawn_attribute(self, cls: str, name: str, span: Span | None, whole: bool) -> None:
+        features = self.metamodel.features(cls)
+        feature = features.get(name)
+        if not isinstance(feature, Attribute):
+            known = [f.name for f in features.values() if isinstance(f, Attribute)]
+            hint = did_you_mean(name, known)
+            self.report("unknown-feature", f"`{cls}` has no attribute `{name}`", span, hint)
+        elif whole and feature.type is not Scalar.INT:
+            message = f"a place in the grid is an `int`, `{feature}` is a `{type_text(feature.type)}`"
+            ints = [
+                f"`{f.name}`" for f in features.values() if isinstance(f, Attribute) and f.type is Scalar.INT
+            ]
+            hint = f"attributes of that type: {', '.join(ints)}" if ints else None
+            self.report("wrong-type", message, span, hint)
+
+    def _token(self, token: Token, cell: ObjectType | None, outer: Scope) -> None:
+        scope = dict(outer)
+        if token.cls is not None:
+            scope[token.variable] = self.known_class(token.cls, token.cls_span or token.span)
+        elif token.variable not in scope:
+            message = f"unknown parameter `{token.variable}`"
+            hint = (
+                did_you_mean(token.variable, scope)
+                or f"for all objects of a class: `{token.variable} : Class at ..`"
+            )
+            self.report("unknown-variable", message, token.span, hint)
+            return
+        type_ = self.path(token.path, scope)
+        if type_ is None or cell is None:
+            return
+        if not isinstance(type_, ObjectType) or not self.metamodel.overlap(type_.cls, cell.cls):
+            message = f"`{token.variable}` has to stand at a `{cell.cls}`, not at a `{type_text(type_)}`"
+            self.report("wrong-type", message, token.path.span)
+
+
+def _data_hint(type_: StaticType) -> str | None:
+    if type_ is Scalar.INT:
+        return "write `in lo..hi`"
+    return "bool, enum, an int in a range, and objects can be observed" if isinstance(type_, Scalar) else None

@@ -1,0 +1,149 @@
+"""The questions that a behaviour asks of a state, as patterns of their own.
+
+`on find p(truck, water, _)` asks for the matches of its named variables, with what the parameters stand for bound and
+`_` projected away. That is a pattern with the parameters and the named variables, and the call as its body. Such helper
+patterns make closures, negations and nested terms of a clause mean what they mean in a query, errors included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from envgraph.errors import Span
+from envgraph.pattern import (
+    Aggregate,
+    Binary,
+    Body,
+    Comparison,
+    Conditional,
+    Constraint,
+    Evaluation,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Negation,
+    Parameter,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Relation,
+    Term,
+    TypeConstraint,
+    Unary,
+    Variable,
+)
+
+PACKAGE = "#environment"
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A helper pattern: its first parameters are `bound` by the behaviour, the rest are asked for.
+
+    Attributes:
+        free: names of the variables that a match gives a value; for a count, of the variable that holds it.
+    """
+
+    pattern: Pattern
+    bound: tuple[str, ...]
+    free: tuple[str, ...]
+
+
+def condition_question(name: str, condition: PatternCall | Negation, scope: Mapping[str, str]) -> Question:
+    """Whether, and for which named variables, a condition holds.
+
+    Args:
+        name: of the helper pattern; with a `#`, so that no text and no hint spells it.
+        condition: what an `on` clause or an observation asks.
+        scope: names that are bound, and the names of their types.
+    """
+    relation = condition.relation if isinstance(condition, Negation) else condition
+    used = tuple(dict.fromkeys(v.name for v in _variables(relation) if v.name in scope))
+    free: dict[str, Span | None] = {}
+    if not isinstance(condition, Negation):
+        for term in terms_of(relation):
+            if isinstance(term, Variable) and is_asked(term, scope):
+                free.setdefault(term.name, term.span)
+    parameters = [Parameter(bound, scope[bound], span=_place(relation, bound)) for bound in used]
+    parameters += [Parameter(name, span=span) for name, span in free.items()]
+    return Question(_helper(name, parameters, (condition,), condition.span), used, tuple(free))
+
+
+def count_question(name: str, call: PatternCall, scope: Mapping[str, str]) -> Question:
+    """How many matches a call has; variables that are not bound are counted through."""
+    used = tuple(dict.fromkeys(v.name for v in _variables(call) if v.name in scope))
+    taken = {v.name for v in _variables(call)}
+    total = next(
+        word for word in ("total", *(f"total{n}" for n in range(len(taken) + 1))) if word not in taken
+    )
+    parameters = [Parameter(bound, scope[bound], span=_place(call, bound)) for bound in used]
+    parameters.append(Parameter(total, "int", span=call.span))
+    counted = Comparison("==", Variable(total, call.span), Aggregate("count", call, call.span), call.span)
+    return Question(_helper(name, parameters, (counted,), call.span), used, (total,))
+
+
+def is_asked(variable: Variable, scope: Mapping[str, object]) -> bool:
+    """Whether a variable of a call gets its value from a match; `_` and `_x` are projected away."""
+    return not variable.name.startswith("_") and variable.name not in scope
+
+
+def _helper(
+    name: str, parameters: Iterable[Parameter], body: tuple[Constraint, ...], span: Span | None
+) -> Pattern:
+    return Pattern(
+        name,
+        tuple(parameters),
+        (Body(body, span=span),),
+        package=PACKAGE,
+        strategy="search",
+        span=span,
+    )
+
+
+def terms_of(relation: Relation) -> tuple[Term, ...]:
+    """The terms of a relation, in order."""
+    match relation:
+        case TypeConstraint():
+            return (relation.term,)
+        case PathConstraint():
+            return (relation.source, relation.target)
+        case PatternCall():
+            return relation.arguments
+
+
+def _variables(relation: Relation) -> Iterator[Variable]:
+    for term in terms_of(relation):
+        match term:
+            case Variable():
+                yield term
+            case Evaluation():
+                yield from variables_of(term.expression)
+            case Aggregate():
+                yield from _variables(term.over)
+            case _:
+                pass
+
+
+def _place(relation: Relation, name: str) -> Span | None:
+    return next((v.span for v in _variables(relation) if v.name == name), None)
+
+
+def variables_of(expression: Expression) -> Iterator[Variable]:
+    """The variables of an expression, each place, in the order of the text."""
+    match expression:
+        case Variable():
+            yield expression
+        case Navigation(inner) | Unary(_, inner):
+            yield from variables_of(inner)
+        case Binary(_, left, right):
+            yield from variables_of(left)
+            yield from variables_of(right)
+        case Conditional(test, then, otherwise):
+            for part in (test, then, otherwise):
+                yield from variables_of(part)
+        case FunctionCall(_, arguments):
+            for part in arguments:
+                yield from variables_of(part)
+        case _:
+            pass

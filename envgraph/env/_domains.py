@@ -1,0 +1,28 @@
+"""What the parameters of actions count through."""
+
+from __future__ import annotations
+
+from envgraph.env._behaviour import Domain
+from envgraph.metamodel import EnumType, Metamodel, Scalar
+from envgraph.pattern import ObjectType, StaticType
+
+MOST_VALUES = 2**31 - 1
+"""Largest number of observations: indices are kept as int32."""
+
+
+def domain_type(domain: Domain, metamodel: Metamodel) -> StaticType | None:
+    """The type of the values; None if its name means nothing. A name may be that of an enum or of a class."""
+    name = domain.enum or domain.cls
+    if name is None:
+        return Scalar.INT
+    if name in metamodel.enums:
+        return metamodel.enums[name]
+    return ObjectType(name) if name in metamodel.classes else None
+
+
+def domain_count(domain: Domain, metamodel: Metamodel) -> int:
+    """How many values there are, 1 where only a model tells."""
+    type_ = domain_type(domain, metamodel)
+    if type_ is Scalar.INT:
+        return max(0, domain.high - domain.low + 1)
+    return len(type_.literals) if isinstance(type_, EnumType) else 1

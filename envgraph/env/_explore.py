@@ -1,0 +1,222 @@
+"""All states that an environment can reach, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import closing
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from envgraph.env._behaviour import Behaviour
+from envgraph.env._keys import KeyIndex
+from envgraph.env._scene import Painter, Scene
+from envgraph.env._simulator import Outcome, Simulator
+from envgraph.env._tabular import Tabular
+from envgraph.errors import EvaluationError
+from envgraph.rewrite import Engine
+
+DEFAULT_LIMIT = 1_000_000
+
+
+def enumerate_states(
+    engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None, *, limit: int = DEFAULT_LIMIT
+) -> Tabular:
+    """The environment as a table of its reachable states.
+
+    The engine is as before afterwards; this works inside a transaction, too.
+
+    Args:
+        engine: its model is the initial state.
+        behaviour: what the environment does.
+        keys: indices of objects over a family; those of the engine's model alone if None.
+        limit: how many states there may be.
+
+    Returns:
+        The states numbered breadth first from the start states, by action and outcome; outcomes of one action that
+        follow each other and are the same are put together.
+
+    Raises:
+        EvaluationError: more states than the limit, or an observed object without an index.
+        ResolutionError: the behaviour has errors.
+        RuleError: a rule matches but cannot be applied.
+    """
+    return explore(engine, behaviour, keys, limit=limit).tabular
+
+
+@dataclass(frozen=True, slots=True)
+class Explored:
+    """An enumerated environment.
+
+    Attributes:
+        pictures: the scene of every state, or () where none were asked for.
+    """
+
+    tabular: Tabular
+    pictures: tuple[Scene, ...]
+
+
+def explore(
+    engine: Engine,
+    behaviour: Behaviour,
+    keys: KeyIndex | None = None,
+    *,
+    limit: int = DEFAULT_LIMIT,
+    pictures: bool = False,
+) -> Explored:
+    """`enumerate_states`, with a picture of every state if the behaviour says how to draw it."""
+    simulator = Simulator(engine, behaviour, keys)
+    painter = simulator.painter() if pictures and behaviour.draw is not None else None
+    search = _Search(simulator, limit, painter)
+    search.run()
+    return search.result()
+
+
+Row = list[list[tuple[float, int, float, int]]]
+"""For each action its outcomes: probability, state, reward, terminated."""
+
+Walk = Generator[tuple[float, int, Outcome | None]]
+"""Probability, action and outcome of one move after the other; the model is in the state that the move leads to."""
+
+
+@dataclass(slots=True)
+class _Search:
+    """A depth-first walk: every move is made once, and taken back, so that no state needs to be stored.
+
+    A state is known by the hash of the model, and by whether the episode is over: a start state is not over even
+    where a step to it would have ended the episode.
+
+    Attributes:
+        number: of each state, in the order of the walk.
+        rows: outcomes of every state; None while it has not been left.
+    """
+
+    simulator: Simulator
+    limit: int
+    painter: Painter | None
+    number: dict[tuple[int, bool], int] = field(default_factory=dict)
+    rows: list[Row | None] = field(default_factory=list)
+    observations: list[int] = field(default_factory=list)
+    scenes: list[Scene] = field(default_factory=list)
+    starts: list[tuple[float, int]] = field(default_factory=list)
+    _drawn: dict[Scene, Scene] = field(default_factory=dict)
+
+    def run(self) -> None:
+        """Walk from every start state."""
+        stack: list[tuple[Walk, int]] = [(self._begin(), -1)]
+        try:
+            while stack:
+                walk, state = stack[-1]
+                move = next(walk, None)
+                if move is None:
+                    stack.pop()
+                    continue
+                probability, action, outcome = move
+                found, fresh = self._enter(outcome)
+                if outcome is None:
+                    self.starts.append((probability, found))
+                else:
+                    row = self.rows[state]
+                    assert row is not None
+                    row[action].append((probability, found, outcome.reward, outcome.terminated))
+                if fresh and not (outcome and outcome.terminated):
+                    self.rows[found] = [[] for _ in self.simulator.action_names]
+                    stack.append((self._leave(), found))
+        finally:
+            while stack:  # after an error: take the moves back, the last one first
+                stack.pop()[0].close()
+
+    def _begin(self) -> Walk:
+        with closing(self.simulator.starts()) as starts:
+            for probability in starts:
+                yield probability, -1, None
+
+    def _leave(self) -> Walk:
+        for action in range(len(self.simulator.action_names)):
+            with closing(self.simulator.outcomes(action)) as outcomes:
+                for probability, outcome in outcomes:
+                    yield probability, action, outcome
+
+    def _enter(self, outcome: Outcome | None) -> tuple[int, bool]:
+        """Number of the present state, and whether it is new."""
+        key = self.simulator.engine.model.state_hash(), bool(outcome and outcome.terminated)
+        found = self.number.get(key)
+        if found is not None:
+            return found, False
+        if len(self.rows) >= self.limit:
+            raise EvaluationError(
+                f"environment `{self.simulator.behaviour.name}` has more than {self.limit} states: "
+                "raise the limit, or step on the live engine"
+            )
+        self.number[key] = len(self.rows)
+        self.rows.append(None)
+        self.observations.append(self.simulator.observe() if outcome is None else outcome.observation)
+        if self.painter is not None:
+            scene = self.painter.scene()
+            self.scenes.append(self._drawn.setdefault(scene, scene))
+        return len(self.rows) - 1, True
+
+    # --- arrays
+
+    def result(self) -> Explored:
+        """The table, with the states numbered anew, breadth first."""
+        order = self._breadth_first()
+        place = {state: position for position, state in enumerate(order)}
+        rows = [self._merged(self.rows[state], place) for state in order]
+        shape = len(order), len(self.simulator.action_names), max(len(o) for row in rows for o in row)
+        next_state = np.repeat(np.arange(len(order), dtype=np.int32), shape[1] * shape[2]).reshape(shape)
+        probability, reward = np.zeros(shape), np.zeros(shape)
+        terminated = np.zeros(shape, dtype=np.int8)
+        for state, row in enumerate(rows):
+            for action, outcomes in enumerate(row):
+                for number, (chance, to, gain, end) in enumerate(outcomes or [(1.0, state, 0.0, 0)]):
+                    here = state, action, number
+                    probability[here], next_state[here] = chance, to
+                    reward[here], terminated[here] = gain, end
+        starts = self._start_distribution(place)
+        simulator = self.simulator
+        tabular = Tabular(
+            next_state=next_state,
+            probability=probability,
+            reward=reward,
+            terminated=terminated,
+            observation=np.array([self.observations[state] for state in order], dtype=np.int32),
+            start_states=np.array(list(starts), dtype=np.int32),
+            start_probability=np.array(list(starts.values())),
+            n_observations=simulator.n_observations,
+            observation_shape=simulator.observation_shape,
+            action_names=simulator.action_names,
+        )
+        return Explored(tabular, tuple(self.scenes[state] for state in order) if self.scenes else ())
+
+    def _breadth_first(self) -> list[int]:
+        order = list(dict.fromkeys(state for _, state in self.starts))
+        seen = set(order)
+        for state in order:
+            for outcomes in self.rows[state] or ():
+                for _, to, _, _ in outcomes:
+                    if to not in seen:
+                        seen.add(to)
+                        order.append(to)
+        return order
+
+    def _merged(self, row: Row | None, place: dict[int, int]) -> Row:
+        """The outcomes with the new numbers; equal neighbours are one outcome."""
+        if row is None:
+            return [[] for _ in self.simulator.action_names]
+        result: Row = []
+        for outcomes in row:
+            merged: list[tuple[float, int, float, int]] = []
+            for chance, to, gain, end in outcomes:
+                if merged and merged[-1][1:] == (place[to], gain, end):
+                    merged[-1] = (merged[-1][0] + chance, *merged[-1][1:])
+                else:
+                    merged.append((chance, place[to], gain, end))
+            result.append(merged)
+        return result
+
+    def _start_distribution(self, place: dict[int, int]) -> dict[int, float]:
+        found: dict[int, float] = {}
+        for chance, state in self.starts:
+            found[place[state]] = found.get(place[state], 0.0) + chance
+        return found

@@ -1,0 +1,248 @@
+"""Environments with Gymnasium's interface."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from envgraph.env._pixels import scene_rgb
+from envgraph.env._sampling import cumulative
+from envgraph.env._scene import Scene
+from envgraph.env._simulator import Simulator
+from envgraph.env._tabular import Tabular
+from envgraph.env._text import scene_text
+from envgraph.errors import InvalidArgument
+
+ObservationKind = Literal["index", "multi"]
+
+Observed = np.int64 | NDArray[np.int64]
+"""An index, or the components of an observation."""
+
+SUCCESS = 1
+
+
+def observation_space(
+    kind: ObservationKind, n_observations: int, shape: Sequence[int]
+) -> spaces.Discrete | spaces.MultiDiscrete:
+    """The space of observations as indices, or as their components.
+
+    Raises:
+        InvalidArgument: another word than "index" or "multi".
+    """
+    if kind == "index":
+        return spaces.Discrete(n_observations)
+    if kind == "multi":
+        return spaces.MultiDiscrete(list(shape) or [1])
+    raise InvalidArgument(f'`observation` is "index" or "multi", not {kind!r}')
+
+
+def components(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:
+    """The components of observations given by index, on a new last axis; the first component varies fastest."""
+    parts = np.unravel_index(observation, tuple(shape) or (1,), order="F")
+    return np.stack([np.asarray(part, dtype=np.int64) for part in parts], axis=-1)
+
+
+class _Environment(gymnasium.Env[Any, Any]):
+    """What environments over a table and over a live engine share."""
+
+    metadata: dict[str, Any] = {"render_modes": ["ansi", "rgb_array"], "render_fps": 4}  # noqa: RUF012
+
+    def __init__(
+        self,
+        action_names: Sequence[str],
+        n_observations: int,
+        shape: Sequence[int],
+        render_mode: str | None,
+        observation: ObservationKind,
+        cell: int,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            modes = ", ".join(f"`{mode}`" for mode in self.metadata["render_modes"])
+            raise InvalidArgument(f"unknown render mode {render_mode!r}: there are {modes}")
+        self.render_mode = render_mode
+        self.action_names = tuple(action_names)
+        self.action_space = spaces.Discrete(len(self.action_names))
+        self.observation_space = observation_space(observation, n_observations, shape)
+        self._shape = tuple(shape)
+        self._split = observation == "multi"
+        self._cell = cell
+        self._running = False
+        self._steps = 0
+
+    def _begin(self) -> None:
+        self._running = True
+        self._steps = 0
+
+    def _check_step(self, action: Any) -> int:
+        if not self._running:
+            raise ResetNeeded("the episode is over, or none has begun: call `reset` first")
+        number = int(action)
+        if not 0 <= number < len(self.action_names):
+            raise InvalidArgument(f"action {action!r} is not in 0..{len(self.action_names) - 1}")
+        return number
+
+    def _observed(self, index: int) -> Observed:
+        return components(index, self._shape) if self._split else np.int64(index)
+
+    def render(self) -> str | NDArray[np.uint8] | None:
+        """The current state as text ("ansi") or as pixels [height, width, 3] ("rgb_array"); None without a mode."""
+        if self.render_mode is None:
+            return None
+        scene = self._scene()
+        return scene_text(scene) if self.render_mode == "ansi" else scene_rgb(scene, self._cell)
+
+    @abstractmethod
+    def _scene(self) -> Scene:
+        """What the current state looks like."""
+
+
+class EnvgraphEnv(_Environment):
+    """An environment that steps through a table of its states.
+
+    Observations are indices (`Discrete`), or with `observation="multi"` their components (`MultiDiscrete`). The info
+    has `state` (number of the state), `step` (steps since the reset) and `success`. Time limits are Gymnasium's own:
+    registered, or `gymnasium.wrappers.TimeLimit`. Stepping on after the end of an episode is an error.
+
+    `reset(options={"state": s})` begins in state s.
+
+    Args:
+        tabular: the states.
+        pictures: one scene a state; needed for rendering alone.
+        render_mode: None, "ansi" or "rgb_array".
+        observation: "index" or "multi".
+        cell: side of a cell in pixels.
+
+    Raises:
+        InvalidArgument: a wrong mode, or a mode without pictures.
+    """
+
+    def __init__(
+        self,
+        tabular: Tabular,
+        *,
+        pictures: Sequence[Scene] = (),
+        render_mode: str | None = None,
+        observation: ObservationKind = "index",
+        cell: int = 32,
+    ) -> None:
+        super().__init__(
+            tabular.action_names,
+            tabular.n_observations,
+            tabular.observation_shape,
+            render_mode,
+            observation,
+            cell,
+        )
+        if render_mode is not None and len(pictures) != tabular.n_states:
+            raise InvalidArgument("this environment has no pictures: its behaviour has no `draw`")
+        self.tabular = tabular
+        self._pictures = pictures
+        self._state = 0
+        # Memory views give Python numbers without a copy of the table and faster than NumPy's scalars.
+        self._outcomes = tabular.next_state.shape[2]
+        self._row = self._outcomes * tabular.n_actions
+        self._next = _flat(tabular.next_state)
+        self._reward = _flat(tabular.reward)
+        self._ended = _flat(tabular.terminated)
+        self._sums = _flat(cumulative(tabular.probability))
+        self._observation = _flat(tabular.observation)
+        self._start_sums = cumulative(tabular.start_probability)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observed, dict[str, Any]]:
+        """Begin an episode in one of the start states."""
+        super().reset(seed=seed)
+        self._state = self._start((options or {}).get("state"))
+        self._begin()
+        return self._observed(self._observation[self._state]), self._info(success=False)
+
+    def _start(self, wanted: Any) -> int:
+        if wanted is None:
+            place = int(np.searchsorted(self._start_sums, self.np_random.random(), side="right"))
+            return int(self.tabular.start_states[place])
+        if not 0 <= int(wanted) < self.tabular.n_states:
+            raise InvalidArgument(f"there is no state {wanted!r}")
+        return int(wanted)
+
+    def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+        """Do one action; the last but one value (truncated) is always False."""
+        number = self._check_step(action)
+        place = self._state * self._row + number * self._outcomes
+        uniform = self.np_random.random()
+        if self._outcomes > 1:
+            place = bisect_right(self._sums, uniform, place, place + self._outcomes)
+        self._state = self._next[place]
+        self._steps += 1
+        ended = self._ended[place]
+        self._running = not ended
+        observed = self._observed(self._observation[self._state])
+        return observed, self._reward[place], ended > 0, False, self._info(success=ended == SUCCESS)
+
+    def _info(self, success: bool) -> dict[str, Any]:
+        return {"state": self._state, "step": self._steps, "success": success}
+
+    def _scene(self) -> Scene:
+        return self._pictures[self._state]
+
+
+def _flat(array: NDArray[Any]) -> Any:
+    return np.ascontiguousarray(array).reshape(-1).data
+
+
+class EnvgraphLiveEnv(_Environment):
+    """An environment that steps on a live engine, for those with more states than can be enumerated.
+
+    With the same seed it does what `EnvgraphEnv` over its table does; the info has no `state`.
+
+    Args:
+        simulator: the engine and its behaviour; nothing else may change its model in the meantime.
+        render_mode: None, "ansi" or "rgb_array".
+        observation: "index" or "multi".
+        cell: side of a cell in pixels.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        *,
+        render_mode: str | None = None,
+        observation: ObservationKind = "index",
+        cell: int = 32,
+    ) -> None:
+        shape = simulator.observation_shape
+        super().__init__(
+            simulator.action_names, simulator.n_observations, shape, render_mode, observation, cell
+        )
+        self.simulator = simulator
+        self._painter = simulator.painter() if render_mode is not None else None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observed, dict[str, Any]]:
+        """Begin an episode in one of the start states."""
+        super().reset(seed=seed)
+        index = self.simulator.reset(self.np_random)
+        self._begin()
+        return self._observed(index), {"step": 0, "success": False}
+
+    def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+        """Do one action; the last but one value (truncated) is always False."""
+        outcome = self.simulator.step(self._check_step(action), self.np_random)
+        self._steps += 1
+        self._running = not outcome.terminated
+        info = {"step": self._steps, "success": outcome.terminated == SUCCESS}
+        observed = self._observed(outcome.observation)
+        return observed, outcome.reward, outcome.terminated > 0, False, info
+
+    def _scene(self) -> Scene:
+        assert self._painter is not None
+        return self._painter.scene()

@@ -1,0 +1,221 @@
+"""Indices of objects that mean the same in every member of a family."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+from envgraph.env._behaviour import Agent, Behaviour, ObserveFind, ObserveObject
+from envgraph.env._domains import domain_type
+from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Value, accepts
+from envgraph.pattern import ObjectType
+
+Key = tuple[Value, ...]
+"""What names an object: the values of its class's key attributes, or (id,) where the class has no key."""
+
+
+def indexed_classes(behaviour: Behaviour, metamodel: Metamodel) -> tuple[str, ...]:
+    """The classes whose objects a behaviour counts through: domains of actions, `among`, `for` and agents."""
+    found: dict[str, None] = {}
+    owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
+    for owner in owners:
+        for action in owner.actions:
+            types = [domain_type(domain, metamodel) for _, domain in action.parameters]
+            found.update((type_.cls, None) for type_ in types if isinstance(type_, ObjectType))
+        for observation in owner.observations:
+            if isinstance(observation, ObserveObject):
+                found[observation.among] = None
+            if not isinstance(observation, ObserveFind) and observation.each and observation.each.type:
+                found[observation.each.type] = None
+    found.update((agent.cls, None) for agent in behaviour.agents)
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class KeyIndex:
+    """For each class the keys of its objects over a family, in the order of their index.
+
+    The index of an object is the rank of its key in the sorted union over all members of a family (an enum sorts by
+    the order of its literals). Objects of a class without `@key` are named by their ids, which are given in the order
+    of creation: those of the initial model first, later ones after them.
+
+    Attributes:
+        keys: class -> sorted keys; one entry for each class that the behaviour counts through.
+    """
+
+    keys: Mapping[str, tuple[Key, ...]]
+
+    @classmethod
+    def of(cls, model: Model, classes: Iterable[str]) -> Self:
+        """The index of one model; `merge` makes that of a family.
+
+        Raises:
+            EvaluationError: an object has no value in a key attribute, or two objects have the same key.
+        """
+        return cls({name: _sorted_keys(model, name) for name in classes})
+
+    def merge(self, other: KeyIndex, metamodel: Metamodel) -> KeyIndex:
+        """The index over the members of both."""
+        names = dict.fromkeys([*self.keys, *other.keys])
+        return KeyIndex(
+            {
+                name: _ordered({*self.keys.get(name, ()), *other.keys.get(name, ())}, metamodel, name)
+                for name in names
+            }
+        )
+
+    def of_class(self, cls: str) -> tuple[Key, ...]:
+        """The keys of a class, in the order of their indices.
+
+        Raises:
+            InvalidArgument: the index does not have the class.
+        """
+        if cls not in self.keys:
+            raise InvalidArgument(
+                f"class `{cls}` is not in the index: it has {', '.join(self.keys) or 'none'}"
+            )
+        return self.keys[cls]
+
+    def size(self, cls: str) -> int:
+        """How many indices a class has."""
+        return len(self.of_class(cls))
+
+    def index(self, model: Model, cls: str, node: int) -> int:
+        """The index of an object among a class.
+
+        Raises:
+            EvaluationError: the family has no such key: the object was created, or its key changed, during an episode.
+        """
+        try:
+            return self.of_class(cls).index(key_reader(model, cls)(node))
+        except ValueError:
+            raise _outside(model, cls, node) from None
+
+    def indexer(self, model: Model, cls: str) -> Callable[[int], int]:
+        """`index` for one model and class, for callers that ask often."""
+        rank = {key: position for position, key in enumerate(self.of_class(cls))}
+        key_of = key_reader(model, cls)
+
+        def index(node: int) -> int:
+            found = rank.get(key_of(node))
+            if found is None:
+                raise _outside(model, cls, node)
+            return found
+
+        return index
+
+    def objects(self, model: Model, cls: str) -> list[int | None]:
+        """The object of a model for each index; None where this member of the family has none."""
+        key_of = key_reader(model, cls)
+        found = {key_of(node): node for node in model.extent(cls)}
+        return [found.get(key) for key in self.of_class(cls)]
+
+    def to_json(self) -> dict[str, list[list[Value]]]:
+        """The index as JSON-ready data, for the family file."""
+        return {name: [list(key) for key in keys] for name, keys in self.keys.items()}
+
+    @classmethod
+    def from_json(cls, data: Any, metamodel: Metamodel) -> Self:
+        """The index that `to_json` wrote.
+
+        Raises:
+            InvalidArgument: the data has another form, or does not fit the metamodel.
+        """
+        if not isinstance(data, dict):
+            raise InvalidArgument("an index of keys is an object of lists")
+        for name, keys in data.items():
+            if name not in metamodel.classes:
+                raise InvalidArgument(f"the index of keys names an unknown class `{name}`")
+            if not isinstance(keys, list) or not all(_fits(metamodel, name, key) for key in keys):
+                raise InvalidArgument(f"the keys of `{name}` do not fit its key attributes")
+        return cls(
+            {name: _ordered({tuple(key) for key in keys}, metamodel, name) for name, keys in data.items()}
+        )
+
+
+def ordered_objects(model: Model, cls: str) -> list[int]:
+    """The objects of a class by key; by creation where there are no keys, or where they name nothing."""
+    order = _order(model.metamodel, cls)
+    try:
+        keys = {node: order(key) for node, key in _keys(model, cls).items()}
+    except EvaluationError:
+        return sorted(model.extent(cls))
+    return sorted(keys, key=lambda node: (keys[node], node))
+
+
+def key_reader(model: Model, cls: str) -> Callable[[int], Key]:
+    """Reads the key of an object of a class."""
+    attributes = key_attributes(model.metamodel, cls)
+    if not attributes:
+        return lambda node: (node,)
+
+    def read(node: int) -> Key:
+        values = []
+        for attribute in attributes:
+            value = model.value(node, attribute)
+            if value is None:
+                raise EvaluationError(
+                    f"{model.node(node)!r} has no `{attribute.name}`, which is part of its key"
+                )
+            values.append(value)
+        return tuple(values)
+
+    return read
+
+
+def key_attributes(metamodel: Metamodel, cls: str) -> tuple[Attribute, ...]:
+    """The attributes that name an object of a class, or ()."""
+    features = metamodel.features(cls)
+    return tuple(f for name in metamodel.key(cls) if isinstance(f := features[name], Attribute))
+
+
+def _keys(model: Model, cls: str) -> dict[int, Key]:
+    read = key_reader(model, cls)
+    return {node: read(node) for node in model.extent(cls)}
+
+
+def _sorted_keys(model: Model, cls: str) -> tuple[Key, ...]:
+    owner: dict[Key, int] = {}
+    for node, key in _keys(model, cls).items():
+        if key in owner:
+            names = f"{model.node(owner[key])!r} and {model.node(node)!r}"
+            raise EvaluationError(f"{names} have the same key {key}; objects of `{cls}` are told apart by it")
+        owner[key] = node
+    return _ordered(set(owner), model.metamodel, cls)
+
+
+def _ordered(keys: set[Key], metamodel: Metamodel, cls: str) -> tuple[Key, ...]:
+    return tuple(sorted(keys, key=_order(metamodel, cls)))
+
+
+def _order(metamodel: Metamodel, cls: str) -> Callable[[Key], tuple[Any, ...]]:
+    """What keys are sorted by: the values, enum literals by their place."""
+    attributes = key_attributes(metamodel, cls)
+    if not attributes:
+        return lambda key: key
+    ranks = [a.type.literals.index if isinstance(a.type, EnumType) else _same for a in attributes]
+    return lambda key: tuple(rank(value) for rank, value in zip(ranks, key, strict=True))
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def _fits(metamodel: Metamodel, cls: str, key: Any) -> bool:
+    attributes = key_attributes(metamodel, cls)
+    if not isinstance(key, list):
+        return False
+    if not attributes:
+        return len(key) == 1 and type(key[0]) is int
+    return len(key) == len(attributes) and all(
+        accepts(attribute.type, value) for attribute, value in zip(attributes, key, strict=True)
+    )
+
+
+def _outside(model: Model, cls: str, node: int) -> EvaluationError:
+    return EvaluationError(
+        f"{model.node(node)!r} has no index among `{cls}`: no member of the family has that key at the start"
+    )

@@ -1,0 +1,90 @@
+"""Where the parts of a scene stand, for pixels and SVG alike; lengths are in cells, x to the right, y down."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, hypot, pi, sin
+
+from envgraph.env._scene import GraphScene, Mark
+
+NODE_RADIUS = 0.42
+_SPACING = 2.4
+_LABEL_GAP = NODE_RADIUS + 0.32
+_EDGE_SHIFT = 0.13
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class GraphLayout:
+    """Size of the picture, centre of every node and of its label, start and end of every edge."""
+
+    width: float
+    height: float
+    nodes: tuple[Point, ...]
+    labels: tuple[Point, ...]
+    edges: tuple[tuple[Point, Point], ...]
+
+
+def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
+    """The nodes on a circle, the first at the top, then clockwise; labels outside, where no edge crosses them.
+
+    Args:
+        scene: what to place.
+        letter_width: width of a letter of a label.
+    """
+    count = len(scene.labels)
+    radius = 0.0 if count < 2 else max(1.6, _SPACING / (2 * sin(pi / count)))
+    side = _LABEL_GAP + max((len(label) for label in scene.labels), default=0) * letter_width + 0.1
+    rise = _LABEL_GAP + 0.3
+    width, height = 2 * (radius + side), 2 * (radius + rise)
+    angles = [2 * pi * number / max(count, 1) - pi / 2 for number in range(count)]
+    nodes = tuple((width / 2 + radius * cos(a), height / 2 + radius * sin(a)) for a in angles)
+    labels = tuple(
+        (
+            x + cos(angle) * (_LABEL_GAP + len(label) * letter_width / 2),
+            y + sin(angle) * _LABEL_GAP,
+        )
+        for (x, y), angle, label in zip(nodes, angles, scene.labels, strict=True)
+    )
+    edges = tuple(_edge(nodes[a], nodes[b]) for a, b in scene.edges if a != b)
+    return GraphLayout(width, height, nodes, labels, edges)
+
+
+def _edge(start: Point, end: Point) -> tuple[Point, Point]:
+    """From rim to rim, a little to the right of the straight line: there and back are two lines."""
+    (ax, ay), (bx, by) = start, end
+    length = hypot(bx - ax, by - ay)
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    shift_x, shift_y = -uy * _EDGE_SHIFT, ux * _EDGE_SHIFT
+    gap = NODE_RADIUS + 0.06
+    return (
+        (ax + ux * gap + shift_x, ay + uy * gap + shift_y),
+        (bx - ux * gap + shift_x, by - uy * gap + shift_y),
+    )
+
+
+def arrow_head(start: Point, end: Point, size: float) -> tuple[Point, Point]:
+    """The two back corners of an arrow head whose tip is `end`."""
+    (ax, ay), (bx, by) = start, end
+    length = max(hypot(bx - ax, by - ay), 1e-9)
+    ux, uy = (bx - ax) / length * size, (by - ay) / length * size
+    return (bx - ux - uy * 0.6, by - uy + ux * 0.6), (bx - ux + uy * 0.6, by - uy - ux * 0.6)
+
+
+def disc_places(marks: Sequence[Mark]) -> list[tuple[Mark, Point, float]]:
+    """Every mark with its offset from the middle of its place and its radius; several on one place stand in a ring."""
+    total = Counter(mark.place for mark in marks)
+    seen: Counter[Point] = Counter()
+    placed = []
+    for mark in marks:
+        number, count = seen[mark.place], total[mark.place]
+        seen[mark.place] += 1
+        if count == 1:
+            placed.append((mark, (0.0, 0.0), 0.34))
+        else:
+            angle = 2 * pi * number / count + pi / 4 * 3
+            placed.append((mark, (0.22 * cos(angle), 0.22 * sin(angle)), 0.22))
+    return placed

@@ -1,0 +1,96 @@
+"""How the components of an observation are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from envgraph.env._binding import Reader, follow
+from envgraph.env._keys import KeyIndex, key_reader
+from envgraph.env._prepared import Scope
+from envgraph.errors import EvaluationError
+from envgraph.graph import Model
+from envgraph.metamodel import Value
+from envgraph.pattern import Expression
+
+
+class KeyedObjects:
+    """The objects of a class by index, wherever the model is."""
+
+    def __init__(self, model: Model, keys: KeyIndex, cls: str) -> None:
+        self.keys = keys.of_class(cls)
+        self._model, self._index, self._cls = model, keys, cls
+        self._key_of = key_reader(model, cls)
+        self._found = keys.objects(model, cls)
+        self._revision = model.revision
+
+    def text(self, position: int) -> str:
+        """How an object reads in the name of an action."""
+        return ", ".join(str(value) for value in self.keys[position])
+
+    def get(self, position: int) -> int | None:
+        """The object that has the index in the present state, or None."""
+        node = self._found[position]
+        if node is not None and self._is(node, position):
+            return node
+        if self._revision != self._model.revision:  # objects may have come, gone, or changed their keys
+            self._found = self._index.objects(self._model, self._cls)
+            self._revision = self._model.revision
+        return self._found[position]
+
+    def _is(self, node: int, position: int) -> bool:
+        model = self._model
+        if not model.alive(node) or not model.metamodel.is_a(model.class_of(node), self._cls):
+            return False
+        return self._key_of(node) == self.keys[position]
+
+
+def observer(
+    path: Expression,
+    owner: tuple[str, Callable[[], Value | None]] | None,
+    read: Reader,
+    index: Callable[[Value | None], int],
+    padding: int,
+    bound: Scope,
+) -> Callable[[], int]:
+    if owner is None:
+        return lambda: index(follow(path, bound, read))
+    name, value = owner
+
+    def observe() -> int:
+        node = value()
+        return padding if node is None else index(follow(path, {**bound, name: node}, read))
+
+    return observe
+
+
+def object_index(
+    indexer: Callable[[int], int], missing: int | None, cls: str
+) -> Callable[[Value | None], int]:
+    def index(value: Value | None) -> int:
+        if type(value) is int:
+            return indexer(value)
+        if missing is None:
+            raise EvaluationError(f"an observed path leads nowhere: write `among {cls} or none`")
+        return missing
+
+    return index
+
+
+def range_index(low: int, high: int) -> Callable[[Value | None], int]:
+    def index(value: Value | None) -> int:
+        if type(value) is not int:
+            raise EvaluationError("an observed path leads nowhere, and a range has no place for that")
+        return min(max(value, low), high) - low
+
+    return index
+
+
+def literal_index(literals: Sequence[Value]) -> Callable[[Value | None], int]:
+    places = {literal: position for position, literal in enumerate(literals)}
+
+    def index(value: Value | None) -> int:
+        if value is None:
+            raise EvaluationError("an observed attribute has no value")
+        return places[value]
+
+    return index

@@ -1,0 +1,131 @@
+"""The parts of a behaviour, ready to run on one engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from envgraph.env._rulebook import Fire
+from envgraph.graph import Model
+from envgraph.match import Row
+from envgraph.metamodel import Value
+
+Scope = Mapping[str, Value | None]
+"""What names stand for while a step is done: values, ids of objects, None for an object that is missing."""
+
+
+class Choices(Protocol):
+    """Makes the random choices of a step, in the order in which they come."""
+
+    def choose(self, probabilities: Sequence[float]) -> int | None:
+        """One of the alternatives; None with the probability that is missing to 1."""
+
+    def pick(self, count: int) -> int:
+        """One of `count` >= 1 alternatives, equally likely."""
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedCall:
+    """`rule(arguments)`, ready to run.
+
+    Attributes:
+        find: the rule's matches for the values of the arguments.
+        fire: applies the rule at a match, returning the values of its outputs.
+        arguments: the argument expressions of the bound parameters, as functions of the scope.
+        objects: which of the arguments are objects.
+        outputs: the names that get the outputs.
+    """
+
+    find: Callable[..., Sequence[Row]]
+    fire: Fire
+    arguments: tuple[Callable[[Scope], Value | None], ...]
+    objects: tuple[bool, ...]
+    outputs: tuple[str, ...]
+
+    def run(self, scope: Scope, choices: Choices, model: Model) -> Mapping[str, Value | None] | None:
+        """Apply the rule at one of its matches; None if it has none.
+
+        Returns:
+            The scope, with the outputs.
+        """
+        values = [argument(scope) for argument in self.arguments]
+        for value, is_object in zip(values, self.objects, strict=True):
+            if value is None or (is_object and not model.alive(value)):  # type: ignore[arg-type]
+                return None
+        # Sorted: the order that a matcher lists rows in may depend on how a state was reached.
+        rows = sorted(self.find(*values))
+        if not rows:
+            return None
+        result = self.fire(rows[choices.pick(len(rows))])
+        return {**scope, **dict(zip(self.outputs, result, strict=True))} if self.outputs else scope
+
+
+@dataclass(frozen=True, slots=True)
+class Alternatives:
+    """Branches of a stochastic choice; a call that is None does nothing."""
+
+    probabilities: tuple[float, ...]
+    calls: tuple[PreparedCall | None, ...]
+
+    def run(self, scope: Scope, choices: Choices, model: Model) -> Scope | None:
+        """Draw a branch and run it; None if no rule was applied."""
+        position = choices.choose(self.probabilities)
+        if position is None:
+            return None
+        call = self.calls[position]
+        return scope if call is None else call.run(scope, choices, model)
+
+
+Reward = Callable[[Scope], float]
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedAction:
+    """One action: a name of the behaviour with one value for each parameter.
+
+    Attributes:
+        values: functions that give the values of its parameters: objects may come and go.
+        before: how many effects stand before the action in the file; rewards are summed in that order.
+    """
+
+    name: str
+    values: tuple[tuple[str, Callable[[], Value | None]], ...]
+    branches: Alternatives
+    reward: Reward | None
+    else_reward: Reward | None
+    before: int
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedClause:
+    """`on find ..`.
+
+    Attributes:
+        matches: the rows of its named variables on the present state.
+        holds: whether one of them is still a match.
+        names: the named variables.
+    """
+
+    matches: Callable[[], list[Row]]
+    holds: Callable[[Row], bool]
+    names: tuple[str, ...]
+    reward: Reward | None
+    ends: int
+    apply: PreparedCall | None
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedEach:
+    """`each step ..`."""
+
+    reward: Reward | None
+    apply: Alternatives | None
+
+
+@dataclass(frozen=True, slots=True)
+class Component:
+    """One component of an observation: how many values it has, and its present one."""
+
+    size: int
+    read: Callable[[], int]

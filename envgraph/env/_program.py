@@ -1,0 +1,306 @@
+"""A behaviour made ready to run on one engine: names resolved, patterns and rules prepared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+from math import prod
+
+from envgraph.env._behaviour import (
+    Action,
+    Behaviour,
+    Branch,
+    Domain,
+    EachStep,
+    Observation,
+    ObserveAttribute,
+    ObserveFind,
+    ObserveObject,
+    ObserveRange,
+    OnFind,
+    RuleCall,
+)
+from envgraph.env._binding import Reader, bind_parameters, reader
+from envgraph.env._clauses import Question, condition_question, count_question, variables_of
+from envgraph.env._domains import MOST_VALUES, domain_type
+from envgraph.env._keys import KeyIndex
+from envgraph.env._observing import KeyedObjects, literal_index, object_index, observer, range_index
+from envgraph.env._prepared import (
+    Alternatives,
+    Component,
+    PreparedAction,
+    PreparedCall,
+    PreparedClause,
+    PreparedEach,
+    Reward,
+    Scope,
+)
+from envgraph.env._rulebook import firing
+from envgraph.errors import EvaluationError
+from envgraph.graph import Model
+from envgraph.match import Row
+from envgraph.metamodel import EnumType, Scalar, Value
+from envgraph.pattern import (
+    Expression,
+    Negation,
+    ObjectType,
+    Parameter,
+    PatternCall,
+    Variable,
+    check_expression,
+    evaluate,
+)
+from envgraph.rewrite import Engine
+
+ENDS = {None: 0, "success": 1, "failure": 2}
+
+
+class Program:
+    """A behaviour on one engine.
+
+    Args:
+        behaviour: checked, without errors.
+        engine: its model is the initial state. Helper patterns are added to it.
+        keys: the indices of objects over the family.
+
+    Raises:
+        ResolutionError: a parameter has no object.
+        EvaluationError: too many observations.
+    """
+
+    def __init__(self, behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
+        self.engine = engine
+        self.model: Model = engine.model
+        self._keys = keys
+        self._name = behaviour.name
+        self._read: Reader = reader(self.model)
+        self.bound: dict[str, Value | None] = {}
+        self.bound.update(bind_parameters(self.model, behaviour.parameters))
+        self._types = {parameter.name: parameter.type or "" for parameter in behaviour.parameters}
+        self._objects: dict[str, KeyedObjects] = {}
+        self.actions = [
+            prepared for action in behaviour.actions for prepared in self._actions(action, behaviour)
+        ]
+        self.effects = [self._effect(effect) for effect in behaviour.effects]
+        self.resets = [self._call(reset.apply) for reset in behaviour.resets]
+        self.components = [part for seen in behaviour.observations for part in self._components(seen)]
+        size = prod(component.size for component in self.components)
+        if size > MOST_VALUES:
+            raise EvaluationError(f"{size} observations, at most {MOST_VALUES} are possible: observe less")
+
+    # --- actions
+
+    def _actions(self, action: Action, behaviour: Behaviour) -> Iterator[PreparedAction]:
+        branches = self._alternatives(action.branches)
+        reward, else_reward = self._reward(action.reward), self._reward(action.else_reward)
+        before = sum(1 for effect in behaviour.effects if _stands_before(effect, action))
+        domains = [self._values(domain) for _, domain in action.parameters]
+        for values in product(*domains):
+            shown = ", ".join(text for text, _ in values)
+            name = f"{action.name}({shown})" if values else action.name
+            named = tuple(
+                (parameter, value)
+                for (parameter, _), (_, value) in zip(action.parameters, values, strict=True)
+            )
+            yield PreparedAction(name, named, branches, reward, else_reward, before)
+
+    def _values(self, domain: Domain) -> list[tuple[str, Callable[[], Value | None]]]:
+        """Every value of a domain: how it reads, and a function that gives it."""
+        match domain_type(domain, self.model.metamodel):
+            case ObjectType(cls):
+                objects = self._keyed(cls)
+                return [(objects.text(i), _item(objects, i)) for i in range(len(objects.keys))]
+            case EnumType(literals=literals):
+                return [(literal, _constant(literal)) for literal in literals]
+            case _:
+                return [(str(n), _constant(n)) for n in range(domain.low, domain.high + 1)]
+
+    def _keyed(self, cls: str) -> KeyedObjects:
+        if cls not in self._objects:
+            self._objects[cls] = KeyedObjects(self.model, self._keys, cls)
+        return self._objects[cls]
+
+    def _alternatives(self, branches: Sequence[Branch]) -> Alternatives:
+        return Alternatives(
+            tuple(branch.probability for branch in branches),
+            tuple(self._call(branch.call) for branch in branches),
+        )
+
+    def _call(self, call: RuleCall) -> PreparedCall | None:
+        if call.rule is None:
+            return None
+        pairs = list(zip(call.arguments, self.engine.signature(call.rule).parameters, strict=True))
+        bound = [(argument, taken) for argument, taken in pairs if not taken.output]
+        outputs = {
+            taken.name: argument.name
+            for argument, taken in pairs
+            if taken.output and isinstance(argument, Variable) and not argument.anonymous
+        }
+        runner = self.engine.prepare(call.rule)
+        return PreparedCall(
+            runner.prepare(tuple(taken.name for _, taken in bound)),
+            firing(runner, tuple(outputs)),
+            tuple(self._argument(argument, taken.type is Scalar.FLOAT) for argument, taken in bound),
+            tuple(isinstance(taken.type, ObjectType) for _, taken in bound),
+            tuple(outputs.values()),
+        )
+
+    def _argument(self, argument: Expression, is_float: bool) -> Callable[[Scope], Value | None]:
+        if isinstance(argument, Variable):
+            name = argument.name
+            if not is_float:
+                return lambda scope: scope[name]
+        read = self._read
+
+        def value(scope: Scope) -> Value | None:
+            found = evaluate(argument, scope, read)
+            return float(found) if is_float and found is not None else found
+
+        return value
+
+    def _reward(self, reward: Expression | None) -> Reward | None:
+        if reward is None:
+            return None
+        if not any(True for _ in variables_of(reward)):
+            return _fixed(_number(reward, evaluate(reward, {})))
+        read = self._read
+        return lambda scope: _number(reward, evaluate(reward, scope, read))
+
+    # --- effects
+
+    def _effect(self, effect: EachStep | OnFind) -> PreparedEach | PreparedClause:
+        if isinstance(effect, EachStep):
+            apply = self._alternatives(effect.apply) if effect.apply else None
+            return PreparedEach(self._reward(effect.reward), apply)
+        question = self._ask(effect.condition)
+        matches, holds = self._matches(question)
+        return PreparedClause(
+            matches,
+            holds,
+            question.free,
+            self._reward(effect.reward),
+            ENDS[effect.terminate],
+            self._call(effect.apply) if effect.apply else None,
+        )
+
+    def _ask(self, condition: PatternCall | Negation) -> Question:
+        return self._added(lambda name: condition_question(name, condition, self._types))
+
+    def _added(self, make: Callable[[str], Question]) -> Question:
+        """A helper pattern under a name that is free, or under which the same pattern stands already."""
+        library = self.engine.library
+        known = set(library.names())
+        number = 0
+        while True:
+            question = make(f"{self._name}#{number}")
+            name = question.pattern.qualified_name
+            if name not in known:
+                self.engine.add(question.pattern)
+                return question
+            if library.get(name) == question.pattern:
+                return question
+            number += 1
+
+    def _matches(self, question: Question) -> tuple[Callable[[], list[Row]], Callable[[Row], bool]]:
+        name, count = question.pattern.qualified_name, len(question.bound)
+        find = self.engine.matcher.prepare(name, tuple(range(count)))
+        exists = self.engine.matcher.prepare(name, tuple(range(count + len(question.free))))
+        types = self.engine.library.parameter_types(name)
+        is_object = [isinstance(type_, ObjectType) for type_ in types[count:]]
+        bound = tuple(self.bound[name] for name in question.bound)
+        alive = self.model.alive
+
+        def matches() -> list[Row]:
+            if not all(alive(node) for node in bound):  # type: ignore[arg-type]
+                return []
+            return sorted(row[count:] for row in find(*bound))
+
+        def holds(row: Row) -> bool:
+            nodes = [*bound, *(value for value, known in zip(row, is_object, strict=True) if known)]
+            return all(alive(node) for node in nodes) and bool(exists(*bound, *row))  # type: ignore[arg-type]
+
+        return matches, holds
+
+    # --- observations
+
+    def _components(self, observation: Observation) -> Iterator[Component]:
+        if isinstance(observation, ObserveFind):
+            yield self._found(observation)
+            return
+        size, index, padding = self._meaning(observation)
+        path, read = observation.path, self._read
+        for value in self._owners(observation.each):
+            yield Component(size, observer(path, value, read, index, padding, self.bound))
+
+    def _owners(self, each: Parameter | None) -> Iterator[tuple[str, Callable[[], Value | None]] | None]:
+        """One entry a component: the name that `for` gives to an object, and the object."""
+        if each is None:
+            yield None
+            return
+        assert each.type is not None
+        objects = self._keyed(each.type)
+        yield from ((each.name, _item(objects, i)) for i in range(len(objects.keys)))
+
+    def _meaning(
+        self, observation: ObserveObject | ObserveRange | ObserveAttribute
+    ) -> tuple[int, Callable[[Value | None], int], int]:
+        """Number of values, the index of what a path leads to, and the index where an object is missing."""
+        match observation:
+            case ObserveObject(among=among, or_none=or_none):
+                size, indexer = self._keys.size(among), self._keys.indexer(self.model, among)
+                return (
+                    size + or_none,
+                    object_index(indexer, size if or_none else None, among),
+                    size if or_none else 0,
+                )
+            case ObserveRange(low=low, high=high):
+                return high - low + 1, range_index(low, high), 0
+            case ObserveAttribute():
+                type_ = self._static_type(observation)
+                literals = type_.literals if isinstance(type_, EnumType) else (False, True)
+                return len(literals), literal_index(literals), 0
+
+    def _static_type(self, observation: ObserveAttribute) -> object:
+        scope = {name: ObjectType(cls) for name, cls in self._types.items()}
+        if observation.each is not None and observation.each.type is not None:
+            scope[observation.each.name] = ObjectType(observation.each.type)
+        return check_expression(observation.path, scope, self.model.metamodel)[0]
+
+    def _found(self, observation: ObserveFind) -> Component:
+        if observation.up_to is None:
+            matches, _ = self._matches(self._ask(observation.call))
+            return Component(2, lambda: 1 if matches() else 0)
+        call, limit = observation.call, observation.up_to
+        counting = self._added(lambda name: count_question(name, call, self._types))
+        counted, _ = self._matches(counting)
+
+        def count() -> int:
+            rows = counted()
+            return min(int(rows[0][0]), limit) if rows else 0
+
+        return Component(limit + 1, count)
+
+
+def _item(objects: KeyedObjects, position: int) -> Callable[[], Value | None]:
+    return lambda: objects.get(position)
+
+
+def _constant(value: Value) -> Callable[[], Value | None]:
+    return lambda: value
+
+
+def _fixed(value: float) -> Reward:
+    return lambda _: value
+
+
+def _number(reward: Expression, value: Value | None) -> float:
+    if value is None:
+        place = f"{reward.span}: " if reward.span else ""
+        raise EvaluationError(f"{place}a reward has no value")
+    return float(value)
+
+
+def _stands_before(effect: EachStep | OnFind, action: Action) -> bool:
+    if effect.span is None or action.span is None or effect.span.source is not action.span.source:
+        return False
+    return effect.span.start < action.span.start

@@ -1,0 +1,267 @@
+"""The step of an environment, on the live engine."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+
+from envgraph.env._behaviour import Agent, Behaviour
+from envgraph.env._check import check_behaviour
+from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
+from envgraph.env._program import Program
+from envgraph.env._sampling import Draw
+from envgraph.env._scene import Painter
+from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity
+from envgraph.graph import Savepoint
+from envgraph.match import Row
+from envgraph.rewrite import Engine
+
+GOES_ON, SUCCESS, FAILURE = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a step gave.
+
+    Attributes:
+        reward: the sum of all rewards.
+        terminated: 0, or the episode ended in success (1) or in failure (2).
+        observation: index of what the agent sees.
+    """
+
+    reward: float
+    terminated: int
+    observation: int
+
+
+class Simulator:
+    """Runs a behaviour on an engine, with the exact semantics of a step.
+
+    The state of the engine when the simulator is made is the initial one. From the first `reset` to `close` the
+    simulator keeps a savepoint open, so that meanwhile nothing else may commit or check out.
+
+    A step: (a) draws a branch of the action, then one of the matches of its rule, and applies it; without a match
+    the state stays. (b) `each step` rules in the same way. (c) All `on` clauses are matched on this one state. (d) All
+    rewards are evaluated on it and summed in the order of the file; failure beats success. (e) The `apply`s of the
+    clauses run in that order, each only if its match still is one; (f) the agent observes.
+
+    `reward` of an action counts when its rule was applied or the branch `nothing()` was drawn, `else reward` when there
+    was no match, or when the probability that is missing to 1 was drawn.
+
+    Args:
+        engine: with the model, its patterns and rules.
+        behaviour: what the environment does.
+        keys: indices of objects over a family; those of the engine's model alone if None.
+
+    Raises:
+        ResolutionError: the behaviour has errors, or parts that cannot be run.
+    """
+
+    def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
+        problems = [p for p in check_behaviour(behaviour, engine) if p.severity is Severity.ERROR]
+        problems += [_refused(agent) for agent in behaviour.agents]
+        if problems:
+            raise ResolutionError(problems)
+        self.engine = engine
+        self.behaviour = behaviour
+        self.keys = keys or KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
+        self._program = Program(behaviour, engine, self.keys)
+        self._model = engine.model
+        self._start: Savepoint | None = None
+        self.action_names = tuple(action.name for action in self._program.actions)
+        self.observation_shape = tuple(component.size for component in self._program.components)
+        self.n_observations = prod(self.observation_shape)
+
+    # --- live
+
+    def reset(self, rng: np.random.Generator) -> int:
+        """Go to a start state, drawn with one number; returns the observation."""
+        self.close()
+        self._start = self._model.savepoint()
+        self._begin(Draw(rng.random()))
+        return self.observe()
+
+    def step(self, action: int, rng: np.random.Generator) -> Outcome:
+        """Do an action, drawing one number.
+
+        Raises:
+            InvalidArgument: no episode has begun, or there is no such action.
+            RuleError: a rule matches but cannot be applied.
+            EvaluationError: a reward has no value, or an observed object no index.
+        """
+        if self._start is None:
+            raise InvalidArgument("no episode has begun: call `reset` first")
+        return self._step(self._action(action), Draw(rng.random()))
+
+    def close(self) -> None:
+        """Go back to the initial state and release the model."""
+        if self._start is not None:
+            self._model.rollback(self._start)
+            self._start = None
+
+    def observe(self) -> int:
+        """The index of what the agent sees of the present state; the first component varies fastest."""
+        index, weight = 0, 1
+        for component in self._program.components:
+            index += component.read() * weight
+            weight *= component.size
+        return index
+
+    def painter(self) -> Painter:
+        """Draws the states of this simulator.
+
+        Raises:
+            InvalidArgument: the behaviour has no `draw`.
+        """
+        draw = self.behaviour.draw
+        if draw is None:
+            raise InvalidArgument(f"environment `{self.behaviour.name}` has no `draw`")
+        return Painter(self._model, draw, self.behaviour.parameters)
+
+    # --- all outcomes
+
+    def starts(self) -> Generator[float]:
+        """The probability of each start, as often as the choices can be made; meanwhile the model is in that state."""
+        for choices in _all_choices():
+            savepoint = self._model.savepoint()
+            try:
+                self._begin(choices)
+                yield choices.probability
+            finally:
+                self._model.rollback(savepoint)
+
+    def outcomes(self, action: int) -> Generator[tuple[float, Outcome]]:
+        """Probability and outcome of an action in the present state, in the order of the choices.
+
+        While the caller looks at an outcome the model is in the successor state; afterwards it is as before. Outcomes
+        that are the same are not put together.
+        """
+        prepared = self._action(action)
+        for choices in _all_choices():
+            savepoint = self._model.savepoint()
+            try:
+                outcome = self._step(prepared, choices)
+                yield choices.probability, outcome
+            finally:
+                self._model.rollback(savepoint)
+
+    # --- the step
+
+    def _action(self, number: int) -> PreparedAction:
+        actions = self._program.actions
+        if not 0 <= number < len(actions):
+            raise InvalidArgument(f"action {number} is not in 0..{len(actions) - 1}")
+        return actions[number]
+
+    def _begin(self, choices: Choices) -> None:
+        for call in self._program.resets:
+            if call is not None:
+                call.run(self._program.bound, choices, self._model)
+
+    def _step(self, action: PreparedAction, choices: Choices) -> Outcome:
+        program, model = self._program, self._model
+        scope: Scope = program.bound
+        if action.values:
+            scope = {**scope, **{name: value() for name, value in action.values}}
+        done = action.branches.run(scope, choices, model)
+        for effect in program.effects:
+            if isinstance(effect, PreparedEach) and effect.apply is not None:
+                effect.apply.run(program.bound, choices, model)
+        reward, terminated, pending = self._judge(action, scope, done)
+        self._apply(pending, choices)
+        return Outcome(reward, terminated, self.observe())
+
+    def _judge(
+        self, action: PreparedAction, scope: Scope, done: Scope | None
+    ) -> tuple[float, int, list[tuple[PreparedClause, Row]]]:
+        """Reward and end of a step on the present state, and the matches whose `apply` is to run."""
+        effects = self._program.effects
+        total, terminated = 0.0, GOES_ON
+        pending: list[tuple[PreparedClause, Row]] = []
+        for position in range(len(effects) + 1):
+            if position == action.before:
+                reward = action.else_reward if done is None else action.reward
+                total += reward(scope if done is None else done) if reward else 0.0
+            if position == len(effects):
+                break
+            effect = effects[position]
+            if isinstance(effect, PreparedEach):
+                total += effect.reward(self._program.bound) if effect.reward else 0.0
+                continue
+            for row in effect.matches():
+                total += effect.reward(self._matched(effect, row)) if effect.reward else 0.0
+                terminated = max(terminated, effect.ends)
+                if effect.apply is not None:
+                    pending.append((effect, row))
+        return total, terminated, pending
+
+    def _matched(self, clause: PreparedClause, row: Row) -> Scope:
+        return {**self._program.bound, **dict(zip(clause.names, row, strict=True))}
+
+    def _apply(self, pending: Sequence[tuple[PreparedClause, Row]], choices: Choices) -> None:
+        for position, (clause, row) in enumerate(pending):
+            assert clause.apply is not None
+            if position == 0 or clause.holds(row):  # nothing can have changed before the first
+                clause.apply.run(self._matched(clause, row), choices, self._model)
+
+
+class _Recorded:
+    """Choices made by a script: the first ones given, the others the first alternative.
+
+    Attributes:
+        places: number of the alternative taken at each choice, among those that are possible.
+        counts: how many alternatives each choice had.
+        probability: of all the choices together.
+    """
+
+    def __init__(self, script: Sequence[int]) -> None:
+        self._script = script
+        self.places: list[int] = []
+        self.counts: list[int] = []
+        self.probability = 1.0
+
+    def choose(self, probabilities: Sequence[float]) -> int | None:
+        """See `Choices`."""
+        possible: list[tuple[int | None, float]] = [(i, p) for i, p in enumerate(probabilities) if p > 0.0]
+        missing = 1.0 - sum(probabilities)
+        if missing > 1e-12:
+            possible.append((None, missing))
+        position, probability = possible[self._take(len(possible))]
+        self.probability *= probability
+        return position
+
+    def pick(self, count: int) -> int:
+        """See `Choices`."""
+        self.probability /= count
+        return self._take(count)
+
+    def _take(self, count: int) -> int:
+        number = len(self.places)
+        self.places.append(self._script[number] if number < len(self._script) else 0)
+        self.counts.append(count)
+        return self.places[-1]
+
+
+def _all_choices() -> Iterator[_Recorded]:
+    """Every way to make the choices, in lexicographic order; each must be used before the next is asked for."""
+    script: list[int] = []
+    while True:
+        choices = _Recorded(script)
+        yield choices
+        script = choices.places
+        while script and script[-1] + 1 == choices.counts[len(script) - 1]:
+            script.pop()
+        if not script:
+            return
+        script[-1] += 1
+
+
+def _refused(agent: Agent) -> Diagnostic:
+    message = "environments with several agents cannot be run yet"
+    return Diagnostic(
+        "no-agents", message, agent.cls_span or agent.span, "move the clauses of the block out of it"
+    )

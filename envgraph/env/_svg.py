@@ -1,0 +1,97 @@
+"""Scenes as SVG, for reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+
+from envgraph.env._canvas import INK, Colour, blend, ink_on, parse_colour
+from envgraph.env._layout import NODE_RADIUS, Point, arrow_head, disc_places, graph_layout
+from envgraph.env._scene import EMPTY, GraphScene, GridScene, Mark, Scene
+
+_LETTER_WIDTH = 0.2
+
+
+def scene_svg(scene: Scene, cell: int = 32) -> str:
+    """A picture of a scene as one `<svg>` element that can stand in an HTML page.
+
+    Args:
+        scene: what to draw.
+        cell: side of a cell in CSS pixels.
+    """
+    if isinstance(scene, GridScene):
+        width, height, parts = float(scene.width), float(scene.height), list(_grid(scene))
+    else:
+        layout = graph_layout(scene, _LETTER_WIDTH)
+        width, height, parts = layout.width, layout.height, list(_graph(scene))
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(width)} {_n(height)}" '
+        f'width="{_n(width * cell)}" height="{_n(height * cell)}" role="img" '
+        'font-family="ui-monospace, monospace" text-anchor="middle" dominant-baseline="central">'
+    )
+    return "\n".join([head, *parts, "</svg>"])
+
+
+def _n(number: float) -> str:
+    return f"{number:.3f}".rstrip("0").rstrip(".")
+
+
+def _hex(colour: Colour) -> str:
+    return "#" + "".join(f"{round(part):02x}" for part in colour)
+
+
+def _grid(scene: GridScene) -> Iterator[str]:
+    below = {mark.place for mark in scene.marks}
+    for position, kind in enumerate(scene.cells):
+        if kind == EMPTY:
+            continue
+        row, column = divmod(position, scene.width)
+        glyph = scene.glyphs[kind]
+        colour = parse_colour(glyph.colour)
+        yield (
+            f'<rect x="{column}" y="{row}" width="1" height="1" fill="{escape(glyph.colour)}" '
+            f'stroke="{_hex(blend(colour, INK, 0.16))}" stroke-width="0.03"/>'
+        )
+        if (column, row) not in below:
+            yield _text((column + 0.5, row + 0.5), glyph.letter, 0.5, ink_on(colour), 0.62)
+    for mark, (dx, dy), radius in disc_places(scene.marks):
+        yield from _disc(mark, (mark.place[0] + 0.5 + dx, mark.place[1] + 0.5 + dy), radius)
+
+
+def _text(at: Point, text: str, size: float, colour: Colour, strength: float = 1.0) -> str:
+    shade = f' fill-opacity="{strength}"' if strength < 1.0 else ""
+    place = f'x="{_n(at[0])}" y="{_n(at[1])}" font-size="{_n(size)}"'
+    return f'<text {place} fill="{_hex(colour)}"{shade}>{escape(text)}</text>'
+
+
+def _disc(mark: Mark, at: Point, radius: float) -> Iterator[str]:
+    yield (
+        f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(radius)}" fill="{escape(mark.colour)}" '
+        f'stroke="#ffffff" stroke-width="0.05"><title>{escape(mark.name)}</title></circle>'
+    )
+    yield _text(at, mark.letter, radius * 1.3, ink_on(parse_colour(mark.colour)))
+
+
+def _graph(scene: GraphScene) -> Iterator[str]:
+    layout = graph_layout(scene, _LETTER_WIDTH)
+    for start, end in layout.edges:
+        one, other = arrow_head(start, end, 0.22)
+        points = " L".join(f"{_n(x)} {_n(y)}" for x, y in (one, end, other))
+        yield (
+            f'<path d="M{_n(start[0])} {_n(start[1])} L{_n(end[0])} {_n(end[1])} M{points}" '
+            'fill="none" stroke="#868e96" stroke-width="0.05" stroke-linecap="round"/>'
+        )
+    below = {mark.place[0] for mark in scene.marks}
+    for number, (at, glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
+        colour = parse_colour(glyph.colour)
+        yield (
+            f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(NODE_RADIUS)}" fill="{escape(glyph.colour)}" '
+            f'stroke="{_hex(blend(colour, INK, 0.3))}" stroke-width="0.05"/>'
+        )
+        if number not in below:
+            yield _text(at, glyph.letter, 0.5, ink_on(colour), 0.62)
+    for at, label in zip(layout.labels, scene.labels, strict=True):
+        yield _text(at, label, 0.32, INK)
+    for mark, (dx, dy), radius in disc_places(scene.marks):
+        x, y = layout.nodes[mark.place[0]]
+        yield from _disc(mark, (x + dx, y + dy), radius * 0.9)

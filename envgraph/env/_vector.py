@@ -1,0 +1,188 @@
+"""Many environments stepped at once by indexing arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from envgraph.env._gymnasium import SUCCESS, ObservationKind, components, observation_space
+from envgraph.env._pixels import scene_rgb
+from envgraph.env._sampling import cumulative
+from envgraph.env._scene import Scene
+from envgraph.env._tabular import Tabular
+from envgraph.errors import InvalidArgument
+
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+
+class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
+    """Copies of one environment, or members of a family side by side, stepped by NumPy indexing.
+
+    Environment i is table i modulo the number of tables; all tables need the same actions and observations, as the
+    members of a family have. An environment whose episode ended is reset by the next step, which ignores its action
+    (Gymnasium's `NEXT_STEP`). Infos are arrays: `state`, `step` and `success`.
+
+    Args:
+        tabulars: one table, or several.
+        num_envs: how many environments; one for each table if None.
+        max_episode_steps: after so many steps an episode is truncated; None for no limit.
+        pictures: scenes of every state of each table; needed for rendering alone.
+        render_mode: None or "rgb_array".
+        observation: "index" or "multi".
+
+    Raises:
+        InvalidArgument: no table, tables that differ in actions or observations, or a count below 1.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": 4,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        tabulars: Tabular | Sequence[Tabular],
+        num_envs: int | None = None,
+        *,
+        max_episode_steps: int | None = None,
+        pictures: Sequence[Sequence[Scene]] = (),
+        render_mode: str | None = None,
+        observation: ObservationKind = "index",
+    ) -> None:
+        tables = (tabulars,) if isinstance(tabulars, Tabular) else tuple(tabulars)
+        self.num_envs = len(tables) if num_envs is None else num_envs
+        _check(tables, self.num_envs, max_episode_steps)
+        if render_mode is not None and (render_mode != "rgb_array" or len(pictures) != len(tables)):
+            raise InvalidArgument("rendering needs `rgb_array` and the pictures of every table")
+        first = tables[0]
+        self.render_mode = render_mode
+        self.max_episode_steps = max_episode_steps
+        self.single_action_space = spaces.Discrete(first.n_actions)
+        self.single_observation_space = observation_space(
+            observation, first.n_observations, first.observation_shape
+        )
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self._shape = first.observation_shape if observation == "multi" else None
+        self._pictures = pictures
+        self._which = np.arange(self.num_envs) % len(tables)
+        self._join(tables)
+        self._state: Ints | None = None
+
+    def _join(self, tables: Sequence[Tabular]) -> None:
+        """One table after the other; its states are numbered on from those before."""
+        outcomes = max(table.next_state.shape[2] for table in tables)
+        sizes = [table.n_states for table in tables]
+        self._first = np.cumsum([0, *sizes[:-1]])
+        shifted = [
+            _pad(table.next_state.astype(np.int64), outcomes) + first
+            for table, first in zip(tables, self._first, strict=True)
+        ]
+        self._next = np.concatenate(shifted)
+        self._reward = np.concatenate([_pad(table.reward, outcomes) for table in tables])
+        self._ended = np.concatenate([_pad(table.terminated, outcomes) for table in tables])
+        self._sums = np.concatenate([cumulative(_pad(table.probability, outcomes)) for table in tables])
+        self._observation = np.concatenate([table.observation for table in tables]).astype(np.int64)
+        width = max(len(table.start_states) for table in tables)
+        self._starts = np.zeros((len(tables), width), dtype=np.int64)
+        chances = np.zeros((len(tables), width))
+        for row, table in enumerate(tables):
+            self._starts[row, : len(table.start_states)] = table.start_states + self._first[row]
+            chances[row, : len(table.start_states)] = table.start_probability
+        self._start_sums = cumulative(chances)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Ints, dict[str, Any]]:
+        """Begin an episode in every environment."""
+        super().reset(seed=seed)
+        self._steps: Ints = np.zeros(self.num_envs, dtype=np.int64)
+        self._done: Bools = np.zeros(self.num_envs, dtype=np.bool_)
+        self._state = self._drawn_starts()
+        return self._observed(), self._info(np.zeros(self.num_envs, dtype=np.bool_))
+
+    def step(self, actions: Any) -> tuple[Ints, Floats, Bools, Bools, dict[str, Any]]:
+        """Do one action in every environment; those that ended in the step before begin anew instead."""
+        state = self._state
+        if state is None:
+            raise ResetNeeded("call `reset` before `step`")
+        chosen = np.asarray(actions)
+        if chosen.shape != (self.num_envs,) or not ((chosen >= 0) & (chosen < self._next.shape[1])).all():
+            raise InvalidArgument(f"actions are {self.num_envs} numbers in 0..{self._next.shape[1] - 1}")
+        uniform = self.np_random.random(self.num_envs)
+        outcome = (self._sums[state, chosen] <= uniform[:, None]).sum(axis=1)
+        again = self._done
+        reward = np.where(again, 0.0, self._reward[state, chosen, outcome])
+        ended = np.where(again, 0, self._ended[state, chosen, outcome])
+        self._state = np.where(again, 0, self._next[state, chosen, outcome])
+        if again.any():
+            self._state[again] = self._drawn_starts()[again]
+        self._steps = np.where(again, 0, self._steps + 1)
+        terminated = ended > 0
+        truncated = self._late() & ~terminated & ~again
+        self._done = terminated | truncated
+        return self._observed(), reward, terminated, truncated, self._info(ended == SUCCESS)
+
+    def _late(self) -> Bools:
+        if self.max_episode_steps is None:
+            return np.zeros(self.num_envs, dtype=np.bool_)
+        return np.asarray(self._steps >= self.max_episode_steps)
+
+    def _drawn_starts(self) -> Ints:
+        uniform = self.np_random.random(self.num_envs)
+        place = (self._start_sums[self._which] <= uniform[:, None]).sum(axis=1)
+        return np.asarray(self._starts[self._which, place])
+
+    def _observed(self) -> Ints:
+        index = self._observation[self._state]
+        return np.asarray(index if self._shape is None else components(index, self._shape))
+
+    def _info(self, success: Bools) -> dict[str, Any]:
+        every = np.ones(self.num_envs, dtype=np.bool_)
+        values = {
+            "state": self._state - self._first[self._which],
+            "step": self._steps.copy(),
+            "success": success,
+        }
+        return {**values, **{f"_{name}": every.copy() for name in values}}
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """One picture an environment, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        if self._state is None:
+            raise ResetNeeded("call `reset` before `render`")
+        states = self._state - self._first[self._which]
+        places = zip(self._which.tolist(), states.tolist(), strict=True)
+        return tuple(scene_rgb(self._pictures[table][state]) for table, state in places)
+
+
+def _check(tables: Sequence[Tabular], num_envs: int, max_episode_steps: int | None) -> None:
+    if not tables:
+        raise InvalidArgument("a vector environment needs a table")
+    if num_envs < 1:
+        raise InvalidArgument(f"{num_envs} environments")
+    if max_episode_steps is not None and max_episode_steps < 1:
+        raise InvalidArgument(f"a limit of {max_episode_steps} steps")
+    first = tables[0]
+    for table in tables[1:]:
+        if table.action_names != first.action_names:
+            raise InvalidArgument("the tables have different actions")
+        if table.observation_shape != first.observation_shape:
+            raise InvalidArgument("the tables have different observations")
+
+
+def _pad(array: NDArray[Any], outcomes: int) -> NDArray[Any]:
+    """With more outcomes: impossible ones, that lead to state 0 of the table."""
+    missing = outcomes - array.shape[2]
+    return np.pad(array, ((0, 0), (0, 0), (0, missing)))
