@@ -39,6 +39,8 @@ def conformance_patterns(metamodel: Metamodel) -> tuple[Pattern, ...]:
 def _pattern(cls: Class, feature: Feature) -> Pattern:
     if isinstance(feature, Attribute):
         message = f"`{feature.name}` of $object$ has no value"
+    elif feature.lower == 1:
+        message = f"`{feature.name}` of $object$ has no target"
     else:
         message = f"`{feature.name}` of $object$ has fewer than {feature.lower} targets"
     annotation = Annotation("Constraint", (), (("key", _OBJECT), ("severity", "error"), ("message", message)))

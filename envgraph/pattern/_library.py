@@ -114,6 +114,15 @@ class Library:
             self._lowered[qualified_name] = self._lower(self._entry(qualified_name))
         return self._lowered[qualified_name]
 
+    def __copy__(self) -> Library:
+        """An independent library with the same patterns: what is added to one is unknown to the other."""
+        twin = Library(self.metamodel)
+        twin._entries = dict(self._entries)
+        twin._names = self._names
+        twin._generated = dict(self._generated)
+        twin._lowered = dict(self._lowered)
+        return twin
+
     def _entry(self, name: str) -> Entry:
         entry = self._entries.get(name) or self._generated.get(name)
         if entry is None:

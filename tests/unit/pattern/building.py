@@ -11,6 +11,7 @@ from envgraph.pattern import (
     Check,
     Closure,
     Comparison,
+    Conditional,
     Constant,
     Constraint,
     EnumLiteral,
@@ -137,6 +138,10 @@ def expr(written: Expression | str | int | float | bool) -> Expression:
 
 def op(left: object, operator: str, right: object) -> Binary:
     return Binary(operator, expr(left), expr(right))  # type: ignore[arg-type]
+
+
+def cond(test: object, then: object, otherwise: object) -> Conditional:
+    return Conditional(expr(test), expr(then), expr(otherwise))  # type: ignore[arg-type]
 
 
 def check(expression: object) -> Check:

@@ -7,7 +7,6 @@ from envgraph.metamodel import Scalar
 from envgraph.pattern import (
     EXPRESSION_NAMESPACE,
     FUNCTIONS,
-    Conditional,
     Constant,
     EnumLiteral,
     FunctionCall,
@@ -20,7 +19,7 @@ from envgraph.pattern import (
     holds,
     value_of,
 )
-from tests.unit.pattern.building import COLOUR, METAMODEL, NONE, expr, op, text
+from tests.unit.pattern.building import COLOUR, METAMODEL, NONE, cond, expr, op, text
 
 INT, FLOAT, BOOL, STRING = Scalar.INT, Scalar.FLOAT, Scalar.BOOL, Scalar.STRING
 SCOPE = {
@@ -36,10 +35,6 @@ SCOPE = {
 
 def call(name, *arguments):
     return FunctionCall(name, tuple(map(expr, arguments)))
-
-
-def cond(test, then, otherwise):
-    return Conditional(expr(test), expr(then), expr(otherwise))
 
 
 def checked(expression, **options):

@@ -1,0 +1,183 @@
+"""Registering patterns and looking them up."""
+
+from copy import copy
+
+import pytest
+
+from envgraph.errors import InvalidArgument, ResolutionError
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CheckAtom,
+    InstanceAtom,
+    Library,
+    LinkAtom,
+    NegationAtom,
+    ObjectType,
+    conformance_patterns,
+)
+from tests.unit.pattern.building import METAMODEL, agg, eq, find, isa, library, neg, path, pattern
+
+WALLS = pattern("walls", "a : Wall", [isa("Wall", "a")])
+
+
+def named(name, package="", **features):
+    return pattern(name, "a : Cell", [isa("Cell", "a")], package=package, **features)
+
+
+def test_patterns_keep_the_order_in_which_they_were_added():
+    made = library(named("b"), named("a"))
+    made.add(named("c"))
+    assert made.names() == ("b", "a", "c")
+    assert [p.name for p in made.patterns] == ["b", "a", "c"]
+
+
+def test_nothing_is_added_when_one_pattern_is_wrong():
+    made = library(WALLS)
+    with pytest.raises(ResolutionError):
+        made.add(named("good"), pattern("bad", "a : Cel", [isa("Cell", "a")]))
+    assert made.names() == ("walls",)
+    made.add(named("good"))
+    assert made.names() == ("walls", "good")
+
+
+def test_patterns_added_later_may_call_earlier_ones():
+    made = library(WALLS)
+    made.add(pattern("p", "a : Cell", [find("walls", "a")]))
+    assert made.callee("p", "walls") == WALLS
+
+
+def test_a_name_that_is_taken_is_an_error():
+    made = library(WALLS)
+    with pytest.raises(ResolutionError, match="defined twice"):
+        made.add(WALLS)
+
+
+def test_names_resolve_in_the_own_package_first():
+    made = library(named("p", "one"), named("p", "two"), named("p"), named("q", "two"))
+    assert made.resolve("p", "one").package == "one"
+    assert made.resolve("p", "two").package == "two"
+    assert made.resolve("p", "three").package == ""
+    assert made.resolve("two.p", "one").package == "two"
+    assert made.resolve("q", "one").package == "two"
+    assert made.resolve("r") is None
+
+
+def test_an_ambiguous_name_means_nothing():
+    made = library(named("p", "one"), named("p", "two"))
+    assert made.resolve("p") is None
+    assert made.resolve("one.p") is not None
+
+
+def test_private_patterns_resolve_in_their_package_only():
+    made = library(named("p", "one", private=True))
+    assert made.resolve("p", "one") is not None
+    assert made.resolve("p") is None
+    assert made.resolve("one.p") is None
+
+
+def test_a_private_pattern_does_not_make_a_name_ambiguous():
+    made = library(named("p", "one", private=True), named("p", "two"))
+    assert made.resolve("p").package == "two"
+
+
+def test_what_a_call_means_does_not_change_when_patterns_are_added():
+    made = library(named("p", "one"), pattern("user", "a : Cell", [find("p", "a")], package="x"))
+    made.add(named("p", "two"))
+    assert made.callee("x.user", "p").package == "one"
+    assert made.lowered("x.user").bodies[0].atoms[0].pattern == "one.p"
+
+
+def test_unknown_names_are_invalid_arguments_with_a_hint():
+    made = library(WALLS)
+    for ask in (made.get, made.lowered, made.parameter_types, made.inputs):
+        with pytest.raises(InvalidArgument, match="did you mean `walls`"):
+            ask("wals")
+    with pytest.raises(InvalidArgument, match="does not call"):
+        made.callee("walls", "p")
+
+
+def test_generated_patterns_are_hidden_but_known():
+    made = library(pattern("p", "a : Cell", [isa("Cell", "a"), neg(path("Cell.right.right", "a", "_"))]))
+    made.lowered("p")
+    assert made.names() == ("p",)
+    assert made.parameter_types("#path.Cell.right.right") == (ObjectType("Cell"), ObjectType("Cell"))
+    assert made.get("#path.Cell.right.right").private
+
+
+def test_a_copy_is_independent():
+    made = library(WALLS)
+    twin = copy(made)
+    twin.add(named("p"))
+    twin.lowered("p")
+    assert (made.names(), twin.names()) == (("walls",), ("walls", "p"))
+    made.add(pattern("p", "a : Wall", [find("walls", "a")]))
+    assert made.lowered("p") != twin.lowered("p")
+
+
+def test_checking_adds_nothing():
+    made = Library(METAMODEL)
+    assert made.check(WALLS) == []
+    assert made.names() == ()
+
+
+def test_mutual_recursion_is_added_together():
+    far = pattern("far", "a : Cell", [isa("Door", "a")], [path("Cell.right", "a", "b"), find("near", "b")])
+    near = pattern("near", "a : Cell", [isa("Wall", "a")], [path("Cell.left", "a", "b"), find("far", "b")])
+    assert library(far, near).names() == ("far", "near")
+    with pytest.raises(ResolutionError, match="unknown pattern `near`"):
+        library(far)
+
+
+def test_a_count_of_a_pattern_added_before():
+    made = library(WALLS)
+    made.add(pattern("n", "n : int", [eq("n", agg("count", find("walls", "_")))]))
+    [atom] = made.lowered("n").bodies[0].atoms
+    assert isinstance(atom, AggregateAtom)
+
+
+# --- conformance
+
+
+def test_conformance_asks_for_what_the_model_does_not_refuse_itself():
+    names = [p.qualified_name for p in conformance_patterns(METAMODEL)]
+    assert names[:4] == [
+        "conformance.World.cells",
+        "conformance.World.hero",
+        "conformance.Cell.x",
+        "conformance.Cell.y",
+    ]
+    assert "conformance.Cell.right" not in names
+    assert "conformance.Hero.keys" in names
+
+
+def test_conformance_patterns_have_no_diagnostics():
+    assert Library(METAMODEL).check(*conformance_patterns(METAMODEL)) == []
+
+
+def test_a_missing_value_a_missing_link_and_too_few_links_are_violations():
+    made = library(*conformance_patterns(METAMODEL))
+    x, hero, keys = (
+        made.lowered(f"conformance.{name}").bodies[0].atoms for name in ("Cell.x", "World.hero", "Hero.keys")
+    )
+    assert x[0] == InstanceAtom("Cell", 0)
+    assert isinstance(x[1], NegationAtom)
+    assert isinstance(x[1].relation, AttributeAtom)
+    assert isinstance(hero[1].relation, LinkAtom)
+    assert isinstance(keys[1], AggregateAtom)
+    assert isinstance(keys[2], CheckAtom)
+
+
+def test_classes_without_instances_cannot_violate():
+    empty = Metamodel(
+        "m",
+        (Class("Ghost", abstract=True, features=(Attribute("n", Scalar.INT), Reference("next", "Ghost"))),),
+    )
+    assert conformance_patterns(empty) == ()
+
+
+def test_violations_are_constraints_with_a_message():
+    [annotation] = conformance_patterns(METAMODEL)[0].annotations
+    assert annotation.name == "Constraint"
+    assert dict(annotation.named)["message"] == "`cells` of $object$ has no target"
