@@ -1,0 +1,47 @@
+"""Files with mistakes, and what is said about them.
+
+Each file in the directory of a language is a case; `<file>.expected` has the exact text. Files in `shared` are to be
+imported. `pytest tests/golden --update-golden` writes the expected texts; read the difference before committing it.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from envgraph.lang import TextFiles, conformance, load_workspace
+
+HERE = Path(__file__).parent
+KINDS = (".metamodel", ".model", ".query", ".rules", ".environment", ".toml")
+
+
+def texts() -> dict[str, str]:
+    return {
+        path.relative_to(HERE).as_posix(): path.read_text(encoding="utf-8")
+        for path in sorted(HERE.rglob("*"))
+        if path.suffix in KINDS
+    }
+
+
+TEXTS = texts()
+CASES = [name for name in TEXTS if not name.startswith("shared/")]
+
+
+def said_about(name: str) -> str:
+    workspace = load_workspace([name], files=TextFiles(TEXTS))
+    said = [*workspace.diagnostics, *(one for model in workspace.models for one in conformance(model))]
+    return "\n\n".join(str(one) for one in said) + "\n" if said else "nothing is wrong\n"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_file_is_diagnosed_as_expected(name: str, request: pytest.FixtureRequest) -> None:
+    expected = HERE / f"{name}.expected"
+    said = said_about(name)
+    if request.config.getoption("--update-golden", default=False):
+        expected.write_text(said, encoding="utf-8")
+    assert expected.is_file(), f"no {expected.name}: run pytest tests/golden --update-golden"
+    assert said == expected.read_text(encoding="utf-8")
+
+
+def test_every_expected_text_belongs_to_a_case() -> None:
+    found = {path.relative_to(HERE).as_posix() for path in HERE.rglob("*.expected")}
+    assert found <= {f"{name}.expected" for name in CASES}
