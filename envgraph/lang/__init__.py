@@ -20,6 +20,7 @@ from envgraph.lang._family import (
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import load_family
 from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles
+from envgraph.lang._json import JsonPath, parse_json
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
 from envgraph.lang._model import ModelText
 from envgraph.lang._workspace import Workspace
@@ -35,6 +36,7 @@ __all__ = [
     "EpsilonSpec",
     "FamilySpec",
     "Files",
+    "JsonPath",
     "ModelText",
     "MutationSpec",
     "Name",
@@ -52,4 +54,5 @@ __all__ = [
     "load_family",
     "load_workspace",
     "open",
+    "parse_json",
 ]

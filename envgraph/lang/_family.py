@@ -30,7 +30,7 @@ class ComponentSpec:
         name: the user's name of a measure; for the others their role ("diversity", "parents", "survivors").
         kind: what is built ("path_complexity", "random" ...).
         options: everything else in the table.
-        spans: where the table, its "kind" and each option stand.
+        spans: where the table (""), its "kind", each option and ("along[0]") the items of a list stand.
     """
 
     name: str

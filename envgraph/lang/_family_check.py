@@ -138,9 +138,10 @@ class _Checker:
                 hint = did_you_mean(option, expected) or f"`{measure.kind}` has {known}"
                 yield Diagnostic("unknown-key", f"unknown key `{option}` in `{measure.name}`", span, hint)
             elif expected[option]:
-                yield from self._option(option, value, expected[option], span)
+                yield from self._option(measure, option, value, expected[option])
 
-    def _option(self, option: str, value: object, what: str, span: Span | None) -> Iterator[Diagnostic]:
+    def _option(self, measure: ComponentSpec, option: str, value: object, what: str) -> Iterator[Diagnostic]:
+        span = measure.span(option)
         names = value if isinstance(value, list) else [value]
         if (
             not names
@@ -150,7 +151,8 @@ class _Checker:
             wanted = "a list of names of references" if what == "path" else f"the name of a {what}"
             yield Diagnostic("wrong-type", f"`{option}` is {wanted}", span)
             return
-        for name in names:
+        for index, name in enumerate(names):
+            span = measure.spans.get(f"{option}[{index}]", span)
             match what:
                 case "class":
                     yield from self._class(str(name), span)
@@ -184,7 +186,7 @@ class _Checker:
             return
         found = next(one for one in self._workspace.patterns if name in {one.name, one.qualified_name})
         if len(found.parameters) != 2:
-            message = f"`{name}` has {len(found.parameters)} parameters; a path follows a pattern of two"
+            message = f"`{name}` is no pattern of two parameters, which a path could follow"
             yield Diagnostic("wrong-arity", message, span)
 
 

@@ -327,6 +327,9 @@ class _Reader:
                 self._missing(table, word, f'write `{word} = "..."`')
             return None
         spans = {key: table.span(key) for key in table.data} | {"": table.span()}
+        for key, value in table.data.items():
+            items = range(len(value)) if isinstance(value, list) else ()
+            spans |= {f"{key}[{index}]": table.span(key, index) for index in items}
         spans["kind"] = kind.span or spans[""]
         options = {key: value for key, value in table.data.items() if key != word}
         return ComponentSpec(role, kind.text, options, spans)
@@ -340,7 +343,7 @@ class _Reader:
     def _diversity(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> ComponentSpec:
         component = self._component(top.table("diversity"), "diversity", "binned_entropy")
         component = component or ComponentSpec("diversity", "binned_entropy")
-        names = [measure.name for measure in measures]
+        names = list(top.data["measures"]) if measures else []
         of = component.options.get("of")
         if of is None:
             if len(names) > 1:
@@ -516,7 +519,7 @@ def _kind(value: object) -> str:
         case int():
             return "a whole number"
         case float():
-            return "a number"
+            return "a fraction"
         case str():
             return "a string"
         case list():

@@ -11,7 +11,7 @@ from envgraph.env import Behaviour
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Note, Source, did_you_mean
 from envgraph.lang._checking import check
 from envgraph.lang._data import bundled_domains, data_path
-from envgraph.lang._environment import read_environment
+from envgraph.lang._environment import read_environment, with_enums
 from envgraph.lang._family import FamilySpec
 from envgraph.lang._family_check import check_family
 from envgraph.lang._family_reader import FAMILY_FILE, load_family
@@ -26,6 +26,8 @@ from envgraph.lang._workspace import Workspace
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
+
+_DEFINED_ELSEWHERE = {"unknown-pattern", "unknown-rule", "unknown-reference", "no-metamodel"}
 
 LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
 
@@ -132,13 +134,15 @@ class _Loader:
     order: dict[str, int] = field(default_factory=dict)
     sources: dict[str, str] = field(default_factory=dict)
     lost: set[str] = field(default_factory=set)
-    metamodels: dict[str, MetamodelFile] = field(default_factory=dict)
+    metamodels: dict[str, tuple[MetamodelFile, Import | None]] = field(default_factory=dict)
     models: list[Parsed] = field(default_factory=list)
     patterns: list[Pattern] = field(default_factory=list)
     definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
     behaviours: list[Behaviour] = field(default_factory=list)
     families: list[FamilySpec] = field(default_factory=list)
     uris: list[Import] = field(default_factory=list)
+    incomplete: bool = False
+    """Whether a file is missing: then names that it may define are not reported as unknown."""
 
     # --- reading ---
 
@@ -188,15 +192,19 @@ class _Loader:
             source = read_source(self.files, name)
         except LoadError as error:
             self.diagnostics.extend(self._at_import(one, asked, name) for one in error.diagnostics)
+            self.incomplete = True
             return []
         self.sources[name] = source.text
-        imports = self._take(extension, parse(extension, source))
+        imports = self._take(extension, parse(extension, source), asked)
         self.uris.extend(one for one in imports if "://" in one.path)
         return [(self.files.name(one.path, beside=name), one) for one in imports if "://" not in one.path]
 
     def _no_language(self, name: str, extension: str, asked: Import | None) -> NoReturn:
         span = asked.span if asked else Source(name, "").span(0, 0)
         hint = did_you_mean(extension, LANGUAGES) if extension else None
+        if self.files.is_directory(name):
+            message = "this is a directory; files are imported one by one"
+            raise LoadError([Diagnostic("not-a-file", message, span)])
         message = f"`{name.rpartition('/')[2]}` is a file of none of the languages"
         raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
 
@@ -210,12 +218,12 @@ class _Loader:
         message = f"`{asked.path}`: {problem.message}"
         return Diagnostic(problem.code, message, asked.span, problem.hint)
 
-    def _take(self, extension: str, parsed: Parsed) -> Sequence[Import]:
+    def _take(self, extension: str, parsed: Parsed, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""
         self.lost |= parsed.lost
         match extension:
             case "metamodel":
-                self.metamodels[parsed.source.name] = read_metamodel(parsed)
+                self.metamodels[parsed.source.name] = read_metamodel(parsed), asked
                 return ()
             case "model":
                 self.models.append(parsed)
@@ -231,7 +239,7 @@ class _Loader:
                 self._note(rules.diagnostics, rules.lost)
                 return rules.header.imports
         environment = read_environment(parsed)
-        self.behaviours.extend([environment.behaviour] if environment.behaviour else [])
+        self.behaviours.extend(environment.behaviours)
         self._note(environment.diagnostics, environment.lost)
         return environment.header.imports
 
@@ -264,22 +272,25 @@ class _Loader:
             tuple(one for one in self.definitions if isinstance(one, Rule)),
             tuple(one for one in self.definitions if isinstance(one, Unit)),
             tuple(one for one in self.definitions if isinstance(one, Derivation)),
-            tuple(self.behaviours),
+            tuple(with_enums(one, metamodel) if metamodel else one for one in self.behaviours),
             tuple(self.families),
             roots=tuple(dict.fromkeys(self.roots)),
             sources=self.sources,
         )
-        self.diagnostics.extend(check(workspace, lost))
+        found = check(workspace, lost)
         for spec in self.families:
-            self.diagnostics.extend(without_consequences(check_family(spec, workspace), lost))
+            found += without_consequences(check_family(spec, workspace), lost)
+        self.diagnostics.extend(
+            one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)
+        )
         return replace(workspace, diagnostics=self._sorted())
 
     def _metamodel(self) -> Metamodel | None:
-        for file in self.metamodels.values():
+        for file, _ in self.metamodels.values():
             self._note(file.diagnostics, file.lost)
         self._one_metamodel()
-        found = next(iter(self.metamodels.values()), None)
-        metamodel = found.metamodel if found else None
+        found = [file.metamodel for file, _ in self.metamodels.values()]
+        metamodel = found[0] if found else None
         for import_ in self.uris:
             if metamodel is None or import_.path != metamodel.uri:
                 known = [metamodel.uri] if metamodel and metamodel.uri else []
@@ -290,11 +301,12 @@ class _Loader:
 
     def _one_metamodel(self) -> None:
         found = list(self.metamodels.values())
-        for other in found[1:]:
-            notes = (Note("the first one is here", found[0].span),)
+        for other, asked in found[1:]:
+            notes = (Note("the first one is here", found[0][0].span),)
             hint = "one engine has one metamodel: put the classes together"
-            message = "the files use two metamodels"
-            self.diagnostics.append(Diagnostic("two-metamodels", message, other.span, hint, notes=notes))
+            span = asked.span if asked else other.span
+            message = "this is a second metamodel"
+            self.diagnostics.append(Diagnostic("two-metamodels", message, span, hint, notes=notes))
 
     def _sorted(self) -> tuple[Diagnostic, ...]:
         """In the order of reading, and each file in the order of its text."""

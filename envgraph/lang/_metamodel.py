@@ -128,7 +128,6 @@ class _Reader:
         self._annotations(tree, ())
         name = tokens(tree.children, "NAME")[0]
         literals = [tokens(literal.children)[0] for literal in trees(tree.children, "literal")]
-        self._not_built_in(name)
         return EnumType(
             str(name),
             tuple(str(literal) for literal in literals),
@@ -139,7 +138,6 @@ class _Reader:
 
     def _class(self, tree: Tree[Token]) -> Class:
         name = tokens(tree.children, "NAME")[0]
-        self._not_built_in(name)
         annotations, marks = self._marks(tree)
         above = [token for part in trees(tree.children, "extends") for token in tokens(part.children)]
         members = [member for body in trees(tree.children, "body") for member in trees(body.children)]
@@ -156,10 +154,6 @@ class _Reader:
             span=self._span(name),
             places=(*((f"extends {token}", self._span(token)) for token in above), *marks.places),
         )
-
-    def _not_built_in(self, name: Token) -> None:
-        if name in set(Scalar):
-            self._error("duplicate-definition", f"`{name}` is a built-in type", name, "choose another name")
 
     # --- features ---
 
@@ -322,8 +316,6 @@ class _Reader:
             self._error("bad-annotation", "`@key` takes the names of attributes", tree, "write `@key(y, x)`")
             return
         marks.key = tuple(str(name) for name in names)
-        if len(set(marks.key)) != len(marks.key):
-            self._error("bad-annotation", "`@key` names an attribute twice", tree)
         marks.places = (*marks.places, *((f"key {name}", self._span(name)) for name in names))
 
     def _plain_names(self, tree: Tree[Token]) -> list[Token] | None:

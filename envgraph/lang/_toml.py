@@ -89,6 +89,8 @@ def _syntax_error(source: Source, message: str) -> Diagnostic:
         offsets = [0, *(found.end() for found in re.finditer("\n", source.text))]
         start = offsets[line - 1] + column - 1
     text = message[: place.start()] if place else message
+    if text == "Illegal character '\\n'":
+        text = "The string is not closed on its line"
     return Diagnostic("syntax-error", text[0].lower() + text[1:], source.span(start, start + 1))
 
 

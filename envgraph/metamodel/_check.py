@@ -49,13 +49,13 @@ def check_classes(classes: Sequence[Class], enums: Sequence[EnumType]) -> list[D
     return problems
 
 
-def _duplicates(named: Sequence[Class | EnumType | Feature], what: str = "type") -> Iterator[Diagnostic]:
+def _duplicates(named: Sequence[Class | EnumType | Feature], owner: str = "") -> Iterator[Diagnostic]:
     first: dict[str, Span | None] = {}
     for item in named:
         if item.name in first:
             yield Diagnostic(
                 "duplicate-definition",
-                f"{what} `{item.name}` is defined twice",
+                f"`{owner}{item.name}` is defined twice",
                 item.span,
                 notes=(Note("the first definition is here", first[item.name]),),
             )
@@ -125,7 +125,7 @@ def _check_supertypes(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagno
 
 
 def _check_features(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
-    yield from _duplicates(cls.features, f"feature of `{cls.name}`")
+    yield from _duplicates(cls.features, f"{cls.name}.")
     yield from _check_inherited(cls, table)
     for feature in cls.features:
         if isinstance(feature, Attribute):
@@ -243,7 +243,9 @@ def _check_opposite(reference: Reference, cls: Class, table: Mapping[str, Class]
 def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
     known = {f.name: f for above in linearise(cls.name, table) for f in table[above].features}
     if len(set(cls.key)) != len(cls.key):
-        yield Diagnostic("duplicate-definition", f"`@key` of `{cls.name}` names an attribute twice", cls.span)
+        twice = next(name for name in cls.key if cls.key.count(name) > 1)
+        message = f"`@key` of `{cls.name}` names `{twice}` twice"
+        yield Diagnostic("duplicate-definition", message, place(cls, f"key {twice}"))
     for name in cls.key:
         if not isinstance(known.get(name), Attribute):
             attributes = [key for key, feature in known.items() if isinstance(feature, Attribute)]
