@@ -119,7 +119,8 @@ class _Checker(CallChecking, ViewChecking):
                 hint = "a parameter of an action needs another name"
                 self.report("duplicate-definition", f"`{name}` is a parameter of the environment", span, hint)
             seen.setdefault(name, span)
-            scope[name] = self._domain(domain)
+            type_ = self._domain(domain)
+            scope[name] = None if name in outer else type_
             count *= domain_count(domain, self.metamodel)
         outputs = self.branches(action.branches, scope)
         self.rewards(action, scope, outputs)

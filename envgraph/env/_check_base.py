@@ -92,6 +92,12 @@ def type_names(scope: Mapping[str, StaticType | None]) -> dict[str, str]:
     return {name: type_text(type_) for name, type_ in scope.items() if type_ is not None}
 
 
+def a_type(type_: StaticType) -> str:
+    """A type with its article, for messages."""
+    text = type_text(type_)
+    return f"{'an' if text[0] in 'aeiouAEIO' else 'a'} `{text}`"
+
+
 def _is_path(expression: Expression) -> bool:
     while isinstance(expression, Navigation):
         expression = expression.object

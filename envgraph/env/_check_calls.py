@@ -50,15 +50,18 @@ class CallChecking(Checking):
             shared[name] = types[0] if all(type_ == types[0] for type_ in types) else None
             if len(types) < len(outputs):
                 partly.add(name)
-        if action.reward is not None:
-            lacking = next((v for v in variables_of(action.reward) if v.name in partly), None)
-            if lacking is not None:
-                message = f"`{lacking.name}` has no value in every branch"
-                self.report(
-                    "unbound-output", message, lacking.span, "use it where each branch gives it a value"
-                )
-            self.reward(action.reward, shared)
-        self.reward(action.else_reward, scope)
+        self._lacking(action.reward, partly, "it has a value in some branches only")
+        self.reward(action.reward, shared)
+        self._lacking(
+            action.else_reward, set(shared) - set(scope), "a rule that is not applied has no outputs"
+        )
+        self.reward(action.else_reward, shared)
+
+    def _lacking(self, reward: Expression | None, names: set[str], why: str) -> None:
+        """Report an output that has no value where a reward is counted."""
+        found = next((v for v in variables_of(reward) if v.name in names), None) if reward else None
+        if found is not None:
+            self.report("unbound-output", f"`{found.name}` may have no value here", found.span, why)
 
     def reward(self, reward: Expression | None, scope: Mapping[str, StaticType | None]) -> None:
         """Check that a reward is a number."""

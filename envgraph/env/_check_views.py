@@ -12,11 +12,11 @@ from envgraph.env._behaviour import (
     ObserveRange,
     Token,
 )
-from envgraph.env._check_base import Checking, Scope, type_names
+from envgraph.env._check_base import Checking, Scope, a_type, type_names
 from envgraph.env._clauses import condition_question, count_question
 from envgraph.errors import Severity, Span, did_you_mean
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
-from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, check_expression, type_text
+from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, check_expression
 
 
 class ViewChecking(Checking):
@@ -63,10 +63,10 @@ class ViewChecking(Checking):
             return
         if not isinstance(type_, ObjectType):
             hint = _data_hint(type_)
-            message = f"a `{type_text(type_)}` is no object among `{among.cls}`"
+            message = f"{a_type(type_)} is no object among `{among.cls}`"
             self.report("wrong-type", message, observation.path.span, hint)
         elif not self.metamodel.overlap(type_.cls, among.cls):
-            message = f"a `{type_.cls}` is never a `{among.cls}`"
+            message = f"{a_type(type_)} is never {a_type(among)}"
             span = observation.among_span or observation.span
             self.report("wrong-type", message, span, f"write `among {type_.cls}`")
         elif not observation.or_none and (loose := self._optional(observation.path, scope)):
@@ -86,7 +86,7 @@ class ViewChecking(Checking):
     def _observe_range(self, observation: ObserveRange, scope: Scope) -> int:
         type_ = self.path(observation.path, scope)
         if type_ is not None and type_ is not Scalar.INT:
-            message = f"only an `int` can be observed in a range, not a `{type_text(type_)}`"
+            message = f"only an `int` can be observed in a range, not {a_type(type_)}"
             hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else None
             self.report("wrong-type", message, observation.path.span, hint)
         low, high = observation.low, observation.high
@@ -101,7 +101,7 @@ class ViewChecking(Checking):
         if type_ is None or isinstance(type_, EnumType) or type_ is Scalar.BOOL:
             return 2 if type_ is Scalar.BOOL else len(type_.literals) if isinstance(type_, EnumType) else 1
         hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)
-        message = f"a `{type_text(type_)}` has no fixed number of values"
+        message = f"{a_type(type_)} has no fixed number of values"
         self.report("wrong-type", message, observation.path.span, hint)
         return 1
 
@@ -126,7 +126,7 @@ class ViewChecking(Checking):
             hint = did_you_mean(name, known)
             self.report("unknown-feature", f"`{cls}` has no attribute `{name}`", span, hint)
         elif whole and feature.type is not Scalar.INT:
-            message = f"a place in the grid is an `int`, `{feature}` is a `{type_text(feature.type)}`"
+            message = f"a place in the grid is an `int`, `{feature}` is {a_type(feature.type)}"
             ints = [
                 f"`{f.name}`" for f in features.values() if isinstance(f, Attribute) and f.type is Scalar.INT
             ]
@@ -149,7 +149,7 @@ class ViewChecking(Checking):
         if type_ is None or cell is None:
             return
         if not isinstance(type_, ObjectType) or not self.metamodel.overlap(type_.cls, cell.cls):
-            message = f"`{token.variable}` has to stand at a `{cell.cls}`, not at a `{type_text(type_)}`"
+            message = f"`{token.variable}` has to stand at {a_type(cell)}, not at {a_type(type_)}"
             self.report("wrong-type", message, token.path.span)
 
 

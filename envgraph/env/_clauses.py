@@ -65,7 +65,7 @@ def condition_question(name: str, condition: PatternCall | Negation, scope: Mapp
         for term in terms_of(relation):
             if isinstance(term, Variable) and is_asked(term, scope):
                 free.setdefault(term.name, term.span)
-    parameters = [Parameter(bound, scope[bound], span=_place(relation, bound)) for bound in used]
+    parameters = [Parameter(bound, scope[bound]) for bound in used]
     parameters += [Parameter(name, span=span) for name, span in free.items()]
     return Question(_helper(name, parameters, (condition,), condition.span), used, tuple(free))
 
@@ -77,7 +77,7 @@ def count_question(name: str, call: PatternCall, scope: Mapping[str, str]) -> Qu
     total = next(
         word for word in ("total", *(f"total{n}" for n in range(len(taken) + 1))) if word not in taken
     )
-    parameters = [Parameter(bound, scope[bound], span=_place(call, bound)) for bound in used]
+    parameters = [Parameter(bound, scope[bound]) for bound in used]
     parameters.append(Parameter(total, "int", span=call.span))
     counted = Comparison("==", Variable(total, call.span), Aggregate("count", call, call.span), call.span)
     return Question(_helper(name, parameters, (counted,), call.span), used, (total,))
@@ -123,10 +123,6 @@ def _variables(relation: Relation) -> Iterator[Variable]:
                 yield from _variables(term.over)
             case _:
                 pass
-
-
-def _place(relation: Relation, name: str) -> Span | None:
-    return next((v.span for v in _variables(relation) if v.name == name), None)
 
 
 def variables_of(expression: Expression) -> Iterator[Variable]:
