@@ -1,9 +1,34 @@
-"""Search over models."""
+"""Search over models: measures, constraints, the genetic algorithm, runs and families.
 
+`generate` evolves a family from the files of a domain into a run store, `resume` goes on with an interrupted run,
+`open_family` gives what a run made. `Evolution` is the algorithm itself, over any `Problem`.
+"""
+
+from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Swaps, Variance
+from envgraph.search._domain import Domain, Reachable
+from envgraph.search._environment import make_environment
+from envgraph.search._evolution import Evolution, Settings
+from envgraph.search._family import (
+    Family,
+    Member,
+    family_of,
+    open_family,
+    read_family,
+    run_file,
+    write_family,
+)
+from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
+from envgraph.search._generate import export_ga4cl, generate, import_ga4cl, resume, with_overrides
+from envgraph.search._measures import MatchCount, ShortestPath, ShortestPlan
+from envgraph.search._options import Options
+from envgraph.search._paths import PathComplexity, count_paths
+from envgraph.search._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Problem, Require
+from envgraph.search._rewards import reward_schedule
 from envgraph.search._selection import (
+    BeamSearch,
     ElitistParents,
-    ExhaustiveSelection,
+    ExactSelection,
     HillClimbing,
     ParentSelection,
     RandomParents,
@@ -15,17 +40,38 @@ from envgraph.search._selection import (
 from envgraph.search._store import Generation, Individual, RunStore, Trace
 
 __all__ = [
+    "BeamSearch",
     "BinnedEntropy",
+    "Components",
+    "Constraint",
+    "Context",
+    "CountWithin",
+    "Domain",
     "ElitistParents",
-    "ExhaustiveSelection",
+    "Evolution",
+    "ExactSelection",
+    "Family",
     "FamilyMeasure",
+    "Forbid",
     "Generation",
     "Gini",
+    "GridVariant",
     "HillClimbing",
     "Individual",
+    "IndividualMeasure",
+    "MatchCount",
+    "Member",
+    "Options",
     "ParentSelection",
+    "PathComplexity",
+    "Problem",
     "RandomParents",
+    "Reachable",
+    "Require",
     "RunStore",
+    "Settings",
+    "ShortestPath",
+    "ShortestPlan",
     "SimulatedAnnealing",
     "SurvivorSelection",
     "Swaps",
@@ -33,4 +79,21 @@ __all__ = [
     "Trace",
     "Variance",
     "acceptance",
+    "count_paths",
+    "export_ga4cl",
+    "family_of",
+    "generate",
+    "grid_rows",
+    "import_ga4cl",
+    "make_environment",
+    "open_family",
+    "read_family",
+    "read_ga4cl",
+    "resume",
+    "retype_grid",
+    "reward_schedule",
+    "run_file",
+    "with_overrides",
+    "write_family",
+    "write_ga4cl",
 ]

@@ -117,7 +117,11 @@ class SimulatedAnnealing:
         self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
         measure: FamilyMeasure, rng: Generator,
     ) -> list[int]:  # fmt: skip
-        """The best family met, the earliest one among equals."""
+        """The best family met, the last one among equals.
+
+        The last, not the first: where no exchange changes the score, the family must drift, or a population whose
+        members share one bin would never leave it.
+        """
         fixed = list(pinned)
         free = [index for index in start if index not in fixed]
         rest = [index for index in range(len(values)) if index not in start]
@@ -136,8 +140,8 @@ class SimulatedAnnealing:
                 swaps.swap(free[out], rest[into])
                 free[out], rest[into] = rest[into], free[out]
                 score += delta
-                if score > best_score + _TIE:
-                    best, best_score = list(free), score
+                if score > best_score - _TIE:
+                    best, best_score = list(free), max(score, best_score)
             temperature *= self.cooling_rate
         return sorted([*fixed, *best])
 
@@ -169,7 +173,39 @@ class HillClimbing:
 
 
 @dataclass(frozen=True, slots=True)
-class ExhaustiveSelection:
+class BeamSearch:
+    """Families grown one candidate at a time; only the most promising ones are grown further.
+
+    Attributes:
+        width: how many families are kept at each size.
+    """
+
+    width: int = 16
+
+    def select(
+        self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
+        measure: FamilyMeasure, rng: Generator,
+    ) -> list[int]:  # fmt: skip
+        """The best family found; the start, if that is not worse."""
+        del rng  # nothing is random here
+        beam: list[tuple[int, ...]] = [tuple(sorted(pinned))]
+        for _ in range(size - len(pinned)):
+            grown = {
+                tuple(sorted((*family, index))): None
+                for family in beam
+                for index in range(len(values))
+                if index not in family
+            }
+            # sorted() is stable and the dict keeps the order of growth: equal scores have a fixed order.
+            scores = {family: measure.score([values[index] for index in family]) for family in grown}
+            beam = sorted(grown, key=lambda family: -scores[family])[: self.width]
+        best = max(beam, key=lambda family: measure.score([values[index] for index in family]))
+        gain = measure.score([values[i] for i in best]) - measure.score([values[i] for i in start])
+        return list(best) if gain > _TIE else sorted(start)
+
+
+@dataclass(frozen=True, slots=True)
+class ExactSelection:
     """The best of all families, by trying them all; for small pools, and as the yardstick of the others.
 
     Attributes:

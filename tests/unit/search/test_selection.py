@@ -11,9 +11,10 @@ from numpy.random import default_rng
 
 from envgraph.errors import InvalidArgument
 from envgraph.search import (
+    BeamSearch,
     BinnedEntropy,
     ElitistParents,
-    ExhaustiveSelection,
+    ExactSelection,
     HillClimbing,
     RandomParents,
     SimulatedAnnealing,
@@ -22,7 +23,7 @@ from envgraph.search import (
     acceptance,
 )
 
-SELECTIONS = [SimulatedAnnealing(), HillClimbing(), ExhaustiveSelection()]
+SELECTIONS = [SimulatedAnnealing(), HillClimbing(), BeamSearch(), ExactSelection()]
 
 
 @pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
@@ -49,7 +50,7 @@ def test_survivors_are_distinct_keep_the_pinned_and_are_never_worse(
 @given(values=st.lists(st.floats(0, 1), min_size=5, max_size=9), seed=st.integers(0, 2**32))
 def test_annealing_reaches_what_trying_all_families_reaches(values: list[float], seed: int) -> None:
     measure = BinnedEntropy(4)
-    best = ExhaustiveSelection().select(values, 4, [0], [0, 1, 2, 3], measure, default_rng(0))
+    best = ExactSelection().select(values, 4, [0], [0, 1, 2, 3], measure, default_rng(0))
     found = SimulatedAnnealing(rounds=2000).select(values, 4, [0], [0, 1, 2, 3], measure, default_rng(seed))
     assert measure.score([values[i] for i in found]) == pytest.approx(
         measure.score([values[i] for i in best])
@@ -65,13 +66,18 @@ def test_annealing_is_a_function_of_its_generator() -> None:
     assert runs[0] == runs[1]
 
 
-def test_annealing_keeps_the_start_when_nothing_is_better() -> None:
+def test_annealing_drifts_among_families_of_equal_score() -> None:
+    values = [0.95, 0.96, 0.97, 0.98, 0.99, 1.0]
+    found = {
+        tuple(SimulatedAnnealing().select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(seed)))
+        for seed in range(20)
+    }
+    assert len(found) > 5
+
+
+def test_hill_climbing_keeps_the_start_when_nothing_is_better() -> None:
     values = [0.1, 0.5, 0.9, 0.11, 0.51, 0.91]
-    assert SimulatedAnnealing().select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(3)) == [
-        0,
-        1,
-        2,
-    ]
+    assert HillClimbing().select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(3)) == [0, 1, 2]
 
 
 def test_annealing_survives_a_temperature_that_underflows() -> None:
@@ -93,9 +99,7 @@ def test_impossible_annealing_is_refused(arguments: dict[str, float]) -> None:
 
 def test_exhaustive_selection_refuses_too_many_families() -> None:
     with pytest.raises(InvalidArgument, match="annealing"):
-        ExhaustiveSelection(limit=10).select(
-            [0.1] * 20, 5, [], list(range(5)), BinnedEntropy(2), default_rng(0)
-        )
+        ExactSelection(limit=10).select([0.1] * 20, 5, [], list(range(5)), BinnedEntropy(2), default_rng(0))
 
 
 def test_random_parents_are_uniform() -> None:

@@ -1,0 +1,150 @@
+"""The parts of a search by the names that a family file gives them, and how to add one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from envgraph.env import Behaviour
+from envgraph.metamodel import Metamodel
+from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Variance
+from envgraph.search._measures import MatchCount, ShortestPath, ShortestPlan
+from envgraph.search._options import Options
+from envgraph.search._paths import PathComplexity
+from envgraph.search._problem import IndividualMeasure
+from envgraph.search._selection import (
+    BeamSearch,
+    ElitistParents,
+    ExactSelection,
+    HillClimbing,
+    ParentSelection,
+    RandomParents,
+    SimulatedAnnealing,
+    SurvivorSelection,
+    TournamentParents,
+)
+
+if TYPE_CHECKING:
+    from envgraph.lang import FamilySpec
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a component may want to know of its family."""
+
+    metamodel: Metamodel
+    spec: FamilySpec
+    behaviour: Behaviour | None
+
+
+MeasureFactory = Callable[[Options, Context], IndividualMeasure]
+DiversityFactory = Callable[[Options, Context], FamilyMeasure]
+ParentsFactory = Callable[[Options, Context], ParentSelection]
+SurvivorsFactory = Callable[[Options, Context], SurvivorSelection]
+
+
+def _path_complexity(options: Options, context: Context) -> IndividualMeasure:
+    return PathComplexity(
+        metamodel=context.metamodel,
+        start=options.name("from"),
+        goal=options.name("to"),
+        along=options.names("along"),
+        avoid=options.name("avoid"),
+        transform="sqrt" if options.word("transform", "linear", ("sqrt", "linear")) == "sqrt" else "linear",
+    )
+
+
+def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
+    return ShortestPath(
+        metamodel=context.metamodel,
+        along=options.names("along"),
+        start=options.name("from") if options.given("from") else None,
+        goal=options.name("to") if options.given("to") else None,
+        avoid=options.name("avoid") if options.given("avoid") else None,
+    )
+
+
+def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
+    del options
+    assert context.behaviour is not None, "check_family demands an environment for this measure"
+    return ShortestPlan(context.behaviour)
+
+
+def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:
+    low, high = options.range("range", (0.0, 1.0))
+    return BinnedEntropy(options.integer("bins", context.spec.search.population, 1), low, high)
+
+
+def _annealing(options: Options, context: Context) -> SurvivorSelection:
+    del context
+    return SimulatedAnnealing(
+        rounds=options.integer("rounds", 500, 0),
+        initial_temperature=options.number("initial_temperature", 0.1, 1e-9, 1e9),
+        cooling_rate=options.number("cooling_rate", 0.95, 1e-9, 1.0),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Components:
+    """Factories by role and kind. `with_` gives a copy with one more; nothing is global.
+
+    >>> from envgraph.search import Gini
+    >>> mine = Components().with_("diversity", "mine", lambda options, context: Gini())
+    >>> sorted(mine.diversity)
+    ['binned_entropy', 'gini', 'mine', 'variance']
+    """
+
+    measure: Mapping[str, MeasureFactory] = field(
+        default_factory=lambda: MappingProxyType(
+            {
+                "path_complexity": _path_complexity,
+                "shortest_path": _shortest_path,
+                "shortest_plan": _shortest_plan,
+                "count": lambda options, context: MatchCount(options.name("of")),
+            }
+        )
+    )
+    diversity: Mapping[str, DiversityFactory] = field(
+        default_factory=lambda: MappingProxyType(
+            {
+                "binned_entropy": _binned_entropy,
+                "gini": lambda options, context: Gini(),
+                "variance": lambda options, context: Variance(),
+            }
+        )
+    )
+    parents: Mapping[str, ParentsFactory] = field(
+        default_factory=lambda: MappingProxyType(
+            {
+                "random": lambda options, context: RandomParents(),
+                "tournament": lambda options, context: TournamentParents(options.integer("rounds", 2, 1)),
+                "elitist": lambda options, context: ElitistParents(options.number("share", 0.5, 0.0, 1.0)),
+            }
+        )
+    )
+    survivors: Mapping[str, SurvivorsFactory] = field(
+        default_factory=lambda: MappingProxyType(
+            {
+                "simulated_annealing": _annealing,
+                "hill_climbing": lambda options, context: HillClimbing(),
+                "beam": lambda options, context: BeamSearch(options.integer("width", 16, 1)),
+                "exact": lambda options, context: ExactSelection(options.integer("limit", 200_000, 1)),
+            }
+        )
+    )
+
+    def kinds(self) -> dict[str, tuple[str, ...]]:
+        """The known kinds by role, for the check of a family file."""
+        return {
+            "measure": tuple(self.measure),
+            "diversity": tuple(self.diversity),
+            "parents": tuple(self.parents),
+            "survivors": tuple(self.survivors),
+        }
+
+    def with_(self, role: str, kind: str, factory: Callable[[Options, Context], object]) -> Components:
+        """A copy in which a kind of a role ("measure", "diversity", "parents", "survivors") is made by a factory."""
+        known = getattr(self, role)
+        return replace(self, **{role: MappingProxyType({**known, kind: factory})})

@@ -1,0 +1,239 @@
+"""A domain: everything that the files of a family say, ready for a search and for environments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from envgraph.env import Behaviour, KeyIndex, indexed_classes
+from envgraph.errors import Diagnostic, LoadError, Note, has_errors
+from envgraph.graph import Model, model_from_json, model_to_json
+from envgraph.lang import (
+    Bundle,
+    ComponentSpec,
+    FamilySpec,
+    Files,
+    TextFiles,
+    Workspace,
+    load_family,
+    load_workspace,
+)
+from envgraph.metamodel import Metamodel
+from envgraph.pattern import conformance_patterns
+from envgraph.rewrite import Engine
+from envgraph.search._components import Components, Context
+from envgraph.search._evolution import Settings
+from envgraph.search._measures import steps_to, tabular_of
+from envgraph.search._options import Options
+from envgraph.search._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Problem, Require
+
+
+@dataclass(frozen=True, slots=True)
+class Reachable:
+    """Some episode ends with an outcome ("success" or "failure"), over the enumerated states."""
+
+    outcome: str
+    behaviour: Behaviour
+
+    def holds(self, engine: Engine) -> bool:
+        """Whether the outcome can be reached."""
+        kind = {"success": 1, "failure": 2}[self.outcome]
+        return steps_to(tabular_of(engine, self.behaviour), kind) != float("inf")
+
+    def __str__(self) -> str:
+        return f"reachable {self.outcome}"
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """The files of a family, read and checked.
+
+    Attributes:
+        spec: the family file, as data.
+        workspace: what all its files say.
+        components: what the names of measures and selections in the family file mean.
+    """
+
+    spec: FamilySpec
+    workspace: Workspace
+    components: Components = field(default_factory=Components)
+
+    @classmethod
+    def load(cls, location: str, components: Components | None = None) -> Domain:
+        """Read a family file, a directory that holds one, or a bundled domain.
+
+        Raises:
+            LoadError: all that is wrong with the files.
+        """
+        return cls._read(load_family(location).path, None, components or Components())
+
+    @classmethod
+    def from_bundle(cls, bundle: Bundle, components: Components | None = None) -> Domain:
+        """Read the texts that a run or a family file keeps.
+
+        Raises:
+            LoadError: all that is wrong with the texts.
+        """
+        return cls._read(bundle.roots[0], TextFiles(bundle.texts), components or Components())
+
+    @classmethod
+    def _read(cls, path: str, files: Files | None, components: Components) -> Domain:
+        workspace = load_workspace([path], files=files)
+        workspace.raise_errors()
+        domain = cls(workspace.families[0], workspace, components)
+        domain.problem(domain.engine())  # so that wrong options are found when the files are read
+        domain.settings()
+        return domain
+
+    @property
+    def metamodel(self) -> Metamodel:
+        """Of the models."""
+        metamodel = self.workspace.metamodel
+        assert metamodel is not None, "a family names a model, and a model has a metamodel"
+        return metamodel
+
+    @property
+    def behaviour(self) -> Behaviour | None:
+        """What the agent can do, if the family names an environment."""
+        return self.workspace.behaviour() if self.spec.environment else None
+
+    def initial(self) -> Model:
+        """A fresh copy of the initial model, with the same ids and order."""
+        return model_from_json(model_to_json(self.workspace.model()), self.metamodel)
+
+    def engine(self, model: Model | None = None) -> Engine:
+        """An engine on a model, by default a copy of the initial one, with everything that the files define."""
+        engine = Engine(self.initial() if model is None else model, seed=self.spec.seed)
+        engine.add(*self.workspace.definitions)
+        return engine
+
+    def keys(self, *models: Model) -> KeyIndex:
+        """Indices of objects over models; the initial model always counts."""
+        behaviour = self.behaviour
+        classes = indexed_classes(behaviour, self.metamodel) if behaviour else ()
+        index = KeyIndex.of(self.workspace.model(), classes)
+        for model in models:
+            index = index.merge(KeyIndex.of(model, classes), self.metamodel)
+        return index
+
+    def problem(self, engine: Engine) -> Problem:
+        """The search problem on an engine of this domain.
+
+        Raises:
+            LoadError: options of components that make no sense; all problems at once.
+        """
+        spec, context, problems = self.spec, self._context(), list[Diagnostic]()
+        measures: dict[str, IndividualMeasure] = {}
+        for measure in spec.measures:
+            options = Options(measure)
+            measures[measure.name] = self.components.measure[measure.kind](options, context)
+            problems += _finished(options)
+        # "of" says what the measure reads, and is no option of the measure itself.
+        options = Options(_without(spec.diversity, "of"))
+        diversity = self.components.diversity[spec.diversity.kind](options, context)
+        problems += _finished(options)
+        if has_errors(problems):
+            raise LoadError(problems)
+        return Problem(
+            engine=engine,
+            mutations=tuple(str(rule) for rule in spec.mutation.rules),
+            constraints=self._constraints(engine),
+            measures=measures,
+            diversity=diversity,
+            diversity_of=str(spec.diversity.options["of"]),
+        )
+
+    def settings(self) -> Settings:
+        """Parameters of the genetic algorithm.
+
+        Raises:
+            LoadError: options of components that make no sense; all problems at once.
+        """
+        spec, context = self.spec, self._context()
+        parents, survivors = Options(spec.search.parents), Options(spec.search.survivors)
+        chosen = self.components.parents[spec.search.parents.kind](parents, context)
+        survival = self.components.survivors[spec.search.survivors.kind](survivors, context)
+        problems = _finished(parents) + _finished(survivors)
+        if has_errors(problems):
+            raise LoadError(problems)
+        return Settings(
+            population=spec.search.population,
+            parents=chosen,
+            survivors=survival,
+            rate=spec.mutation.rate,
+            initial_applications=spec.mutation.initial_applications,
+            max_attempts=spec.mutation.max_attempts,
+            keep_initial=spec.search.keep_initial,
+            generations=spec.search.generations,
+            seconds=spec.search.time_limit,
+            target=spec.search.target,
+            stagnation=spec.search.stagnation,
+        )
+
+    def check_initial(self) -> None:
+        """See that the initial model satisfies every constraint.
+
+        Raises:
+            LoadError: it does not; one diagnostic for each constraint, at its name in the family file.
+        """
+        violated = {str(one) for one in self.problem(self.engine()).violations()}
+        if not violated:
+            return
+        spec, note = self.spec, Note("the initial model is here", self.spec.model.span)
+        named = {
+            **{f"require {name}": name.span for name in spec.constraints.require},
+            **{f"forbid {name}": name.span for name in spec.constraints.forbid},
+            **{str(CountWithin(str(name), *bounds)): name.span for name, bounds in spec.constraints.count},
+            **{f"reachable {name}": name.span for name in spec.constraints.reachable},
+        }
+        problems = [
+            Diagnostic(
+                "initial-model-invalid",
+                f"the initial model violates `{constraint}`",
+                named.get(constraint, spec.model.span),
+                "the family is made from a model that satisfies every constraint",
+                notes=(note,) if constraint in named else (),
+            )
+            for constraint in sorted(violated)
+        ]
+        raise LoadError(problems)
+
+    def _context(self) -> Context:
+        return Context(self.metamodel, self.spec, self.behaviour)
+
+    def _constraints(self, engine: Engine) -> tuple[Constraint, ...]:
+        """Conformance first, then as in the file; what enumerates states comes last."""
+        spec = self.spec.constraints
+        conformance = conformance_patterns(self.metamodel)
+        known = set(engine.patterns)
+        engine.add(*(pattern for pattern in conformance if pattern.qualified_name not in known))
+        constraints: list[Constraint] = [Forbid(pattern.qualified_name) for pattern in conformance]
+        constraints += [Require(str(name)) for name in spec.require]
+        constraints += [Forbid(str(name)) for name in spec.forbid]
+        constraints += [Forbid(name) for name in self._violations() if name not in set(map(str, spec.forbid))]
+        constraints += [CountWithin(str(name), *bounds) for name, bounds in spec.count]
+        behaviour = self.behaviour
+        if behaviour is not None:
+            constraints += [Reachable(str(outcome), behaviour) for outcome in spec.reachable]
+        return tuple(constraints)
+
+    def _violations(self) -> list[str]:
+        """Patterns with a VIATRA `@Constraint` of severity error: a match is a violation."""
+        return [
+            pattern.qualified_name
+            for pattern in self.workspace.patterns
+            for annotation in pattern.annotations
+            if annotation.name == "Constraint" and dict(annotation.named).get("severity") == "error"
+        ]
+
+
+def _finished(options: Options) -> list[Diagnostic]:
+    options.finish()
+    return options.problems
+
+
+def _without(component: ComponentSpec, option: str) -> ComponentSpec:
+    options: Mapping[str, object] = {
+        name: value for name, value in component.options.items() if name != option
+    }
+    return ComponentSpec(component.name, component.kind, options, component.spans)

@@ -1,0 +1,264 @@
+"""The genetic algorithm: vary a population of models, keep what the constraints allow, select for diversity.
+
+The algorithm is the paper's (section "Generating families of environments"), each step behind a small protocol:
+initialisation (4.1), parent selection (4.2), mutation with validation, rollback and bounded re-attempts (4.3),
+survivor selection (4.4), termination (4.5).
+
+Randomness: every decision has a generator of its own, spawned from (seed, generation, child), so a result depends
+on the seed alone, and a resumed run on nothing that happened before its last stored generation.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from numpy.random import Generator, SeedSequence, default_rng
+
+from envgraph.errors import InvalidArgument, RuleError
+from envgraph.graph import Version, model_to_json
+from envgraph.search._problem import Problem
+from envgraph.search._selection import ParentSelection, SurvivorSelection
+from envgraph.search._store import Generation, Individual, RunStore, Trace, dump_json
+
+_SELECTION = 1 << 32
+"""Spawn key of the survivor selection of a generation; larger than any number of a child."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Parameters of the genetic algorithm.
+
+    Attributes:
+        population: number of members, at least 2.
+        rate: probability that a child is a mutated parent, and not a mere copy.
+        initial_applications: lowest and highest number of rule applications that make an initial member.
+        max_attempts: mutations tried for one child before it is given up.
+        keep_initial: the initial model is a fixed member of the family.
+        generations: stop after so many, or None.
+        seconds: stop when this much time has passed since the start (or resumption), or None.
+        target: stop when the diversity is at least this, or None.
+        stagnation: stop after so many generations without a higher diversity, or None.
+    """
+
+    population: int
+    parents: ParentSelection
+    survivors: SurvivorSelection
+    rate: float = 0.85
+    initial_applications: tuple[int, int] = (1, 5)
+    max_attempts: int = 50
+    keep_initial: bool = True
+    generations: int | None = 1000
+    seconds: float | None = None
+    target: float | None = None
+    stagnation: int | None = None
+
+
+@dataclass(slots=True)
+class _Member:
+    """An individual in memory: its version is held, so that the engine can go back to it."""
+
+    individual: Individual
+    version: Version
+    value: float
+
+
+class Evolution:
+    """A run in progress. Invariant: the members are those of the last generation in the store.
+
+    Args:
+        problem: what is varied, validated and measured; its engine stands at the initial model.
+        settings: parameters of the algorithm.
+        seed: the one source of randomness.
+        store: an empty store, or one with whole generations of the same run to go on from.
+    """
+
+    def __init__(self, problem: Problem, settings: Settings, seed: int, store: RunStore) -> None:
+        self._problem = problem
+        self._settings = settings
+        self._seed = seed
+        self._store = store
+        self._origin = problem.engine.commit()
+        self._next_id = store.next_id()
+        self._started = time.monotonic()
+        self._members: list[_Member] = []
+        last = store.last_generation()
+        if last is None:
+            self.current = self._initialise()
+        else:
+            self.current = last
+            self._members = [self._restore(member) for member in last.members]
+        self._best = [max((row[1] for row in store.history()), default=0.0), self.current.number]
+
+    def run(self, report: Callable[[Generation], None] = lambda generation: None) -> Generation:
+        """Go on until a termination criterion holds; `report` is called after every stored generation."""
+        for generation in self:
+            report(generation)
+        self._store.write_models(self.models())
+        return self.current
+
+    def __iter__(self) -> Iterator[Generation]:
+        while not self._finished():
+            self.current = self._step(self.current.number + 1)
+            yield self.current
+
+    def models(self) -> dict[int, str]:
+        """JSON text of the model of every current member, by id of the individual."""
+        texts = {}
+        for member in self._members:
+            self._problem.engine.checkout(member.version, discard=True)
+            texts[member.individual.id] = dump_json(model_to_json(self._problem.engine.model))
+        return texts
+
+    # --- the steps of the algorithm
+
+    def _initialise(self) -> Generation:
+        """Step 4.1: clones of the initial model, each varied by a small random number of applications."""
+        problem, settings = self._problem, self._settings
+        first = self._accept(0, -1, None, ())
+        members = [first] if settings.keep_initial else []
+        born, rejected = [first.individual], 0
+        for child in range(settings.population - len(members)):
+            rng = self._generator(0, child)
+            trace, failed = self._attempts(
+                first, rng, lambda rng: self._several(rng, settings.initial_applications)
+            )
+            rejected += failed
+            if trace is not None:
+                members.append(self._accept(0, child, first, trace))
+                born.append(members[-1].individual)
+        if not members:
+            members = [first]
+        self._members = members
+        return self._write(0, born, rejected, problem.diversity.score([member.value for member in members]))
+
+    def _step(self, number: int) -> Generation:
+        """Steps 4.2 to 4.4: one generation."""
+        settings = self._settings
+        parents = settings.parents.select(
+            self._fitness(), settings.population, self._generator(number, _SELECTION + 1)
+        )
+        pool, born, rejected = list(self._members), [], 0
+        known = {member.individual.state_hash for member in pool}
+        for child, parent in enumerate(parents):
+            rng = self._generator(number, child)
+            if rng.random() >= settings.rate:
+                continue  # a copy of the parent, which is in the pool already
+            origin = self._members[parent]
+            trace, failed = self._attempts(origin, rng, self._once)
+            rejected += failed
+            if trace is None:
+                continue
+            member = self._accept(number, child, origin, trace)
+            born.append(member.individual)
+            if member.individual.state_hash not in known:
+                known.add(member.individual.state_hash)
+                pool.append(member)
+        self._members = self._survivors(pool, self._generator(number, _SELECTION))
+        score = self._problem.diversity.score([member.value for member in self._members])
+        return self._write(number, born, rejected, score)
+
+    def _survivors(self, pool: list[_Member], rng: Generator) -> list[_Member]:
+        """Step 4.4: the members of the pool that together are the most diverse family."""
+        size = min(self._settings.population, len(pool))
+        pinned = [0] if self._settings.keep_initial else []
+        chosen = self._settings.survivors.select(
+            [member.value for member in pool], size, pinned, list(range(size)), self._problem.diversity, rng
+        )
+        return [pool[index] for index in chosen]
+
+    def _finished(self) -> bool:
+        """Step 4.5."""
+        settings, current = self._settings, self.current
+        if current.diversity > self._best[0] + 1e-12:
+            self._best = [current.diversity, current.number]
+        return (
+            (settings.generations is not None and current.number >= settings.generations)
+            or (settings.target is not None and current.diversity >= settings.target - 1e-12)
+            or (settings.seconds is not None and time.monotonic() - self._started >= settings.seconds)
+            or (settings.stagnation is not None and current.number - self._best[1] >= settings.stagnation)
+        )
+
+    # --- parts of them
+
+    def _attempts(
+        self, parent: _Member, rng: Generator, vary: Callable[[Generator], Trace | None]
+    ) -> tuple[Trace | None, int]:
+        """Vary the parent until the result is valid; the engine then stands at it. Also the number of failures."""
+        engine = self._problem.engine
+        engine.checkout(parent.version, discard=True)
+        for failed in range(self._settings.max_attempts):
+            savepoint = engine.model.savepoint()
+            trace = vary(rng)
+            if trace is not None and self._problem.valid():
+                engine.model.release(savepoint)
+                return trace, failed
+            engine.model.rollback(savepoint)
+        return None, self._settings.max_attempts
+
+    def _once(self, rng: Generator) -> Trace | None:
+        """One mutation; None, and the model as before, when nothing matches or the rule cannot be applied."""
+        engine = self._problem.engine
+        engine.rng = rng  # for the choices inside units
+        chosen = engine.choose(self._problem.mutations, rng)
+        if chosen is None:
+            return None
+        try:
+            return engine.fire(*chosen) or None
+        except RuleError:
+            return None
+
+    def _several(self, rng: Generator, bounds: Sequence[int]) -> Trace | None:
+        """A random number of mutations in a row; None when not even one was possible."""
+        steps: list[tuple[str, tuple[int | float | bool | str, ...]]] = []
+        for _ in range(int(rng.integers(bounds[0], bounds[1] + 1))):
+            steps.extend(self._once(rng) or ())
+        return tuple(steps) or None
+
+    def _accept(self, generation: int, child: int, parent: _Member | None, trace: Trace) -> _Member:
+        """Make a member of the state at which the engine stands."""
+        problem = self._problem
+        measures = problem.measure()
+        individual = Individual(
+            id=self._next_id,
+            generation=generation,
+            child=child,
+            parent=None if parent is None else parent.individual.id,
+            trace=trace,
+            measures=measures,
+            state_hash=f"{problem.engine.model.state_hash():016x}",
+        )
+        self._next_id += 1
+        version = self._origin if parent is None else problem.engine.commit()
+        return _Member(individual, version, measures[problem.diversity_of])
+
+    def _restore(self, id_: int) -> _Member:
+        """A stored individual, by replaying its rule traces from the initial model."""
+        engine = self._problem.engine
+        engine.checkout(self._origin, discard=True)
+        *_, individual = line = self._store.lineage(id_)
+        for ancestor in line:
+            engine.replay(ancestor.trace)
+        if f"{engine.model.state_hash():016x}" != individual.state_hash:
+            raise InvalidArgument(f"individual {id_} of {self._store.path} does not follow from its trace")
+        version = engine.commit() if individual.parent is not None else self._origin
+        return _Member(individual, version, individual.measures[self._problem.diversity_of])
+
+    def _fitness(self) -> list[float]:
+        """For parent selection: what the family would lose without the member."""
+        values = [member.value for member in self._members]
+        score = self._problem.diversity.score(values)
+        return [
+            score - self._problem.diversity.score([*values[:place], *values[place + 1 :]])
+            for place in range(len(values))
+        ]
+
+    def _generator(self, generation: int, child: int) -> Generator:
+        return default_rng(SeedSequence(self._seed, spawn_key=(generation, child)))
+
+    def _write(self, number: int, born: Sequence[Individual], rejected: int, score: float) -> Generation:
+        members = tuple(member.individual.id for member in self._members)
+        generation = Generation(number, members, score, len(born), rejected)
+        self._store.write_generation(generation, born)
+        return generation

@@ -1,0 +1,267 @@
+"""Families: the environments that a run made or a file holds, and everything needed to rebuild them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from envgraph.env import Behaviour, Explored, KeyIndex, Scene, explore, scene_of
+from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, LoadError, Source, did_you_mean
+from envgraph.graph import Model, model_from_json, model_to_json
+from envgraph.lang import Bundle, parse_json
+from envgraph.search._domain import Domain
+from envgraph.search._store import RunStore, dump_json
+
+FORMAT = "envgraph-family-1"
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One environment of a family.
+
+    Attributes:
+        name: "E1" for the first in the order of the curriculum, and so on.
+        measures: value of every measure, by name.
+        model: its model, as JSON text.
+        individual: id in the run store, or None.
+        initial: whether it is the initial model.
+    """
+
+    name: str
+    measures: Mapping[str, float]
+    model: str
+    individual: int | None = None
+    initial: bool = False
+
+
+@dataclass(frozen=True)
+class Family:
+    """Environments in the order of the curriculum, with the texts of their domain.
+
+    Attributes:
+        name: of the family.
+        bundle: the texts of the domain; the first root is the family file.
+        members: from the easiest to the hardest, by the measure that orders the curriculum.
+    """
+
+    name: str
+    bundle: Bundle
+    members: tuple[Member, ...]
+    _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def domain(self) -> Domain:
+        """The domain, read from the bundle."""
+        return Domain.from_bundle(self.bundle)
+
+    @cached_property
+    def keys(self) -> KeyIndex:
+        """Indices of objects that mean the same in every member."""
+        return self.domain.keys(*(self.model(member) for member in self.members))
+
+    @property
+    def behaviour(self) -> Behaviour:
+        """What the agent can do.
+
+        Raises:
+            InvalidArgument: the family has no environment.
+        """
+        behaviour = self.domain.behaviour
+        if behaviour is None:
+            raise InvalidArgument(f"family `{self.name}` has no environment: its family file names none")
+        return behaviour
+
+    @property
+    def limit(self) -> int | None:
+        """Steps after which an episode is truncated, or None."""
+        return self.domain.spec.limit or self.behaviour.limit
+
+    def member(self, variant: int | str | None = None) -> Member:
+        """A member by its name, or by its number from 1; the last one, the target, for None.
+
+        Raises:
+            InvalidArgument: there is no such member.
+        """
+        if variant is None:
+            return self.members[-1]
+        names = [member.name for member in self.members]
+        text = str(variant)
+        if text in names:
+            return self.members[names.index(text)]
+        if text.isdecimal() and 1 <= int(text) <= len(names):
+            return self.members[int(text) - 1]
+        hint = did_you_mean(text, names) or f"there are {', '.join(names)}"
+        raise InvalidArgument(f"family `{self.name}` has no environment `{variant}`; {hint}")
+
+    def model(self, member: Member) -> Model:
+        """A fresh copy of a member's model."""
+        return model_from_json(member.model, self.domain.metamodel, file=f"{self.name}/{member.name}")
+
+    def explored(self, member: Member, *, pictures: bool = False) -> Explored:
+        """The table of a member's reachable states; kept, because it is asked for more than once."""
+        key = (member.name, pictures)
+        if key not in self._explored:
+            engine = self.domain.engine(self.model(member))
+            self._explored[key] = explore(engine, self.behaviour, self.keys, pictures=pictures)
+        return self._explored[key]
+
+    def scene(self, member: Member) -> Scene | None:
+        """The picture of a member, or None where the behaviour says nothing about drawing."""
+        behaviour = self.domain.behaviour
+        if behaviour is None or behaviour.draw is None:
+            return None
+        return scene_of(self.model(member), behaviour.draw, behaviour.parameters)
+
+    def class_counts(self) -> dict[str, tuple[int, ...]]:
+        """Number of objects of each class in every member, for the classes in which the members differ."""
+        models = [self.model(member) for member in self.members]
+        classes = [cls.name for cls in self.domain.metamodel.class_list if not cls.abstract]
+        counts = {cls: tuple(len(model.exact_extent(cls)) for model in models) for cls in classes}
+        return {cls: numbers for cls, numbers in counts.items() if len(set(numbers)) > 1}
+
+    def diversity(self) -> float:
+        """The family measure over the members."""
+        problem = self.domain.problem(self.domain.engine())
+        return problem.diversity.score([member.measures[problem.diversity_of] for member in self.members])
+
+
+def ordered(
+    domain: Domain, found: Sequence[tuple[Mapping[str, float], str, int | None, bool]]
+) -> tuple[Member, ...]:
+    """Members from measures, model, individual and initial flag, in the order of the curriculum.
+
+    Equal values keep the given order, but the initial model comes last among its equals: it is the target.
+    """
+    order = domain.spec.curriculum.order
+    measure = str(order) if order else str(domain.spec.diversity.options["of"])
+    ranked = sorted(found, key=lambda one: (one[0][measure], one[3]))
+    return tuple(Member(f"E{place}", *one) for place, one in enumerate(ranked, start=1))
+
+
+def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
+    """Where a run store is: `location` may be the file, its directory, or the name of a run below `directory`.
+
+    Raises:
+        InvalidArgument: there is no such run.
+    """
+    path = Path(location)
+    for candidate in (path, path / "run.sqlite", directory / path / "run.sqlite"):
+        if candidate.is_file():
+            return candidate
+    known = sorted(file.parent.name for file in directory.glob("*/run.sqlite"))
+    there_are = f"there are {', '.join(known)}" if known else "`envgraph generate` makes one"
+    hint = did_you_mean(str(location), known) or there_are
+    raise InvalidArgument(f"there is no run `{location}` in {directory}; {hint}")
+
+
+def open_family(location: str | Path, directory: Path = Path("runs")) -> Family:
+    """The family of a run store or of a family file.
+
+    Raises:
+        InvalidArgument: there is no such run or file, or the run has no family yet.
+        LoadError: the file is no family file.
+    """
+    path = Path(location)
+    if path.suffix == ".json":
+        return read_family(path)
+    with RunStore.open(run_file(location, directory)) as store:
+        return family_of(store)
+
+
+def family_of(store: RunStore) -> Family:
+    """The family of the last generation of a run.
+
+    Raises:
+        InvalidArgument: the run has no generation yet.
+    """
+    last = store.last_generation()
+    if last is None:
+        raise InvalidArgument(f"{store.path} has no generation yet: `envgraph generate --resume` goes on")
+    settings = store.settings()
+    bundle = Bundle(tuple(settings["roots"]), store.sources())
+    domain = Domain.from_bundle(bundle)
+    found = []
+    for id_ in last.members:
+        individual = store.individual(id_)
+        model = individual.model or _replayed(domain, store, id_)
+        found.append(
+            (individual.measures, model, id_, individual.parent is None and not settings.get("imported"))
+        )
+    return Family(settings["name"], bundle, ordered(domain, found))
+
+
+def _replayed(domain: Domain, store: RunStore, id_: int) -> str:
+    engine = domain.engine()
+    for ancestor in store.lineage(id_):
+        engine.replay(ancestor.trace)
+    return dump_json(model_to_json(engine.model))
+
+
+def write_family(family: Family) -> str:
+    """The text of a family file: texts of the domain and models of the members, one JSON document."""
+    document = {
+        "format": FORMAT,
+        "name": family.name,
+        "roots": list(family.bundle.roots),
+        "texts": dict(family.bundle.texts),
+        "keys": family.keys.to_json(),
+        "members": [
+            {
+                "name": member.name,
+                "initial": member.initial,
+                "measures": dict(member.measures),
+                "model": json.loads(member.model),
+            }
+            for member in family.members
+        ],
+    }
+    return json.dumps(document, ensure_ascii=False, indent=1) + "\n"
+
+
+def read_family(path: Path) -> Family:
+    """Read what `write_family` wrote.
+
+    Raises:
+        LoadError: the file is missing, or no family file.
+    """
+    try:
+        source = Source(str(path), path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
+        raise LoadError([Diagnostic("unreadable-file", f"{path} cannot be read: {reason}")]) from error
+    value, spans = parse_json(source)
+    try:
+        return _family(value)
+    except (KeyError, TypeError, AttributeError) as error:
+        hint = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"
+        raise LoadError([Diagnostic("bad-format", "this is no family file", spans[()], hint)]) from error
+    except EnvgraphError as error:
+        if isinstance(error, LoadError):
+            raise
+        raise LoadError([Diagnostic("bad-format", str(error), spans[()])]) from error
+
+
+def _family(value: Any) -> Family:
+    if value["format"] != FORMAT:
+        raise InvalidArgument(f"format {value['format']!r} is not {FORMAT!r}")
+    bundle = Bundle(tuple(value["roots"]), {str(name): str(text) for name, text in value["texts"].items()})
+    members = tuple(
+        Member(
+            str(entry["name"]),
+            {str(name): float(measure) for name, measure in entry["measures"].items()},
+            dump_json(entry["model"]),
+            initial=bool(entry["initial"]),
+        )
+        for entry in value["members"]
+    )
+    if not members:
+        raise InvalidArgument("the family is empty")
+    family = Family(str(value["name"]), bundle, members)
+    stored = KeyIndex.from_json(value["keys"], family.domain.metamodel)
+    if stored != family.keys:
+        raise InvalidArgument("the keys are not those of the members")
+    return family

@@ -1,0 +1,198 @@
+"""A whole run: from the files of a family to a run store, and back from an interruption."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from envgraph.env import DrawGrid
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
+from envgraph.graph import model_to_json
+from envgraph.lang import Bundle
+from envgraph.search._components import Components
+from envgraph.search._domain import Domain
+from envgraph.search._evolution import Evolution
+from envgraph.search._family import Family, family_of
+from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
+from envgraph.search._rewards import reward_schedule
+from envgraph.search._store import Generation, Individual, RunStore, dump_json
+
+Progress = Callable[[Generation], None]
+
+_SAME = 1e-9
+"""A published measure and ours may differ by this much before it is worth a word."""
+
+
+def generate(
+    location: str,
+    store_path: Path,
+    *,
+    name: str | None = None,
+    seed: int | None = None,
+    generations: int | None = None,
+    population: int | None = None,
+    components: Components | None = None,
+    progress: Progress = lambda generation: None,
+) -> Family:
+    """Evolve a family.
+
+    Args:
+        location: a family file, a directory that holds one, or the name of a bundled domain.
+        store_path: where the run store is made.
+        name: of the run; by default that of the family.
+        seed, generations, population: instead of those in the family file.
+        components: what the names in the family file mean; by default the ones that come with envgraph.
+        progress: called after every generation.
+
+    Raises:
+        LoadError: all that is wrong with the files, or the initial model violates a constraint.
+        InvalidArgument: the store exists already.
+    """
+    domain = Domain.load(location, components)
+    overrides = {"seed": seed, "generations": generations, "population": population}
+    settings = {
+        "name": name or domain.spec.name,
+        "roots": list(domain.workspace.bundle().roots),
+        "overrides": {key: value for key, value in overrides.items() if value is not None},
+    }
+    domain.check_initial()
+    with RunStore.create(store_path, settings, domain.workspace.bundle().texts) as store:
+        return _evolve(domain, store, progress)
+
+
+def resume(
+    store_path: Path, *, components: Components | None = None, progress: Progress = lambda generation: None
+) -> Family:
+    """Go on with an interrupted run, from the texts that it keeps; the result is that of an uninterrupted one.
+
+    Raises:
+        InvalidArgument: there is no such run, or it is an imported family.
+    """
+    with RunStore.open(store_path) as store:
+        settings = store.settings()
+        if settings.get("imported"):
+            raise InvalidArgument(f"{store_path} holds an imported family: there is nothing to go on with")
+        domain = Domain.from_bundle(_bundle(store), components)
+        return _evolve(domain, store, progress)
+
+
+def _bundle(store: RunStore) -> Bundle:
+    return Bundle(tuple(store.settings()["roots"]), store.sources())
+
+
+def _evolve(domain: Domain, store: RunStore, progress: Progress) -> Family:
+    domain = with_overrides(domain, store.settings()["overrides"])
+    problem = domain.problem(domain.engine())
+    Evolution(problem, domain.settings(), domain.spec.seed, store).run(progress)
+    return family_of(store)
+
+
+def with_overrides(domain: Domain, overrides: dict[str, int]) -> Domain:
+    """The domain with seed, generations and population replaced where they are given."""
+    spec = domain.spec
+    search = replace(
+        spec.search,
+        generations=overrides.get("generations", spec.search.generations),
+        population=overrides.get("population", spec.search.population),
+    )
+    return replace(domain, spec=replace(spec, seed=overrides.get("seed", spec.seed), search=search))
+
+
+def import_ga4cl(
+    source: Source, location: str, store_path: Path, *, name: str, components: Components | None = None
+) -> tuple[Family, tuple[Diagnostic, ...]]:
+    """Read a family of the ga4cl format into a run store.
+
+    Each map becomes the initial model of the domain with its cells retyped. No constraint is checked. The measures are
+    computed; a published complexity that differs from the measure that orders the curriculum by more than 1e-9, and
+    rewards that differ from the behaviour's, are warnings.
+
+    Args:
+        source: the text of the file.
+        location: the domain: a family file, its directory, or a bundled domain.
+        store_path: where the run store is made.
+        name: of the run.
+        components: what the names in the family file mean.
+
+    Raises:
+        LoadError: all that is wrong with the file, or with the domain's.
+        InvalidArgument: the store exists already, or the domain has no grid.
+    """
+    domain = Domain.load(location, components)
+    draw = domain.behaviour.draw if domain.behaviour else None
+    if not isinstance(draw, DrawGrid):
+        raise InvalidArgument(f"domain `{domain.spec.name}` draws no grid: there are no letters to read")
+    variants = read_ga4cl(source)
+    individuals = tuple(_imported(domain, draw, variants))
+    bundle = domain.workspace.bundle()
+    settings = {"name": name, "roots": list(bundle.roots), "overrides": {}, "imported": source.name}
+    problem = domain.problem(domain.engine())
+    score = problem.diversity.score([one.measures[problem.diversity_of] for one in individuals])
+    with RunStore.create(store_path, settings, bundle.texts) as store:
+        ids = tuple(one.id for one in individuals)
+        store.write_generation(Generation(0, ids, score, len(ids), 0), individuals)
+        family = family_of(store)
+    return family, tuple(_differences(family, variants, individuals))
+
+
+def _imported(domain: Domain, draw: DrawGrid, variants: Sequence[GridVariant]) -> Iterator[Individual]:
+    problems: list[Diagnostic] = []
+    for place, variant in enumerate(variants):
+        engine = domain.engine()
+        try:
+            retype_grid(engine.model, draw, variant)
+        except LoadError as error:
+            problems.extend(error.diagnostics)
+            continue
+        yield Individual(
+            id=place,
+            generation=0,
+            child=place,
+            parent=None,
+            trace=(),
+            measures=domain.problem(engine).measure(),
+            state_hash=f"{engine.model.state_hash():016x}",
+            model=dump_json(model_to_json(engine.model)),
+        )
+    if problems:
+        raise LoadError(problems)
+
+
+def _differences(
+    family: Family, variants: Sequence[GridVariant], individuals: Sequence[Individual]
+) -> Iterator[Diagnostic]:
+    order = family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"]
+    schedule = reward_schedule(family) if any(variant.rewards for variant in variants) else ()
+    for variant, individual in zip(variants, individuals, strict=True):
+        span = variant.row_spans[0] if variant.row_spans else None
+        measured = individual.measures[str(order)]
+        if variant.complexity is not None and abs(variant.complexity - measured) > _SAME:
+            message = f"`{variant.name}`: `{order}` is {measured!r}, the file says {variant.complexity!r}"
+            yield Diagnostic("different-measure", message, span, severity=Severity.WARNING)
+        if variant.rewards and variant.rewards != schedule:
+            said = list(variant.rewards)
+            message = f"`{variant.name}`: the behaviour's rewards are {list(schedule)}, the file says {said}"
+            hint = "the rewards of the behaviour are used"
+            yield Diagnostic("different-rewards", message, span, hint, Severity.WARNING)
+
+
+def export_ga4cl(family: Family) -> str:
+    """The family as the text of a ga4cl file: members in the order of the curriculum, as env_1, env_2, ...
+
+    Raises:
+        InvalidArgument: the behaviour draws no grid.
+    """
+    draw = family.behaviour.draw
+    if not isinstance(draw, DrawGrid):
+        raise InvalidArgument(f"family `{family.name}` draws no grid: it cannot be written as letters")
+    order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
+    schedule = reward_schedule(family)
+    return write_ga4cl(
+        [
+            GridVariant(
+                f"env_{place}", grid_rows(family.model(member), draw), schedule, member.measures[order]
+            )
+            for place, member in enumerate(family.members, start=1)
+        ]
+    )

@@ -1,0 +1,127 @@
+"""Measures of one environment that are not about directed paths on a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from envgraph.env import Behaviour, KeyIndex, Tabular, enumerate_states, indexed_classes
+from envgraph.metamodel import Metamodel
+from envgraph.rewrite import Engine
+
+
+@dataclass(frozen=True, slots=True)
+class MatchCount:
+    """The number of matches of a pattern."""
+
+    pattern: str
+
+    def evaluate(self, engine: Engine) -> float:
+        """The count in the model at which the engine stands."""
+        return float(engine.count(self.pattern))
+
+
+@dataclass(frozen=True, slots=True)
+class ShortestPath:
+    """Number of links on the longest of all shortest paths from a start object to a goal object that it reaches.
+
+    Over all pairs of objects this is the diameter of the graph (Wasserman and Faust 1994, section 4.3.4); with one
+    start and one goal it is their distance. 0.0 where no start reaches a goal other than itself.
+
+    Attributes:
+        along: names of references, or of binary patterns.
+        start, goal: classes, or None for every object.
+        avoid: class of objects that no path enters, or None.
+    """
+
+    metamodel: Metamodel
+    along: tuple[str, ...]
+    start: str | None = None
+    goal: str | None = None
+    avoid: str | None = None
+
+    def evaluate(self, engine: Engine) -> float:
+        """The length in the model at which the engine stands."""
+        model = engine.model
+        every = [
+            node
+            for cls in self.metamodel.class_list
+            if not cls.abstract
+            for node in model.exact_extent(cls.name)
+        ]
+        blocked = set(model.extent(self.avoid)) if self.avoid else set()
+        links: dict[int, list[int]] = {}
+        for source, target in self._steps(engine):
+            if target not in blocked and source not in blocked:
+                links.setdefault(source, []).append(target)
+        goals = set(model.extent(self.goal) if self.goal else every)
+        starts = model.extent(self.start) if self.start else every
+        return float(max((_farthest(links, node, goals) for node in starts if node in links), default=0))
+
+    def _steps(self, engine: Engine) -> Iterable[tuple[int, int]]:
+        for name in self.along:
+            references = [one for one in self.metamodel.references if name in {one.name, str(one)}]
+            for reference in references:
+                for source in engine.model.extent(reference.owner):
+                    for target in engine.model.targets(source, reference):
+                        yield source, target
+            if not references:
+                for match in engine.matches(name):
+                    first, second = match.values
+                    if isinstance(first, int) and isinstance(second, int):
+                        yield first, second
+
+
+def _farthest(links: dict[int, list[int]], start: int, goals: set[int]) -> int:
+    """Distance of the goal that breadth-first search from a start meets last; 0 when it meets none."""
+    distance = {start: 0}
+    queue = [start]
+    farthest = 0
+    for node in queue:
+        if node in goals:
+            farthest = distance[node]
+        for target in links.get(node, ()):
+            if target not in distance:
+                distance[target] = distance[node] + 1
+                queue.append(target)
+    return farthest
+
+
+@dataclass(frozen=True, slots=True)
+class ShortestPlan:
+    """Fewest steps after which an episode can end in success, over the enumerated states of the environment.
+
+    A stochastic outcome counts as possible. Infinite where success is out of reach.
+    """
+
+    behaviour: Behaviour
+
+    def evaluate(self, engine: Engine) -> float:
+        """The number of steps from a start state of the model at which the engine stands."""
+        return float(steps_to(tabular_of(engine, self.behaviour), 1))
+
+
+def tabular_of(engine: Engine, behaviour: Behaviour) -> Tabular:
+    """The table of one environment, its objects numbered among themselves alone."""
+    return enumerate_states(
+        engine, behaviour, KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
+    )
+
+
+def steps_to(tabular: Tabular, outcome: int) -> float:
+    """Fewest steps to a termination of a kind (1 success, 2 failure); infinity when there is no way."""
+    reached = np.zeros(tabular.n_states, dtype=bool)
+    frontier = np.unique(tabular.start_states)
+    steps = 0
+    while frontier.size:
+        reached[frontier] = True
+        steps += 1
+        possible = tabular.probability[frontier] > 0
+        if np.any(possible & (tabular.terminated[frontier] == outcome)):
+            return float(steps)
+        onward = possible & (tabular.terminated[frontier] == 0)
+        targets = np.unique(tabular.next_state[frontier][onward])
+        frontier = targets[~reached[targets]]
+    return float("inf")

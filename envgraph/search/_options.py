@@ -1,0 +1,98 @@
+"""Reading the options of a component: typed, all mistakes together, each at its place in the family file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+from envgraph.errors import Diagnostic, did_you_mean
+from envgraph.lang import ComponentSpec
+
+T = TypeVar("T")
+
+
+class Options:
+    """The options of one component. Ask for each option that it may have, then call `finish`.
+
+    A wrong option gives a diagnostic and its default, so that one look finds all mistakes.
+    """
+
+    def __init__(self, spec: ComponentSpec) -> None:
+        self.spec = spec
+        self.problems: list[Diagnostic] = []
+        self._asked: set[str] = set()
+
+    def number(self, name: str, default: float, low: float, high: float) -> float:
+        """A number within bounds, both included."""
+        value = self._value(name, default)
+        if type(value) not in (int, float) or not low <= value <= high:  # type: ignore[operator]
+            return self._wrong(name, f"a number from {low:g} to {high:g}", default)
+        return float(value)  # type: ignore[arg-type]
+
+    def integer(self, name: str, default: int, low: int) -> int:
+        """A whole number, at least `low`."""
+        value = self._value(name, default)
+        return (
+            value
+            if type(value) is int and value >= low
+            else self._wrong(name, f"a whole number from {low}", default)
+        )
+
+    def word(self, name: str, default: str, known: Sequence[str]) -> str:
+        """One of several words."""
+        value = self._value(name, default)
+        return (
+            value
+            if isinstance(value, str) and value in known
+            else self._wrong(name, " or ".join(known), default)
+        )
+
+    def name(self, name: str) -> str:
+        """A name that must be given."""
+        value = self._value(name, None)
+        return value if isinstance(value, str) else self._wrong(name, "a name", "")
+
+    def names(self, name: str) -> tuple[str, ...]:
+        """A name or a list of names, at least one."""
+        value = self._value(name, None)
+        found = [value] if isinstance(value, str) else value
+        if isinstance(found, list) and found and all(isinstance(one, str) for one in found):
+            return tuple(found)
+        return self._wrong(name, "a name or a list of names", ())
+
+    def range(self, name: str, default: tuple[float, float]) -> tuple[float, float]:
+        """Two numbers, the lower first."""
+        value = self._value(name, list(default))
+        fits = isinstance(value, list) and len(value) == 2 and all(type(one) in (int, float) for one in value)
+        if fits and value[0] < value[1]:  # type: ignore[index]
+            return float(value[0]), float(value[1])  # type: ignore[index]
+        return self._wrong(name, "two numbers, the lower first", default)
+
+    def given(self, name: str) -> bool:
+        """Whether the option is there."""
+        self._asked.add(name)
+        return name in self.spec.options
+
+    def finish(self) -> None:
+        """Note every option that was not asked for."""
+        for name in self.spec.options:
+            if name not in self._asked:
+                known = sorted(self._asked)
+                hint = (
+                    did_you_mean(name, known) or f"`{self.spec.kind}` has {', '.join(known) or 'no options'}"
+                )
+                self._note("unknown-key", f"unknown key `{name}` for `{self.spec.kind}`", name, hint)
+
+    def _value(self, name: str, default: object) -> object:
+        self._asked.add(name)
+        return self.spec.options.get(name, default)
+
+    def _wrong(self, name: str, what: str, default: T) -> T:
+        message = f"`{name}` of `{self.spec.kind}` is {what}"
+        code = "wrong-type" if name in self.spec.options else "missing-key"
+        if not any(problem.message == message for problem in self.problems):
+            self._note(code, message, name)
+        return default
+
+    def _note(self, code: str, message: str, name: str, hint: str | None = None) -> None:
+        self.problems.append(Diagnostic(code, message, self.spec.span(name), hint))
