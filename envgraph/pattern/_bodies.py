@@ -165,15 +165,13 @@ def base_of(navigation: Navigation) -> tuple[Expression, tuple[str, ...]]:
 
 
 def navigations(expression: Expression) -> list[Navigation]:
-    """The longest chains that must have a value; those of a `none` test are left out. Each once."""
-    if none_test(expression):
-        return []
-    if isinstance(expression, Navigation):
-        return [expression]
-    found: dict[Navigation, None] = {}
-    for child in children(expression):
-        found.update(dict.fromkeys(navigations(child)))
-    return list(found)
+    """The longest chains that must have a value, each once; not the one that a `none` test asks about."""
+    chain = none_test(expression) or expression
+    if isinstance(chain, Navigation):
+        base = base_of(chain)[0]
+        found = dict.fromkeys([chain] if chain is expression else [])
+        return list(found | dict.fromkeys(navigations(base)))
+    return list(dict.fromkeys(path for child in children(expression) for path in navigations(child)))
 
 
 def variables_read(expression: Expression) -> Iterator[Occurrence]:

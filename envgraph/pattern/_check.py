@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from envgraph.errors import Diagnostic, Severity, has_errors, sort_diagnostics
+from envgraph.errors import Diagnostic, Severity, did_you_mean, has_errors, sort_diagnostics
 from envgraph.pattern._analysis import Analysis, calls_of
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (
+    Use,
     expressions,
     grouped_relations,
     positive_relations,
@@ -22,7 +23,7 @@ from envgraph.pattern._partitions import check_connected
 from envgraph.pattern._queries import Body, Check, Comparison, Parameter, Pattern, Relation
 from envgraph.pattern._recursion import check_recursion
 from envgraph.pattern._relations import Place, RelationCheck
-from envgraph.pattern._terms import Constant, EnumLiteral, Variable
+from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Variable
 from envgraph.pattern._typecheck import TypeCheck, shared_classes
 from envgraph.pattern._types import is_subtype, joins, static_type, type_text
 from envgraph.pattern._usage import UsageCheck
@@ -225,6 +226,7 @@ class _BodyCheck:
             for name, type_ in self.types.types.items()
         }
         for expression, owner in expressions(self._body):
+            found.extend(self._untyped_paths(expression, scope))
             type_, problems = check_expression(
                 expression, scope, self._analysis.metamodel, bare_objects=False
             )
@@ -239,6 +241,21 @@ class _BodyCheck:
                 for occurrence in variables_read(expression):
                     if occurrence.variable.name in self.types.reading.occurrences:
                         self._tainted.update(self.types.reading.group(occurrence.variable.name))
+
+    def _untyped_paths(
+        self, expression: Expression, scope: Mapping[str, StaticType | None]
+    ) -> Iterator[Diagnostic]:
+        """Paths that start at a variable of which nothing says what it is."""
+        for occurrence in variables_read(expression):
+            variable, group = occurrence.variable, self.types.reading.group(occurrence.variable.name)
+            if occurrence.use is Use.READ or variable.anonymous or self._tainted.intersection(group):
+                continue
+            if scope[variable.name] is None:
+                self._tainted.update(group)
+                hint = did_you_mean(variable.name, [name for name in scope if name not in group])
+                message = f"nothing says of what class `{variable.name}` is"
+                hint = hint or f"write `Class({variable.name})`"
+                yield Diagnostic("untyped-source", message, variable.span or expression.span, hint)
 
     def _taint_results(self, owner: object) -> None:
         """What an eval without a type is compared with has no type from it, either."""

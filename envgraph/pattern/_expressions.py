@@ -319,14 +319,16 @@ class ExpressionChecker:
     def _conditional(self, node: Conditional, expected: StaticType | None) -> StaticType | None:
         self._operand(node.test, "?:", "bool")
         first, second = node.then, node.otherwise
+        if _is_none(first) or _is_none(second):
+            return self._optional(node, second if _is_none(first) else first, expected)
+        if _is_bare_literal(first) and _is_bare_literal(second) and expected is None:
+            return self.type_of(first)
         if _is_bare_literal(first) and expected is None:
             otherwise = self.type_of(second)
             then = self.type_of(first, otherwise)
         else:
             then = self.type_of(first, expected)
             otherwise = self.type_of(second, expected or then)
-        if _is_none(first) or _is_none(second):
-            return otherwise if _is_none(first) else then
         if then is None or otherwise is None:
             return None
         if then == otherwise:
@@ -340,6 +342,17 @@ class ExpressionChecker:
         message = f"the branches of `?:` are `{type_text(then)}` and `{type_text(otherwise)}`"
         self._report("operand-type", message, node, hint)
         return None
+
+    def _optional(
+        self, node: Conditional, branch: Expression, expected: StaticType | None
+    ) -> StaticType | None:
+        """`test ? x : none`, which a rule may store and a query cannot use."""
+        if not self.bare_objects:
+            self._report(
+                "operand-type", "`none` is no value in a query", node, "put the test into a check of its own"
+            )
+            return None
+        return self.type_of(branch, expected)
 
     def _common_class(self, node: Conditional, then: ObjectType, otherwise: ObjectType) -> StaticType | None:
         above = [

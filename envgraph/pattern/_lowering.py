@@ -8,6 +8,7 @@ from dataclasses import replace
 from envgraph.metamodel import Attribute, Feature, Metamodel, Scalar
 from envgraph.pattern._bodies import base_of, children, none_test, terms_of
 from envgraph.pattern._evaluate import holds, value_of
+from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import (
     AggregateAtom,
@@ -365,8 +366,7 @@ class BodyLowering:
     def _follow(self, navigation: Navigation) -> int:
         """The variable at the end of a path, with an atom for each step that has none yet."""
         base, features = base_of(navigation)
-        assert isinstance(base, Variable)
-        current = self.slots.named(base.name, self._types.of(base.name))
+        current = self._base(base)
         for name in features:
             feature = self._feature(current, name)
             key = (self.slots.root(current), feature)
@@ -376,6 +376,15 @@ class BodyLowering:
                 self._bucket.append(_feature_atom(feature, current, self._targets[key]))
             current = self._targets[key]
         return current
+
+    def _base(self, expression: Expression) -> int:
+        """The variable that a path starts at; `(test ? x.f : x.g).h` starts at a computed one."""
+        if isinstance(expression, Variable):
+            return self.slots.named(expression.name, self._types.of(expression.name))
+        type_ = ExpressionChecker(self._types.types, self._metamodel, False).type_of(expression)
+        result = self.slots.fresh(type_)
+        self._evaluation(expression, result)
+        return result
 
     def _feature(self, slot: int, name: str) -> Feature:
         owner = self.slots.type(slot)
@@ -387,8 +396,7 @@ class BodyLowering:
     def _tested_path(self, navigation: Navigation) -> tuple[RelationAtom, int]:
         """The relation from the start of a path to its end, and the free variable at the end."""
         base, features = base_of(navigation)
-        assert isinstance(base, Variable)
-        source = self.slots.named(base.name, self._types.of(base.name))
+        source = self._base(base)
         owner = self.slots.type(source)
         assert isinstance(owner, ObjectType)
         path = resolve_path(owner.cls, features, self._metamodel)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern._bodies import (
     Reading,
+    expressions,
     grouped_relations,
     names_read,
     positive_relations,
@@ -14,7 +15,7 @@ from envgraph.pattern._bodies import (
     terms_of,
 )
 from envgraph.pattern._queries import Aggregate, Check, Comparison, Evaluation, Pattern, Term
-from envgraph.pattern._terms import Constant, EnumLiteral, Variable
+from envgraph.pattern._terms import Binary, Constant, EnumLiteral, Expression, Navigation, Variable
 
 
 class _Partition:
@@ -69,6 +70,10 @@ class Partitions:
         self._tie(self._given)
         for relation in positive_relations(self._reading.body):
             self._tie(self._names(terms_of(relation)))
+        for expression, owner in expressions(self._reading.body):
+            if isinstance(owner, Check):
+                for left, right in equations(expression):
+                    self._tie([self._reading.root(name) for name in (*names_read(left), *names_read(right))])
         computed: list[tuple[list[str], list[str]]] = []
         for constraint in self._reading.body.constraints:
             everything = list(self._all_names(constraint))
@@ -112,6 +117,17 @@ class Partitions:
                     yield from self._sources(term)
 
 
+def equations(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
+    """The conjuncts of a check that say that two variables or paths have one value: a join like any other."""
+    if isinstance(expression, Binary) and expression.operator == "&&":
+        yield from equations(expression.left)
+        yield from equations(expression.right)
+    elif isinstance(expression, Binary) and expression.operator == "==":
+        sides = (expression.left, expression.right)
+        if all(isinstance(side, Variable | Navigation) for side in sides):
+            yield sides
+
+
 def _constants(reading: Reading) -> Iterator[str]:
     for constraint in reading.body.constraints:
         if isinstance(constraint, Comparison) and constraint.operator == "==":
@@ -139,7 +155,7 @@ def _fixed(term: Term, reading: Reading) -> bool:
 def check_connected(reading: Reading, pattern: Pattern) -> Iterator[Diagnostic]:
     """A warning if the body is a Cartesian product, or one that only filters tie together."""
     partitions = Partitions(reading, pattern)
-    span = reading.body.span or pattern.span
+    span = reading.body.span if len(pattern.bodies) > 1 and reading.body.span else pattern.span
     parts = partitions.parts(partitions.strict)
     if len(parts) > 1:
         message = f"the constraints fall into unconnected parts: {_listed(parts)}"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._queries import Closure
+from envgraph.pattern._types import joins
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +68,10 @@ def resolve_path(cls: str, features: tuple[str, ...], metamodel: Metamodel) -> R
 def closure_target(
     source: StaticType, target: StaticType, closure: Closure, metamodel: Metamodel
 ) -> StaticType | None:
-    """The type of the far end of a closure whose steps go from `source` to `target`; None if nothing is known.
+    """The type of the far end of a closure whose steps go from `source` to `target`.
 
-    `*` also relates an object to itself, so its far end may be of the source type.
+    `*` also relates an object to itself, so its far end may be of the source type, too. None if nothing is both.
     """
     if closure is not Closure.STAR:
         return target
-    if isinstance(source, ObjectType) and isinstance(target, ObjectType):
-        if metamodel.is_a(target.cls, source.cls):
-            return source
-        if metamodel.is_a(source.cls, target.cls):
-            return target
-    return None
+    return next(iter(joins((source, target), metamodel)), None)

@@ -12,7 +12,7 @@ from envgraph.pattern._bodies import Reading, terms_of
 from envgraph.pattern._expressions import subclass_hint
 from envgraph.pattern._inference import BodyTypes, Signature
 from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._paths import BrokenPath, ResolvedPath, resolve_path
+from envgraph.pattern._paths import BrokenPath, ResolvedPath, closure_target, resolve_path
 from envgraph.pattern._queries import (
     Aggregate,
     Closure,
@@ -216,6 +216,9 @@ class RelationCheck:
                 f"a step leads from `{type_text(source)}` to `{type_text(target)}`: no second step can follow"
             )
             yield Diagnostic("closure-ends", message, relation.span)
+        elif closure_target(source, target, relation.closure, self._metamodel) is None:
+            message = f"`*` needs a common supertype of `{type_text(source)}` and `{type_text(target)}`"
+            yield Diagnostic("closure-ends", message, relation.span, "use `+`")
         elif relation.closure is Closure.STAR and not isinstance(source, ObjectType):
             message = f"`*` relates every `{type_text(source)}` to itself, and those cannot be enumerated"
             yield Diagnostic("closure-reflexive", message, relation.span, "use `+`")

@@ -10,6 +10,7 @@ from envgraph.pattern import (
     Constant,
     EnumLiteral,
     FunctionCall,
+    Navigation,
     ObjectType,
     Unary,
     Variable,
@@ -74,6 +75,9 @@ def checked(expression, **options):
         (STRING, call("substring", "s", 1)),
         (STRING, call("substring", "s", 1, 2)),
         (None, NONE),
+        (INT, cond("b", NONE, "n")),
+        (ObjectType("Cell"), cond("b", "cell", NONE)),
+        (INT, Navigation(cond("b", "cell", "door"), "x")),
     ],
 )
 def test_types(type_, expression):
@@ -94,6 +98,7 @@ def test_types(type_, expression):
         ("unknown-enum", op("Color::red", "==", "c")),
         ("unknown-enum", op("::red", "==", "::red")),
         ("unknown-enum", op("n", "==", "::red")),
+        ("unknown-enum", cond("b", "::red", "::blue")),
         ("unknown-literal", op("c", "==", "::rad")),
         ("operand-type", op("c", "==", text("red"))),
         ("operand-type", op("c", "==", "Way::west")),
@@ -285,6 +290,13 @@ def test_a_check_needs_all_its_paths_even_where_or_would_not_look():
 
 def test_a_check_may_ask_whether_a_path_leads_anywhere():
     assert holds(op(op("a.right", "==", NONE), "||", op("a.x", "==", 4)), {"a": 1}, read)
+
+
+def test_every_branch_of_a_computed_start_needs_its_paths():
+    expression = op(Navigation(cond("b", "a", "a.right"), "x"), ">", 0)
+    assert evaluate(expression, {"a": 1, "b": True}, read) is True
+    assert not holds(expression, {"a": 1, "b": True}, read)
+    assert holds(expression, {"a": 0, "b": True}, read)
 
 
 def test_an_eval_without_a_value_has_none():

@@ -15,6 +15,7 @@ from envgraph.pattern import (
     EvaluationAtom,
     InstanceAtom,
     LinkAtom,
+    Navigation,
     NegationAtom,
     ObjectType,
     UnequalAtom,
@@ -402,6 +403,19 @@ def test_a_check_that_holds_always_is_no_atom():
 def test_united_variables_have_one_name_in_expressions():
     body = lowered("a : Cell, n : int", path("Cell.x", "a", "m"), eq("m", "n"), check(op("m", ">", 2)))
     assert body.atoms[-1] == CheckAtom(op("n", ">", 2), (1,))
+
+
+def test_a_path_may_start_at_a_computed_object():
+    start = cond(op("a.x", ">", 1), "a.right", "a.left")
+    body = lowered("a : Cell, n : int", eq("n", ev(Navigation(start, "y"))))
+    assert body.names == ("a", "n", "#2", "#3", "#4", "#5")
+    assert body.atoms == (
+        step("x", 0, 3),
+        step("right", 0, 4),
+        step("left", 0, 5),
+        EvaluationAtom(cond(op("#3", ">", 1), "#4", "#5"), (3, 4, 5), 2),
+        step("y", 2, 1),
+    )
 
 
 def test_a_condition_keeps_its_branches():

@@ -207,6 +207,11 @@ CASES = [
     (
         "parts that a check links",
         ["W:loose-connection"],
+        [one("a : Cell, b : Cell", check(op("a.x", "<", "b.x")))],
+    ),
+    (
+        "parts that an equation in a check joins",
+        [],
         [one("a : Cell, b : Cell", check(op("a.x", "==", "b.x")))],
     ),
     (
@@ -375,6 +380,14 @@ CASES = [
         [
             pattern("next", "n : int, m : int", [path("Cell.x", "c", "n"), path("Cell.y", "c", "m")]),
             one("n : int, m : int", find("next", "n", "m", closure="+")),
+        ],
+    ),
+    (
+        "a reflexive closure without a common supertype",
+        ["closure-ends"],
+        [
+            pattern("s", "a : Swims, b : Walks", [isa("Swims", "a"), isa("Walks", "b"), eq("a", "b")]),
+            one("a : Swims", find("s", "a", "_", closure="*")),
         ],
     ),
     # --- aggregates
