@@ -62,7 +62,7 @@ class BlockBuilder:
         self._clashes(sight)
         self.sight = sight.inner(types_of(lowered))
         self.values = AssignmentReader(self.sight)
-        self.inherited = len(sight.names) - len(lowered.own)
+        self.inherited = len(sight.names)
         self.right = lowered.block.right if lowered.block else rule.right
         self._own_created: list[str] = []
         self._own_retyped: list[str] = []
@@ -273,9 +273,9 @@ class BlockBuilder:
                 name = action.node.name
                 if name in kept:
                     message = f"`{name}` stands in the right side, so it cannot be deleted"
-                    self.sight.error("duplicate-action", message, action.span)
+                    self.sight.error("duplicate-action", message, action.node.span or action.span)
                 elif name not in self._own_deleted:
-                    self._delete(name, action.span)
+                    self._delete(name, action.node.span or action.span)
             case Create() | Retype() | Move() | Merge() | Redirect():
                 word = type(action).__name__.lower()
                 hint = "say what the graph looks like afterwards, or use `modify { .. }`"

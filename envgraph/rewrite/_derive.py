@@ -37,7 +37,7 @@ def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Dia
         cls = metamodel.classes.get(name)
         if cls is None:
             yield Diagnostic(
-                "unknown-class", f"unknown class `{name}`", span, did_you_mean(name, metamodel.classes)
+                "unknown-type", f"unknown class `{name}`", span, did_you_mean(name, metamodel.classes)
             )
         elif name in seen:
             yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
+from dataclasses import replace
+from typing import TypeVar
 
 from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors, sort_diagnostics
 from envgraph.pattern import Derivation, Library, Pattern, Rule, Unit, static_type
@@ -14,6 +16,7 @@ from envgraph.rewrite._plan import RulePlan
 from envgraph.rewrite._unit_check import CheckedUnit, check_unit, unit_signature
 
 Definition = Pattern | Rule | Unit | Derivation
+Called = TypeVar("Called", Rule, Unit)
 
 
 class Registration:
@@ -31,6 +34,7 @@ class Registration:
     def __init__(self, definitions: Sequence[Definition], library: Library, directory: Directory) -> None:
         self._patterns = [d for d in definitions if isinstance(d, Pattern)]
         self._definitions = [d for d in definitions if not isinstance(d, Pattern)]
+        self._before = directory
         self._library = library
         self.directory = Directory(directory.signatures.values())
         self.units: list[CheckedUnit] = []
@@ -93,19 +97,25 @@ class Registration:
                 yield Diagnostic("duplicate-definition", message, definition.span, hint, notes=notes)
             first.setdefault(name, definition.span)
 
+    def _apart(self, definition: Called) -> Called:
+        """The definition under a name of its own, so that its patterns do not clash with those of a namesake."""
+        if definition.qualified_name in self._before.signatures:
+            return replace(definition, name=f"{definition.name}#again")
+        return definition
+
     def _check(self, library: Library) -> list[Diagnostic]:
         problems: list[Diagnostic] = []
         for definition in self._definitions:
             match definition:
                 case Rule():
-                    problems += self._check_rule(definition, library)
+                    problems += self._check_rule(self._apart(definition), library)
                 case Derivation():
                     problems += self._check_derivation(definition, library)
                 case Unit():
                     self.directory.add(unit_signature(definition, library.metamodel))
         for definition in self._definitions:
             if isinstance(definition, Unit):
-                checked = check_unit(definition, self.directory, library)
+                checked = check_unit(self._apart(definition), self.directory, library)
                 self.units.append(checked)
                 problems += checked.problems
         return problems

@@ -143,7 +143,7 @@ class Sight:
         found = self.metamodel.classes.get(cls)
         if found is None:
             hint = did_you_mean(cls, self.metamodel.classes)
-            self.error("unknown-class", f"unknown class `{cls}`", span, hint)
+            self.error("unknown-type", f"unknown class `{cls}`", span, hint)
             return False
         if found.abstract:
             concrete = ", ".join(f"`{name}`" for name in self.metamodel.concrete(cls))
@@ -156,8 +156,7 @@ class Sight:
         """A feature of a class; an unknown one is reported."""
         feature = self.metamodel.feature(cls, name)
         if feature is None:
-            hint = did_you_mean(name, self.metamodel.features(cls))
-            hint = hint or self._subclass_hint(cls, name)
+            hint = self._subclass_hint(cls, name) or did_you_mean(name, self.metamodel.features(cls))
             self.error("unknown-feature", f"`{cls}` has no feature `{name}`", span, hint)
         return feature
 

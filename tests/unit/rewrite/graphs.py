@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from textwrap import dedent
 
 from envgraph.errors import Diagnostic, Source
@@ -89,18 +90,11 @@ def problems(rules: str, queries: str = "") -> list[Diagnostic]:
     return Engine(Model(METAMODEL)).check(*patterns(queries), *definitions(rules))
 
 
-def only_problem(rules: str, queries: str = "") -> Diagnostic:
-    """The one thing that is wrong; the test fails if there are none, or more."""
-    found = problems(rules, queries)
-    assert len(found) == 1, [str(diagnostic) for diagnostic in found]
-    return found[0]
-
-
 def chain(length: int, cls: str = "Item") -> Model:
     """Items 0, 1, ... linked by `next`; `n` is the id."""
     model = Model(METAMODEL)
     nodes = [model.create(cls, n=number) for number in range(length)]
-    for left, right in zip(nodes, nodes[1:], strict=False):
+    for left, right in pairwise(nodes):
         left.next = right
     return model
 

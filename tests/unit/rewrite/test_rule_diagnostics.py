@@ -1,0 +1,137 @@
+"""What can be wrong with a rule: one mistake, one diagnostic, at the exact place, with a hint."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from envgraph.errors import ResolutionError, Severity
+from envgraph.graph import Model
+from envgraph.pattern import (
+    Assignment,
+    Constant,
+    Create,
+    Edge,
+    LeftSide,
+    Modification,
+    Node,
+    Parameter,
+    RightSide,
+    Rule,
+    Set,
+    Variable,
+)
+from envgraph.rewrite import Engine, check_rule
+from tests.unit.rewrite.graphs import METAMODEL, definitions, engine, patterns, problems
+
+LINKED = "pattern linked(from : Item, to : Item) { Item.links(from, to); }"
+
+GOLDEN = Path(__file__).with_name("diagnostics_of_rules.txt")
+
+
+def examples(path: Path) -> list[tuple[str, str, str]]:
+    """Title, text and diagnostics of every example of a file."""
+    found = []
+    for part in path.read_text().removeprefix("=== ").split("\n=== "):
+        title, _, rest = part.partition("\n")
+        text, _, expected = rest.partition("\n---\n")
+        found.append((title, text + "\n", expected.strip("\n")))
+    return found
+
+
+@pytest.mark.parametrize(("title", "text", "expected"), examples(GOLDEN), ids=lambda value: value[:40])
+def test_each_mistake_is_reported_once_and_exactly(title: str, text: str, expected: str) -> None:
+    found = problems(text, LINKED)
+    assert "\n\n".join(map(str, found)) == expected
+    assert [diagnostic.code for diagnostic in found] == [title]
+    if found[0].severity is Severity.WARNING:
+        engine(text)  # stops nothing
+    else:
+        with pytest.raises(ResolutionError):
+            engine(text, LINKED)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rule r { lhs { a : Item -next-> b : Item; } rhs { a; delete b; } }",
+        "rule r(i : Item) { lhs { } modify { create b : Box { must = i }; } }",
+        "rule r(i : Item) { lhs { } modify { create b : Box; set b.must = i; } }",
+        "rule r(i : Item) { lhs { } modify { create b : Box -must-> i; } }",
+        "@weight(2.0) @priority(1) @semantics(spo) @match(homomorphic) @hom(a, b) "
+        "rule r { lhs { a : Item; b : Item; } }",
+    ],
+)
+def test_what_is_meant_is_not_warned_of(text: str) -> None:
+    assert problems(text) == []
+
+
+def test_all_mistakes_of_all_rules_are_reported_in_the_order_of_the_text() -> None:
+    found = problems(
+        """
+        rule one { lhs { a : Itm; } modify { retype a : Spcial; set b.n = 1; } }
+        derive two = retype among { Item, Thing };
+        unit three { noe; }
+        """
+    )
+    assert [d.code for d in found] == [
+        "unknown-type",
+        "unknown-type",
+        "unknown-variable",
+        "abstract-class",
+        "unknown-rule",
+    ]
+
+
+def test_diagnostics_read_like_this() -> None:
+    (found,) = problems("rule r {\n    lhs { a : Item; }\n    modify { set a.lable = 1; }\n}\n")
+    assert str(found) == (
+        "test.rules:3:20: `Item` has no feature `lable`\n"
+        " 3 |     modify { set a.lable = 1; }\n"
+        "   |                    ^^^^^\n"
+        "hint: did you mean `label`?"
+    )
+
+
+def test_rules_that_use_a_broken_pattern_are_not_blamed_for_it() -> None:
+    found = problems(
+        "rule r { lhs { a : Item; find broken(a, b); } modify { set b.n = 1; } }",
+        "pattern broken(x : Item, y : Item) { Item.lnks(x, y); }",
+    )
+    assert [d.code for d in found] == ["unknown-feature"]
+
+
+def test_nothing_is_added_if_anything_is_wrong() -> None:
+    made = Engine(Model(METAMODEL))
+    with pytest.raises(ResolutionError):
+        made.add(*patterns(LINKED), *definitions("rule good { lhs { } } rule bad { lhs { a : Itm; } }"))
+    assert made.rules == () and made.patterns == () and made.library.names() == ()
+
+
+def test_names_are_defined_once() -> None:
+    made = engine("rule r { lhs { } }", LINKED)
+    for text in ("rule r { lhs { } }", "unit r { }", "rule linked { lhs { } }"):
+        codes = [d.code for d in made.check(*definitions(text)) if d.severity is Severity.ERROR]
+        assert codes == ["duplicate-definition"]
+    twice = problems("rule r { lhs { } } unit r { r; }")
+    assert [d.code for d in twice] == ["duplicate-definition"]
+    assert twice[0].notes[0].span is not None
+
+
+def test_rules_made_in_python_are_checked_without_spans() -> None:
+    library = Engine(Model(METAMODEL)).library
+    a, wrong = Variable("a"), Set(Variable("a"), "nn", "=", Constant(1))
+    made = Rule("r", left=LeftSide((Node("a", "Item"),)), right=Modification((wrong,)), weight=0.0)
+    assert [d.code for d in check_rule(made, library)] == ["bad-weight", "unknown-feature"]
+    twice = Modification((Set(a, "n", "=", Constant(1)), Set(a, "n", "=", Constant(2))))
+    assert [d.code for d in check_rule(Rule("r", (Parameter("a", "Item"),), right=twice), library)] == [
+        "duplicate-assignment"
+    ]
+    create = Create((Node("b", "Item", (Assignment("n", Constant("x")),)),), (Edge("b", "next", "c"),))
+    codes = [d.code for d in check_rule(Rule("r", right=Modification((create,))), library)]
+    assert sorted(codes) == ["unknown-variable", "wrong-type"]
+    misplaced = RightSide(actions=(Create((Node("b", "Item"),)),))
+    assert [d.code for d in check_rule(Rule("r", right=misplaced), library)] == ["misplaced-action"]
+    semantics = Rule("r", semantics="maybe")  # type: ignore[arg-type]
+    assert [d.code for d in check_rule(semantics, library)] == ["unknown-semantics"]
