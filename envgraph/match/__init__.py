@@ -1,0 +1,7 @@
+"""Matchers: what finds the matches of patterns in a model."""
+
+from envgraph.match._compiled import CompiledMatcher
+from envgraph.match._matcher import FREE, Free, Matcher, Row
+from envgraph.match._naive import NaiveMatcher
+
+__all__ = ["FREE", "CompiledMatcher", "Free", "Matcher", "NaiveMatcher", "Row"]

@@ -1,0 +1,419 @@
+"""Python source that executes plans.
+
+The source is nested loops over the columns of the store, with every check as far out as the plan has it. It holds
+no text of the user's: variables are numbered, constants and columns are parameters of the enclosing `build`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from envgraph.match._order import call_key
+from envgraph.match._plan import (
+    Absence,
+    Condition,
+    Conjunction,
+    Kind,
+    Plan,
+    Step,
+    Valuation,
+    ViewKey,
+    arguments,
+    variables,
+)
+from envgraph.match._planner import Planner
+from envgraph.match._sinks import COUNT, EXISTENCE, Sink, gathering, view_sink, visiting
+from envgraph.match._symbols import (
+    Backward,
+    Builtin,
+    Classes,
+    ClassTable,
+    Closed,
+    Forward,
+    Members,
+    Mode,
+    Reach,
+    Recursive,
+    Source,
+    Values,
+    View,
+)
+from envgraph.match._write import Block, Module
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
+    Expression,
+    InstanceAtom,
+    LinkAtom,
+    UnequalAtom,
+)
+
+
+def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
+    """The source of one view of a pattern.
+
+    Raises:
+        Unplannable: a free parameter cannot be enumerated.
+    """
+    view = planner.view(key)
+    module = Module()
+    block = Block(2)
+    given = {position: f"v{position}" for position in key.bound}
+    sinks: list[Sink] = []
+    for body in view.bodies:
+        conjunction = body.conjunction
+        positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
+        sink = view_sink(mode, view.distinct, tuple(conjunction.parameters[p] for p in positions))
+        if not sinks:
+            block.lines += [f"        {line}" for line in sink.head]
+        sinks.append(sink)
+        Translation(planner, module, conjunction, block, given).body(body.plan, sink)
+    sink = sinks[0] if sinks else view_sink(mode, True, ())
+    block.lines += [f"        {line}" for line in (*(() if sinks else sink.head), *sink.tail)]
+    module.function("view", list(given.values()), block.lines)
+    return module.source("view")
+
+
+def reach_source(planner: Planner, step: str, forward: bool, goal: bool) -> Source:
+    """The source of a breadth-first search along a binary pattern.
+
+    `search(start)` returns what is reached by one or more steps, nearest first; with `goal`, `search(start, goal)`
+    tells whether that is among it.
+    """
+    module = Module()
+    block = Block(2)
+    near, far = (0, 1) if forward else (1, 0)
+    sink = visiting(-1, goal)
+    block.lines += [f"        {line}" for line in sink.head]
+    block.loop("node", "todo")
+    if planner.calls.recursive(step):
+        rows = module.name(Recursive(step, (near,)))
+        block.loop("_, other" if forward else "other, _", f"{rows}(node)")
+        for line in sink.each(lambda _: "other"):
+            block.line(line)
+    else:
+        bodies = planner.view(ViewKey(step, (near,), (far,))).bodies
+        if not bodies:
+            block.line("pass")
+        for body in bodies:
+            conjunction = body.conjunction
+            sink = visiting(conjunction.parameters[far], goal)
+            Translation(planner, module, conjunction, block, {near: "node"}).body(body.plan, sink)
+    block.lines += [f"        {line}" for line in sink.tail]
+    module.function("search", ["start", "goal"] if goal else ["start"], block.lines)
+    return module.source("search")
+
+
+class Translation:
+    """Turns the plan of one conjunction into lines.
+
+    Args:
+        planner: tells what called patterns are.
+        module: receives symbols and functions.
+        conjunction: the body.
+        block: where the lines go; it is left as deep as it was.
+        given: source of the values at the bound positions.
+    """
+
+    def __init__(
+        self, planner: Planner, module: Module, conjunction: Conjunction, block: Block, given: dict[int, str]
+    ) -> None:
+        self._planner = planner
+        self._metamodel = planner.library.metamodel
+        self._module = module
+        self._conjunction = conjunction
+        self._constants = dict(conjunction.constants)
+        self._block = block
+        self._names: dict[int, str] = {}
+        self._given = given
+
+    def body(self, plan: Plan, sink: Sink) -> None:
+        """Write the steps, and what is done with each solution."""
+        block = self._block
+        depth, loops = block.depth, block.loops
+        for position, source in self._given.items():
+            variable = self._conjunction.parameters[position]
+            if variable in self._names or variable in self._constants:
+                block.test(f"{self._source(variable)} == {source}")
+            else:
+                self._names[variable] = source
+        self._steps(plan.steps, sink)
+        block.depth, block.loops = depth, loops
+
+    def _source(self, variable: int) -> str:
+        if variable not in self._names:
+            self._names[variable] = self._module.literal(self._constants[variable])
+        return self._names[variable]
+
+    def _known(self, variable: int) -> bool:
+        return variable in self._names or variable in self._constants
+
+    # --- steps
+
+    def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
+        for number, step in enumerate(steps):
+            if self._block.full and step.kind in (Kind.LOOP, Kind.BIND):
+                self._continue(steps[number:], sink)
+                return
+            if step.kind is Kind.LOOP:
+                self._loop(step)
+            elif step.kind is Kind.BIND:
+                self._bind(step, inline=False)
+            else:
+                self._block.test(self._test(step))
+        for line in sink.each(self._source):
+            self._block.line(line)
+
+    def _continue(self, steps: Sequence[Step], sink: Sink) -> None:
+        """The rest of a plan in a function of its own."""
+        call = self._function("h", steps, sink, continuation=True)
+        match sink.relay:
+            case "flag":
+                self._block.test(call)
+                self._block.line("return True")
+            case "found":
+                self._block.test(f"(found := {call}) is not None")
+                self._block.line("return found")
+            case "sum":
+                self._block.line(f"n += {call}")
+            case _:
+                self._block.line(call)
+
+    def _function(self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False) -> str:
+        """A function for some steps, and the source of its call."""
+        shared = sink.shared if continuation else ()
+        inputs = self._inputs(steps, sink)
+        inner = Translation(self._planner, self._module, self._conjunction, Block(2), {})
+        inner._names = {v: f"v{v}" for v in inputs}
+        lines = inner._block.lines
+        lines += [f"        {line}" for line in sink.head if not shared]
+        inner._steps(steps, sink)
+        lines += [f"        {line}" for line in sink.tail if not shared or sink.relay]
+        name = self._module.fresh(prefix)
+        self._module.function(name, [*shared, *(f"v{v}" for v in inputs)], lines)
+        return f"{name}({', '.join([*shared, *(self._source(v) for v in inputs)])})"
+
+    def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
+        """The variables with a value that some steps and a sink read; constants are known everywhere."""
+        mentioned = {*sink.variables, *(v for step in steps for v in _mentioned(step))}
+        return sorted(v for v in mentioned if v in self._names and v not in self._constants)
+
+    # --- loops
+
+    def _loop(self, step: Step) -> None:
+        goal = step.goal
+        match goal:
+            case InstanceAtom(cls, variable, exact):
+                self._each([variable], self._extent(cls, exact))
+            case LinkAtom():
+                self._each(step.binds, self._ends(goal))
+            case ClosureAtom(_, _, source, target):
+                self._each([v for v in (source, target) if not self._known(v)], self._closure(goal))
+            case CallAtom() if self._planner.calls.recursive(goal.pattern):
+                columns = [None if self._known(v) else v for v in goal.arguments]
+                self._each(columns, self._rows(goal), tuples=True)
+            case CallAtom():
+                wanted = [v for v in goal.arguments if v in step.binds]
+                self._each(wanted, self._view(goal, step.binds, Mode.VALUES))
+            case _:
+                raise AssertionError(goal)
+
+    def _each(self, targets: Sequence[int | None], iterable: str, tuples: bool = False) -> None:
+        """Loop over tuples, or over bare values if there is one target; None is for what does not matter."""
+        names: list[str] = []
+        again: list[str] = []
+        for variable in targets:
+            name = "_" if variable is None else f"v{variable}"
+            if name in names and variable is not None:
+                name = f"w{len(names)}"
+                again.append(f"{name} == v{variable}")
+            names.append(name)
+        self._block.loop(", ".join(names) + ("," if tuples and len(names) == 1 else ""), iterable)
+        self._block.conditions += again
+        self._names.update((v, f"v{v}") for v in targets if v is not None)
+
+    # --- values
+
+    def _bind(self, step: Step, inline: bool) -> None:
+        """Give a variable its one value; `inline` keeps everything in one expression."""
+        (variable,) = step.binds
+        name = f"v{variable}"
+        if isinstance(step.goal, LinkAtom):
+            self._block.test(f"(t{variable} := {self._ends(step.goal)})")
+            if inline:
+                name = f"t{variable}[0]"
+            else:
+                self._block.line(f"{name}, = t{variable}")
+        else:
+            self._block.test(f"({name} := {self._value(step)}) is not None")
+        self._names[variable] = name
+
+    def _value(self, step: Step) -> str:
+        """The source of a value that the goal computes; None if there is none."""
+        goal = step.goal
+        match goal:
+            case AttributeAtom(attribute, owner, _):
+                return f"{self._module.name(Values(attribute.index))}[{self._source(owner)}]"
+            case Valuation(expression, reads, _):
+                return self._expression(expression, reads)
+            case AggregateAtom():
+                return self._aggregate(goal, step.inner[0])
+        raise AssertionError(goal)
+
+    def _expression(self, expression: Expression, reads: tuple[tuple[str, int], ...]) -> str:
+        names = {name: self._source(variable) for name, variable in reads}
+        types = {name: self._conjunction.types[variable] for name, variable in reads}
+        return self._module.expression(expression, names, types)
+
+    def _aggregate(self, goal: AggregateAtom, plan: Plan) -> str:
+        if goal.function == "count":
+            return self._count(goal) or self._function("g", plan.steps, COUNT)
+        assert goal.column is not None
+        column = goal.column
+        fold = self._module.name(Builtin(_FOLDS[goal.function]))
+        sink = gathering((column,), lambda names: names(column), f"return {fold}(out)")
+        return self._function("g", plan.steps, sink)
+
+    def _count(self, goal: AggregateAtom) -> str | None:
+        """The number of tuples, where it can be had without a loop of our own."""
+        relation = goal.relation
+        called = arguments(relation)
+        free = [v for v in called if not self._known(v)]
+        if not free or len(set(free)) != len(free):
+            return None
+        match relation:
+            case InstanceAtom(cls, _, exact):
+                return _joined(" + ", [f"len({name})" for name in self._members(cls, exact)], "0")
+            case LinkAtom() if len(free) == 1:
+                return f"len({self._ends(relation)})"
+            case CallAtom(pattern) if self._planner.calls.recursive(pattern):
+                return f"len({self._rows(relation)})"
+            case CallAtom():
+                return self._view(relation, free, Mode.COUNT)
+        return None
+
+    # --- tests
+
+    def _test(self, step: Step) -> str:
+        goal = step.goal
+        match goal:
+            case _ if step.kind is Kind.EXISTS:
+                return self._existence(step.inner[0])
+            case Absence():
+                return " and ".join(f"not {self._existence(plan)}" for plan in step.inner) or "True"
+            case InstanceAtom():
+                return self._is_instance(goal)
+            case AttributeAtom() | Valuation() | AggregateAtom():
+                result = goal.value if isinstance(goal, AttributeAtom) else goal.result
+                return f"{self._value(step)} == {self._source(result)}"
+            case LinkAtom():
+                return self._is_linked(goal)
+            case CallAtom(pattern) if self._planner.calls.recursive(pattern):
+                return self._rows(goal)
+            case CallAtom():
+                return self._view(goal, (), Mode.EXISTS)
+            case ClosureAtom():
+                return self._closure(goal)
+            case UnequalAtom(left, right):
+                return f"{self._source(left)} != {self._source(right)}"
+            case Condition(expression, reads):
+                return self._expression(expression, reads)
+        raise AssertionError(goal)
+
+    def _existence(self, plan: Plan) -> str:
+        """Whether a plan has a solution: an expression, or the call of a function if there are loops."""
+        if any(step.kind is Kind.LOOP for step in plan.steps):
+            return self._function("g", plan.steps, EXISTENCE)
+        inner = Translation(self._planner, self._module, self._conjunction, Block(0), {})
+        inner._names = dict(self._names)
+        for step in plan.steps:
+            if step.kind is Kind.BIND:
+                inner._bind(step, inline=True)
+            else:
+                inner._block.test(inner._test(step))
+        return _joined(" and ", inner._block.conditions, "True")
+
+    def _is_instance(self, goal: InstanceAtom) -> str:
+        if not self._known(goal.variable):
+            return _joined(" or ", self._members(goal.cls, goal.exact), "False")
+        classes = self._module.name(Classes())
+        node = self._source(goal.variable)
+        indices = self._indices(goal.cls, goal.exact)
+        if len(indices) == 1:
+            return f"{classes}[{node}] == {indices[0]}"
+        return f"{self._module.name(ClassTable(goal.cls))}[{classes}[{node}]]" if indices else "False"
+
+    def _is_linked(self, goal: LinkAtom) -> str:
+        if not (self._known(goal.source) and self._known(goal.target)):
+            return self._ends(goal)
+        source, target = self._source(goal.source), self._source(goal.target)
+        if goal.reference.many and self._planner.sizes.single_source(goal.reference):
+            return f"{source} in {self._module.name(Backward(goal.reference.index))}[{target}]"
+        return f"{target} in {self._module.name(Forward(goal.reference.index))}[{source}]"
+
+    # --- relations
+
+    def _indices(self, cls: str, exact: bool) -> list[int]:
+        """Indices of the concrete classes whose objects are instances of a class."""
+        names = (cls,) if exact else self._metamodel.concrete(cls)
+        return [index for index, each in enumerate(self._metamodel.class_list) if each.name in names]
+
+    def _members(self, cls: str, exact: bool) -> list[str]:
+        """The extents that hold the objects of a class."""
+        return [self._module.name(Members(index)) for index in self._indices(cls, exact)]
+
+    def _extent(self, cls: str, exact: bool) -> str:
+        members = self._members(cls, exact)
+        if len(members) == 1:
+            return members[0]
+        return f"{self._module.name(Builtin('chain'))}({', '.join(members)})" if members else "()"
+
+    def _ends(self, goal: LinkAtom) -> str:
+        """What stands at the other end of the links of the one object that is known."""
+        if self._known(goal.source):
+            return f"{self._module.name(Forward(goal.reference.index))}[{self._source(goal.source)}]"
+        return f"{self._module.name(Backward(goal.reference.index))}[{self._source(goal.target)}]"
+
+    def _view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> str:
+        known = frozenset(v for v in goal.arguments if self._known(v))
+        return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
+
+    def _rows(self, goal: CallAtom) -> str:
+        bound = tuple(position for position, v in enumerate(goal.arguments) if self._known(v))
+        return self._call(self._module.name(Recursive(goal.pattern, bound)), goal)
+
+    def _call(self, function: str, goal: CallAtom) -> str:
+        return f"{function}({', '.join(self._source(v) for v in goal.arguments if self._known(v))})"
+
+    def _closure(self, goal: ClosureAtom) -> str:
+        ends = (goal.source, goal.target)
+        question = _QUESTIONS[self._known(goal.source), self._known(goal.target)]
+        name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
+        return f"{name}({', '.join(self._source(v) for v in ends if self._known(v))})"
+
+
+_FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}
+_QUESTIONS = {
+    (True, True): Reach.HOLDS,
+    (True, False): Reach.FORWARD,
+    (False, True): Reach.BACKWARD,
+    (False, False): Reach.PAIRS,
+}
+
+
+def _joined(operator: str, parts: Sequence[str], empty: str) -> str:
+    """Operands in parentheses."""
+    return f"({operator.join(parts)})" if parts else empty
+
+
+def _mentioned(step: Step) -> Iterator[int]:
+    """Every variable that a step mentions, those inside it included."""
+    yield from variables(step.goal)
+    if isinstance(step.goal, AggregateAtom):
+        yield from arguments(step.goal.relation)
+    for plan in step.inner:
+        for inner in plan.steps:
+            yield from _mentioned(inner)

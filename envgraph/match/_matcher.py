@@ -1,0 +1,110 @@
+"""What every matcher can do, and the check of the arguments that people hand to one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from typing import Final, Protocol
+
+from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
+from envgraph.graph import Model
+from envgraph.metamodel import Scalar, Value, accepts, type_name
+from envgraph.pattern import Library, ObjectType, StaticType
+
+
+class Free(Enum):
+    """The type of `FREE`."""
+
+    FREE = "FREE"
+
+    def __repr__(self) -> str:
+        return "FREE"
+
+
+FREE: Final = Free.FREE
+"""Stands at a position of a pattern that a call leaves open."""
+
+Row = tuple[Value, ...]
+"""One match: a value for each parameter, objects as ids."""
+
+
+class Matcher(Protocol):
+    """Finds the matches of the patterns of a library in a model.
+
+    A pattern is given by its qualified name, and `arguments` has a value or `FREE` for each of its parameters.
+    Every match is reported once, as a full tuple of parameters. The order of the rows is a function of the model's
+    version and the bound values alone.
+
+    Raises:
+        InvalidArgument: an unknown pattern, a wrong number of arguments, or a parameter (`in`) that cannot be
+            enumerated is free.
+        TypeMismatch: an argument that no model could hold at that place. An object that is dead or of another
+            class is no error: it has no matches.
+    """
+
+    def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
+        """All matches that agree with the arguments."""
+
+    def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
+        """The first of `rows`, or None; may stop early."""
+
+    def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
+        """Whether there is a match that agrees with the arguments."""
+
+    def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
+        """The number of `rows`."""
+
+    def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
+        """`rows` for one set of bound positions (ascending), called with the values at those positions.
+
+        For loops that call it often: arguments are not checked, so they must be values of the right type and
+        ids of objects that are alive.
+        """
+
+
+def parameter_types(library: Library, pattern: str) -> tuple[StaticType, ...]:
+    """Types of the parameters of a pattern given by its qualified name.
+
+    Raises:
+        InvalidArgument: there is no such pattern.
+    """
+    try:
+        return library.parameter_types(pattern)
+    except (KeyError, InvalidArgument):
+        hint = did_you_mean(pattern, library.names())
+        raise InvalidArgument(f"unknown pattern `{pattern}`" + (f": {hint}" if hint else "")) from None
+
+
+def check_arguments(
+    model: Model, library: Library, pattern: str, types: tuple[StaticType, ...], arguments: tuple[object, ...]
+) -> tuple[object, ...] | None:
+    """The arguments as the model would store them; None if one is an object that is gone.
+
+    Raises:
+        InvalidArgument: their number is not that of the parameters.
+        TypeMismatch: one has the wrong type.
+    """
+    if len(arguments) != len(types):
+        raise InvalidArgument(f"pattern `{pattern}` has {len(types)} parameters, not {len(arguments)}")
+    checked: list[object] = []
+    for position, (type_, argument) in enumerate(zip(types, arguments, strict=True)):
+        if argument is FREE:
+            checked.append(argument)
+        elif isinstance(type_, ObjectType):
+            if type(argument) is not int:
+                raise TypeMismatch(
+                    _mismatch(library, pattern, position, f"the id of a `{type_.cls}`", argument)
+                )
+            if not model.alive(argument):
+                return None
+            checked.append(argument)
+        elif accepts(type_, argument):
+            checked.append(float(argument) if type_ is Scalar.FLOAT else argument)  # type: ignore[arg-type]
+        else:
+            raise TypeMismatch(_mismatch(library, pattern, position, f"`{type_name(type_)}`", argument))
+    return tuple(checked)
+
+
+def _mismatch(library: Library, pattern: str, position: int, wanted: str, argument: object) -> str:
+    name = library.get(pattern).parameters[position].name
+    return f"parameter `{name}` of `{pattern}` takes {wanted}, not {argument!r}"

@@ -1,0 +1,87 @@
+"""What generated code does with each solution."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from envgraph.match._symbols import Mode
+
+Names = Callable[[int], str]
+"""The source of a variable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sink:
+    """Start, end and innermost lines of a function that collects solutions.
+
+    Attributes:
+        variables: the variables that it reads.
+        head, tail: first and last lines of the function.
+        each: lines for one solution.
+        shared: names that a continuation of the function takes over; it has no head or tail of its own then.
+        relay: what the caller does with the value of a continuation: "flag" returns True if it is true, "found"
+            returns it unless it is None, "sum" adds it up, "" ignores it.
+    """
+
+    variables: tuple[int, ...]
+    head: tuple[str, ...]
+    each: Callable[[Names], Sequence[str]]
+    tail: tuple[str, ...]
+    shared: tuple[str, ...] = ()
+    relay: str = ""
+
+
+def row(variables: Sequence[int], names: Names) -> str:
+    """The source of a tuple."""
+    return f"({''.join(f'{names(v)}, ' for v in variables)})".replace(
+        ", )", ",)" if len(variables) == 1 else ")"
+    )
+
+
+def value(variables: Sequence[int], names: Names) -> str:
+    """The source of a bare value, or of a tuple of several."""
+    return names(variables[0]) if len(variables) == 1 else row(variables, names)
+
+
+def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
+    """The sink of a view; `distinct` if no solution gives the same values as another."""
+    shape = value if mode is Mode.VALUES else row
+    match mode:
+        case Mode.EXISTS:
+            return EXISTENCE
+        case Mode.FIRST:
+            return Sink(
+                variables, (), lambda n: [f"return {shape(variables, n)}"], ("return None",), relay="found"
+            )
+        case Mode.COUNT if distinct:
+            return COUNT
+    if distinct:
+        return gathering(variables, lambda n: shape(variables, n), "return out")
+    tail = "return len(out)" if mode is Mode.COUNT else "return list(out)"
+    return Sink(variables, ("out = {}",), lambda n: [f"out[{shape(variables, n)}] = None"], (tail,), ("out",))
+
+
+def gathering(variables: tuple[int, ...], item: Callable[[Names], str], tail: str) -> Sink:
+    """Collects an item of each solution in the list `out`."""
+    head = ("out = []", "add = out.append")
+    return Sink(variables, head, lambda names: [f"add({item(names)})"], (tail,), ("add",))
+
+
+EXISTENCE = Sink((), (), lambda names: ["return True"], ("return False",), relay="flag")
+COUNT = Sink((), ("n = 0",), lambda names: ["n += 1"], ("return n",), relay="sum")
+
+
+def visiting(variable: int, goal: bool) -> Sink:
+    """Adds a reached object to a breadth-first search; with a goal, ends it there."""
+
+    def each(names: Names) -> list[str]:
+        node = names(variable)
+        stop = [f"if {node} == goal:", "    return True"] if goal else []
+        return [*stop, f"if {node} not in seen:", f"    add({node})", f"    push({node})"]
+
+    head = ("seen = set()", "todo = [start]", "add = seen.add", "push = todo.append")
+    shared = ("seen", "add", "push", "goal") if goal else ("seen", "add", "push")
+    # The start is not seen: it is reached only if some path leads back to it.
+    tail = ("return False",) if goal else ("del todo[0]", "return todo")
+    return Sink((variable,), head, each, tail, shared, "flag" if goal else "")

@@ -1,0 +1,151 @@
+"""What the names in generated source stand for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from envgraph.match._plan import ViewKey
+from envgraph.metamodel import Value
+
+
+class Mode(Enum):
+    """What a generated function returns."""
+
+    ROWS = "rows"
+    """A list of full tuples of parameters."""
+    VALUES = "values"
+    """A list of the wanted values: bare ones if one position is wanted, else tuples."""
+    EXISTS = "exists"
+    """Whether there is a match."""
+    COUNT = "count"
+    """The number of matches."""
+    FIRST = "first"
+    """The first of `ROWS`, or None."""
+
+
+class Direction(Enum):
+    """From which end a closure is followed."""
+
+    FORWARD = (0, 1)
+    BACKWARD = (1, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Classes:
+    """The column of class indices."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClassTable:
+    """For each class index whether it is the class or one of its subclasses."""
+
+    cls: str
+
+
+@dataclass(frozen=True, slots=True)
+class Members:
+    """The extent of exactly this class (by index)."""
+
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """The column of an attribute (by index)."""
+
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Forward:
+    """The column of targets of a reference (by index)."""
+
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Backward:
+    """The column of sources of a reference (by index)."""
+
+    index: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Literal:
+    """A constant of the pattern. No two are equal: 1, 1.0 and True are different literals."""
+
+    value: Value
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """The generated function of a called pattern."""
+
+    key: ViewKey
+    mode: Mode
+
+
+@dataclass(frozen=True, slots=True)
+class Recursive:
+    """Full rows of a pattern that calls itself, for values at the bound positions."""
+
+    pattern: str
+    bound: tuple[int, ...]
+
+
+class Reach(Enum):
+    """What is asked of a closure."""
+
+    FORWARD = "forward"
+    """Everything that a source reaches."""
+    BACKWARD = "backward"
+    """Everything that reaches a target."""
+    HOLDS = "holds"
+    """Whether a source reaches a target."""
+    PAIRS = "pairs"
+    """All pairs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """A closure of a binary pattern; `reflexive` for `*`."""
+
+    step: str
+    reflexive: bool
+    question: Reach
+
+
+@dataclass(frozen=True, slots=True)
+class Builtin:
+    """A function of this package, by name."""
+
+    name: str
+
+
+Symbol = (
+    Classes
+    | ClassTable
+    | Members
+    | Values
+    | Forward
+    | Backward
+    | Literal
+    | View
+    | Recursive
+    | Closed
+    | Builtin
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Generated source: a function `build` that takes the values of its symbols and returns the specialised function.
+
+    Attributes:
+        text: the source; the same plan always gives the same text.
+        symbols: what each parameter of `build` stands for.
+    """
+
+    text: str
+    symbols: tuple[tuple[str, Symbol], ...]

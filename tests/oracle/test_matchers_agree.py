@@ -1,0 +1,127 @@
+"""The compiled matcher against the naive one, on random worlds."""
+
+from __future__ import annotations
+
+from itertools import product
+
+from hypothesis import HealthCheck, given, settings
+
+from envgraph.graph import Model
+from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.pattern import Library, ObjectType
+from tests.oracle.worlds import DOMAINS, World, worlds
+
+SLOW = settings(max_examples=400, suppress_health_check=list(HealthCheck))
+
+
+def sizes(library: Library) -> dict[str, int]:
+    """Number of parameters of every pattern."""
+    return {pattern.qualified_name: len(pattern.parameters) for pattern in library.patterns}
+
+
+def free(size: int) -> tuple[object, ...]:
+    """Arguments of a call that gives no values."""
+    return (FREE,) * size
+
+
+def snapshot(matcher: Matcher, library: Library) -> dict[str, list[tuple[object, ...]]]:
+    """All rows of all patterns, in order."""
+    return {name: list(matcher.rows(name, free(size))) for name, size in sizes(library).items()}
+
+
+def candidates(world: World, pattern: str, naive: list[tuple[object, ...]]) -> list[tuple[object, ...]]:
+    """Tuples to take bound values from: matches, and others of the right types."""
+    columns: list[list[object]] = []
+    for type_ in world.library.parameter_types(pattern):
+        if isinstance(type_, ObjectType):
+            columns.append([n for c in world.model.metamodel.classes for n in world.model.exact_extent(c)])
+        else:
+            columns.append(list(DOMAINS[type_]))
+    found = [world.dice.one(naive)] if naive else []
+    if all(columns):
+        found.append(tuple(world.dice.one(column) for column in columns))
+    return found
+
+
+def assert_agree(world: World, compiled: Matcher, naive: Matcher) -> None:
+    """Every question about every pattern has the same answer."""
+    for pattern, size in sizes(world.library).items():
+        expected = list(naive.rows(pattern, free(size)))
+        assert_answers(compiled, pattern, free(size), expected)
+        for values in candidates(world, pattern, expected):
+            for mask in product((False, True), repeat=size):
+                if any(mask):
+                    arguments = tuple(v if bound else FREE for v, bound in zip(values, mask, strict=True))
+                    agreeing = [
+                        row
+                        for row in expected
+                        if all(a is FREE or a == v for a, v in zip(arguments, row, strict=True))
+                    ]
+                    assert_answers(compiled, pattern, arguments, agreeing)
+                    assert list(naive.rows(pattern, arguments)) == agreeing
+
+
+def assert_answers(
+    matcher: Matcher, pattern: str, arguments: tuple[object, ...], expected: list[tuple[object, ...]]
+) -> None:
+    """Rows are the expected ones, each once, and the other answers fit them."""
+    rows = list(matcher.rows(pattern, arguments))
+    assert len(set(rows)) == len(rows), "a row is reported twice"
+    assert sorted(rows) == expected
+    assert matcher.exists(pattern, arguments) is bool(rows)
+    assert matcher.count(pattern, arguments) == len(rows)
+    assert matcher.first(pattern, arguments) == (rows[0] if rows else None)
+    bound = tuple(position for position, value in enumerate(arguments) if value is not FREE)
+    assert matcher.prepare(pattern, bound)(*(arguments[position] for position in bound)) == rows
+
+
+@SLOW
+@given(worlds())
+def test_compiled_and_naive_matcher_agree_after_every_edit(world: World) -> None:
+    compiled, naive = (kind(world.model, world.library) for kind in (CompiledMatcher, NaiveMatcher))
+    assert_agree(world, compiled, naive)
+    for _ in range(world.dice.number(0, 2)):
+        world.edit(world.dice.number(1, 5))
+        assert_agree(world, compiled, naive)
+
+
+@settings(SLOW, max_examples=200)
+@given(worlds())
+def test_rows_and_their_order_are_back_after_a_rollback(world: World) -> None:
+    compiled = CompiledMatcher(world.model, world.library)
+    before = snapshot(compiled, world.library)
+    savepoint = world.model.savepoint()
+    for _ in range(world.dice.number(1, 3)):
+        world.edit(world.dice.number(1, 5))
+        snapshot(compiled, world.library)
+    world.model.rollback(savepoint)
+    assert snapshot(compiled, world.library) == before
+    assert snapshot(CompiledMatcher(world.model, world.library), world.library) == before
+
+
+@settings(SLOW, max_examples=150)
+@given(worlds())
+def test_order_belongs_to_the_version_and_not_to_the_way_it_was_reached(world: World) -> None:
+    model = world.model
+    matchers = [CompiledMatcher(model, world.library)]
+    versions = []
+    for _ in range(3):
+        world.edit(world.dice.number(1, 6))
+        versions.append((model.commit(), snapshot(matchers[0], world.library)))
+    for _ in range(4):
+        version, expected = world.dice.one(versions)
+        model.checkout(version)
+        matchers.append(CompiledMatcher(model, world.library))
+        for matcher in matchers:
+            assert snapshot(matcher, world.library) == expected
+
+
+@settings(SLOW, max_examples=50)
+@given(worlds())
+def test_two_matchers_generate_the_same_source(world: World) -> None:
+    other = Model(world.model.metamodel)
+    for pattern, size in reversed(sizes(world.library).items()):
+        for bound in (tuple(range(size)), ()):
+            one = CompiledMatcher(world.model, world.library)
+            snapshot(one, world.library)
+            assert one.source(pattern, bound) == CompiledMatcher(other, world.library).source(pattern, bound)

@@ -1,0 +1,520 @@
+"""Random metamodels, models, edits and patterns: what the matchers are compared on.
+
+Everything is small on purpose, so that coincidences (a link to itself, two equal values, an empty extent) are
+frequent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from random import Random
+from typing import TypeVar
+
+from hypothesis import strategies as st
+
+from envgraph.errors import RuleError, Severity
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, AttributeType, Class, EnumType, Metamodel, Reference, Scalar, Value
+from envgraph.pattern import (
+    Aggregate,
+    Binary,
+    Body,
+    Check,
+    Closure,
+    Comparison,
+    Conditional,
+    Constant,
+    Constraint,
+    EnumLiteral,
+    Evaluation,
+    Expression,
+    FunctionCall,
+    Hash,
+    Library,
+    Navigation,
+    Negation,
+    ObjectType,
+    Parameter,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Relation,
+    StaticType,
+    Term,
+    TypeConstraint,
+    Unary,
+    Variable,
+)
+
+Item = TypeVar("Item")
+
+COLOUR = EnumType("Colour", ("red", "green"))
+DOMAINS: dict[AttributeType, tuple[Value, ...]] = {
+    Scalar.INT: (0, 1, 2),
+    Scalar.FLOAT: (0.0, 0.5, 1.0),
+    Scalar.BOOL: (False, True),
+    Scalar.STRING: ("", "a"),
+    COLOUR: COLOUR.literals,
+}
+
+
+class Dice:
+    """Choices that follow from one number.
+
+    Hypothesis draws the number and not each choice: its choices favour the simplest, and patterns made of the
+    simplest choices find nothing.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._random = Random(seed)
+
+    def number(self, low: int, high: int) -> int:
+        """An int in low..high."""
+        return self._random.randint(low, high)
+
+    def one(self, items: Sequence[Item]) -> Item:
+        """One of several."""
+        return self._random.choice(items)
+
+    def chance(self, percent: int) -> bool:
+        """True so often."""
+        return self._random.randrange(100) < percent
+
+
+# --- metamodels and models
+
+
+def random_metamodel(dice: Dice) -> Metamodel:
+    """Two to four classes with a few features each."""
+    names = ["A", "B", "C", "D"][: dice.number(2, 4)]
+    features: dict[str, list[Attribute | Reference]] = {name: [] for name in names}
+    for number in range(dice.number(1, 3)):
+        features[dice.one(names)].append(Attribute(f"a{number}", dice.one(list(DOMAINS))))
+    for number in range(dice.number(2, 5)):
+        owner, target = dice.one(names), dice.one(names)
+        forward = Reference(f"r{number}", target, 0, dice.one([1, None, None, 2]))
+        if dice.chance(40):
+            kind = dice.number(0, 3)
+            backward = Reference(f"o{number}", owner, 0, dice.one([1, None]), opposite=forward.name)
+            forward = replace(forward, opposite=backward.name, containment=kind == 0)
+            if kind == 0:
+                backward = replace(backward, upper=1)
+            features[target].append(backward)
+        elif dice.chance(20):
+            forward = replace(forward, containment=True)
+        features[owner].append(forward)
+    classes = []
+    for position, name in enumerate(names):
+        above = [names[dice.number(0, position - 1)]] if position and dice.chance(60) else []
+        abstract = position < len(names) - 1 and dice.chance(25)
+        classes.append(Class(name, abstract, tuple(above), tuple(features[name])))
+    return Metamodel("random", tuple(classes), (COLOUR,))
+
+
+def edit(dice: Dice, model: Model) -> None:
+    """One random change; what the model refuses is not done."""
+    metamodel = model.metamodel
+    concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
+    nodes = [node for cls in concrete for node in model.exact_extent(cls)]
+    kind = dice.number(0, 11)
+    if kind < 2 or len(nodes) < 2:
+        model.new(dice.one(concrete))
+        return
+    node = dice.one(nodes)
+    try:
+        if kind == 2:
+            model.delete(node, "spo")
+        elif kind == 3:
+            model.retype(node, dice.one(concrete), lossy=True)
+        elif kind < 6:
+            attributes = [
+                f for f in metamodel.features(model.class_of(node)).values() if isinstance(f, Attribute)
+            ]
+            if attributes:
+                attribute = dice.one(attributes)
+                values = [*DOMAINS[attribute.type], None]
+                model.set_value(node, attribute, dice.one(values))
+        else:
+            _edit_link(dice, model, node, unlink=kind > 10)
+    except RuleError:
+        pass
+
+
+def _edit_link(dice: Dice, model: Model, node: int, unlink: bool) -> None:
+    features = model.metamodel.features(model.class_of(node)).values()
+    references = [f for f in features if isinstance(f, Reference)]
+    if not references:
+        return
+    reference = dice.one(references)
+    if unlink:
+        targets = list(model.targets(node, reference))
+        if targets:
+            model.unlink(node, reference, dice.one(targets))
+        return
+    candidates = list(model.extent(reference.target))
+    if not candidates:
+        return
+    target = dice.one(candidates)
+    if not reference.many and dice.chance(50):
+        model.set_target(node, reference, target)
+    else:
+        model.link(node, reference, target)
+
+
+# --- patterns
+
+
+@dataclass
+class Scope:
+    """A body in the making: its variables and their types."""
+
+    dice: Dice
+    metamodel: Metamodel
+    callable: Sequence[Pattern]
+    partners: Sequence[Pattern] = ()
+    variables: dict[str, StaticType] = field(default_factory=dict)
+    fresh: int = 0
+
+    def names(self, type_: StaticType) -> list[str]:
+        """Variables that may stand where a type is expected."""
+        return [name for name, own in self.variables.items() if self.fits(own, type_)]
+
+    def fits(self, own: StaticType, type_: StaticType) -> bool:
+        """Whether some value has both types."""
+        if isinstance(own, ObjectType) and isinstance(type_, ObjectType):
+            return self.metamodel.overlap(own.cls, type_.cls)
+        return own == type_
+
+    def new(self, type_: StaticType) -> str:
+        """A new local variable."""
+        self.fresh += 1
+        name = f"x{self.fresh}"
+        self.variables[name] = type_
+        return name
+
+    def term(self, type_: StaticType, positive: bool = True) -> Term:
+        """An argument: mostly a known variable."""
+        known = self.names(type_)
+        roll = self.dice.number(0, 9)
+        if roll < 6 and known:
+            return Variable(self.dice.one(known))
+        if roll < 8 and positive:
+            return Variable(self.new(type_))
+        if roll < 9 and not isinstance(type_, ObjectType):
+            return self.literal(type_)
+        return Variable("_")
+
+    def literal(self, type_: AttributeType) -> Constant | EnumLiteral:
+        """A constant."""
+        value = self.dice.one(DOMAINS[type_])
+        if isinstance(type_, EnumType):
+            assert isinstance(value, str)
+            return EnumLiteral(type_.name, value)
+        return Constant(value)
+
+
+def type_of(name: str | None) -> StaticType:
+    """The type that a declared parameter has."""
+    assert name is not None
+    if name == COLOUR.name:
+        return COLOUR
+    return next((scalar for scalar in Scalar if scalar.value == name), ObjectType(name))
+
+
+def relation(scope: Scope, positive: bool = True) -> Relation:
+    """A type constraint, path or call."""
+    dice = scope.dice
+    roll = dice.number(0, 9)
+    if roll < 2:
+        cls = dice.one(list(scope.metamodel.classes))
+        return TypeConstraint(
+            cls, scope.term(ObjectType(cls), positive), exact=dice.chance(15) and cls in _concrete(scope)
+        )
+    called = [*scope.callable, *(scope.partners * 2 if positive else ())]
+    if roll < 7 or not called:
+        return path(scope, positive)
+    return call(scope, dice.one(called), positive)
+
+
+def _concrete(scope: Scope) -> set[str]:
+    return {cls.name for cls in scope.metamodel.class_list if not cls.abstract}
+
+
+def path(scope: Scope, positive: bool) -> Relation:
+    """A path of one or two steps, sometimes with a closure."""
+    dice, metamodel = scope.dice, scope.metamodel
+    cls = dice.one(
+        [name for name in metamodel.classes if metamodel.features(name)] or list(metamodel.classes)
+    )
+    steps: list[str] = []
+    current: StaticType = ObjectType(cls)
+    for _ in range(dice.one([1, 1, 1, 2])):
+        features = list(metamodel.features(current.cls).values()) if isinstance(current, ObjectType) else []
+        if not features:
+            break
+        feature = dice.one(features)
+        steps.append(feature.name)
+        current = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
+    source = scope.term(ObjectType(cls), positive)
+    if not steps:
+        return TypeConstraint(cls, source)
+    closure = Closure.ONCE
+    if positive and scope.fits(current, ObjectType(cls)) and dice.chance(40):
+        closure = dice.one([Closure.PLUS, Closure.STAR])
+    return PathConstraint(cls, tuple(steps), source, scope.term(current, positive), closure)
+
+
+def call(scope: Scope, called: Pattern, positive: bool) -> PatternCall:
+    """A call, sometimes with a closure."""
+    types = [type_of(parameter.type) for parameter in called.parameters]
+    closure = Closure.ONCE
+    if (
+        positive
+        and called not in scope.partners
+        and len(types) == 2
+        and scope.fits(*types)
+        and scope.dice.chance(35)
+    ):
+        closure = scope.dice.one([Closure.PLUS, Closure.STAR])
+    return PatternCall(called.name, tuple(scope.term(type_, positive) for type_ in types), closure)
+
+
+def aggregate(scope: Scope) -> tuple[Aggregate, StaticType] | None:
+    """An aggregate and the type of its value."""
+    dice = scope.dice
+    over = relation(scope, positive=False)
+    if dice.chance(50):
+        return Aggregate("count", over), Scalar.INT
+    if isinstance(over, PathConstraint):
+        feature = _last(scope, over)
+        if isinstance(feature, Attribute) and feature.type in (Scalar.INT, Scalar.FLOAT):
+            function = dice.one(["sum", "min", "max", "avg"])
+            over = replace(over, target=Hash())
+            type_ = Scalar.FLOAT if function == "avg" else feature.type
+            return Aggregate(function, over), type_  # type: ignore[arg-type]
+    return None
+
+
+def _last(scope: Scope, over: PathConstraint) -> Attribute | Reference | None:
+    cls, found = over.type, None
+    for name in over.features:
+        found = scope.metamodel.feature(cls, name)
+        if isinstance(found, Reference):
+            cls = found.target
+    return found
+
+
+def number(scope: Scope, depth: int = 0) -> Expression | None:
+    """An expression of type int over known variables."""
+    dice = scope.dice
+    leaves: list[Expression] = [Variable(name) for name in scope.names(Scalar.INT)]
+    for name, type_ in scope.variables.items():
+        if isinstance(type_, ObjectType):
+            for feature in scope.metamodel.features(type_.cls).values():
+                if isinstance(feature, Attribute) and feature.type is Scalar.INT:
+                    leaves.append(Navigation(Variable(name), feature.name))
+    if not leaves:
+        return None
+    leaf = dice.one(leaves)
+    roll = dice.number(0, 5)
+    if roll < 3 or depth > 1:
+        return leaf
+    if roll == 3:
+        return Binary(dice.one(["+", "-", "*", "/", "%"]), leaf, number(scope, depth + 1) or Constant(1))
+    if roll == 4:
+        return FunctionCall("max", (leaf, Constant(1)))
+    return Conditional(Binary(">", leaf, Constant(0)), leaf, Unary("-", leaf))
+
+
+def condition(scope: Scope) -> Expression | None:
+    """A truth value over known variables."""
+    dice = scope.dice
+    roll = dice.number(0, 3)
+    if roll == 0:
+        data = [(name, type_) for name, type_ in scope.variables.items() if not isinstance(type_, ObjectType)]
+        if data:
+            name, type_ = dice.one(data)
+            return Binary(dice.one(["==", "!="]), Variable(name), scope.literal(type_))
+    if roll == 1:
+        links = [
+            Navigation(Variable(name), feature.name)
+            for name, type_ in scope.variables.items()
+            if isinstance(type_, ObjectType)
+            for feature in scope.metamodel.features(type_.cls).values()
+            if isinstance(feature, Attribute) or not feature.many
+        ]
+        if links:
+            return Binary(dice.one(["==", "!="]), dice.one(links), Constant(None))
+    left, right = number(scope), number(scope)
+    if left is None or right is None:
+        return None
+    test = Binary(dice.one(["==", "!=", "<", "<="]), left, right)
+    if roll == 2:
+        other = condition(scope)
+        if other is not None:
+            return Binary(dice.one(["&&", "||"]), test, other)
+    return test
+
+
+def constraint(scope: Scope) -> Constraint | None:
+    """One constraint, or None if the dice want one that is not possible."""
+    dice = scope.dice
+    roll = dice.number(0, 19)
+    if roll < 10:
+        return relation(scope)
+    if roll < 13:
+        return Negation(relation(scope, positive=False))
+    if roll < 15:
+        name = dice.one(list(scope.variables))
+        others = [other for other in scope.names(scope.variables[name]) if other != name]
+        if not others:
+            return None
+        return Comparison(dice.one(["==", "!=", "!="]), Variable(name), Variable(dice.one(others)))
+    if roll < 17:
+        made = aggregate(scope)
+        if made is None:
+            return None
+        known = scope.names(made[1])
+        return Comparison(
+            "==", Variable(dice.one(known) if known and dice.chance(60) else scope.new(made[1])), made[0]
+        )
+    if roll < 18:
+        value = number(scope)
+        known = scope.names(Scalar.INT)
+        name = dice.one(known) if known and dice.chance(60) else scope.new(Scalar.INT)
+        return None if value is None else Comparison("==", Variable(name), Evaluation(value))
+    test = condition(scope)
+    return None if test is None else Check(test)
+
+
+def parameters(dice: Dice, metamodel: Metamodel) -> tuple[Parameter, ...]:
+    """One to three typed parameters."""
+    types = [*metamodel.classes, *metamodel.classes, "int", "Colour"]
+    return tuple(Parameter(f"p{number}", dice.one(types)) for number in range(dice.one([1, 2, 2, 3])))
+
+
+def body(
+    dice: Dice,
+    metamodel: Metamodel,
+    own: tuple[Parameter, ...],
+    callable: Sequence[Pattern],
+    partners: Sequence[Pattern],
+) -> Body:
+    """A random body; a data parameter is always the value of some attribute, so that it can be enumerated."""
+    scope = Scope(dice, metamodel, callable, partners, {p.name: type_of(p.type) for p in own})
+    constraints: list[Constraint] = []
+    for parameter in own:
+        if parameter.type not in metamodel.classes:
+            owners = [
+                (cls, feature.name)
+                for cls in metamodel.classes
+                for feature in metamodel.features(cls).values()
+                if isinstance(feature, Attribute) and feature.type == type_of(parameter.type)
+            ]
+            if owners:
+                cls, name = dice.one(owners)
+                source = scope.term(ObjectType(cls))
+                constraints.append(PathConstraint(cls, (name,), source, Variable(parameter.name)))
+            else:
+                kind = type_of(parameter.type)
+                assert not isinstance(kind, ObjectType)
+                constraints.append(Comparison("==", Variable(parameter.name), scope.literal(kind)))
+    for _ in range(dice.number(1, 6)):
+        made = constraint(scope)
+        if made is not None:
+            constraints.append(made)
+    return Body(tuple(constraints) or (TypeConstraint(own[0].type or "", Variable(own[0].name)),))
+
+
+def random_library(dice: Dice, metamodel: Metamodel) -> Library:
+    """One to five patterns that call earlier ones, and sometimes each other."""
+    library = Library(metamodel)
+    wanted = dice.number(1, 4)
+    while len(library.patterns) < wanted:
+        names = [f"q{len(library.patterns) + offset}" for offset in range(dice.one([1, 1, 2]))]
+        heads = [Pattern(name, parameters(dice, metamodel), ()) for name in names]
+        partners = heads if dice.chance(35) else []
+        group = [
+            replace(
+                head,
+                bodies=tuple(
+                    body(dice, metamodel, head.parameters, library.patterns, partners)
+                    for _ in range(dice.one([1, 1, 2, 3]))
+                ),
+            )
+            for head in heads
+        ]
+        add(library, group)
+    return library
+
+
+def add(library: Library, group: Sequence[Pattern]) -> None:
+    """Add patterns, less the constraints that make them invalid."""
+    plain = [replace(pattern, bodies=(_plain(pattern),)) for pattern in group]
+    for number, pattern in enumerate(group):
+        others = [*plain[:number], *plain[number + 1 :]]
+        bodies = tuple(_valid(library, others, pattern, body) for body in pattern.bodies)
+        plain[number] = replace(pattern, bodies=bodies)
+    library.add(*plain)
+
+
+def _valid(library: Library, others: Sequence[Pattern], pattern: Pattern, body: Body) -> Body:
+    """The body without the constraints that are wrong."""
+
+    def errors(constraints: Sequence[Constraint]) -> int:
+        candidate = replace(pattern, bodies=(Body(tuple(constraints)),))
+        found = library.check(candidate, *others)
+        return sum(problem.severity is Severity.ERROR for problem in found)
+
+    kept = list(body.constraints)
+    while kept and errors(kept):
+        drops = [kept[:i] + kept[i + 1 :] for i in range(len(kept))]
+        kept = min(drops, key=errors)
+    return Body(tuple(kept)) if kept else _plain(pattern)
+
+
+def _plain(pattern: Pattern) -> Body:
+    constraints: list[Constraint] = []
+    for parameter in pattern.parameters:
+        kind = type_of(parameter.type)
+        if isinstance(kind, ObjectType):
+            constraints.append(TypeConstraint(kind.cls, Variable(parameter.name)))
+        else:
+            literal = (
+                EnumLiteral("Colour", "red") if isinstance(kind, EnumType) else Constant(DOMAINS[kind][0])
+            )
+            constraints.append(Comparison("==", Variable(parameter.name), literal))
+    return Body(tuple(constraints))
+
+
+@dataclass(frozen=True)
+class World:
+    """A library, a model of its metamodel, and random edits of it."""
+
+    library: Library
+    model: Model
+    dice: Dice
+
+    def edit(self, count: int) -> None:
+        """Make some random changes."""
+        for _ in range(count):
+            edit(self.dice, self.model)
+
+
+def random_world(seed: int) -> World:
+    """A metamodel with patterns, and a model of a few objects."""
+    dice = Dice(seed)
+    metamodel = random_metamodel(dice)
+    world = World(random_library(dice, metamodel), Model(metamodel), dice)
+    for cls in metamodel.class_list:
+        if not cls.abstract:
+            for _ in range(dice.number(0, 3)):
+                world.model.new(cls.name)
+    world.edit(dice.number(0, 25))
+    return world
+
+
+def worlds() -> st.SearchStrategy[World]:
+    """Random worlds."""
+    return st.integers(0, 2**32).map(random_world)
