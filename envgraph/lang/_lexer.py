@@ -38,6 +38,7 @@ class Lexeme:
         value: the word without `^`, the contents of a string, otherwise the text itself.
         escaped: the word was written `^word` and is never a keyword.
         braces: how many `{` are open before it.
+        bracketed: whether a `(` or `[` is open before it, inside the innermost `{`.
     """
 
     kind: str
@@ -46,6 +47,7 @@ class Lexeme:
     end: int
     escaped: bool = False
     braces: int = 0
+    bracketed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,11 @@ class LexicalCore(Lexer):
             else:
                 self.signs[value] = terminal.name
         regular.sort(key=lambda terminal: (-terminal.priority, terminal.name))
-        signs = "|".join(re.escape(sign) for sign in sorted(self.signs, key=len, reverse=True))
+        # A `/*` that is not closed is an open comment, not a division.
+        signs = "|".join(
+            re.escape(sign) + (r"(?!\*)" if sign == "/" else "")
+            for sign in sorted(self.signs, key=len, reverse=True)
+        )
         groups = [f"(?P<{terminal.name}>{terminal.pattern.to_regexp()})" for terminal in regular]
         self._token = re.compile("|".join([*groups, f"(?P<{PUNCTUATION}>{signs})"] if signs else groups))
 
@@ -147,6 +153,7 @@ class _Scanner:
             self._scan.docs.append(DocComment(*self._doc, lexeme.start))
             self._doc = None
         lexeme.braces = self._braces
+        lexeme.bracketed = bool(self._open) and self._open[-1] != "{"
         if lexeme.kind == PUNCTUATION:
             self._nest(lexeme)
         self._scan.lexemes.append(lexeme)
@@ -226,7 +233,7 @@ class _Scanner:
             return len(text)
         if text.startswith('"""', start):
             self._report(
-                "unterminated-string", "the text is not closed", start, start + 3, 'close it with `"""`'
+                "unterminated-text", "the text is not closed", start, start + 3, 'close it with `"""`'
             )
             self._append(Lexeme("TEXT", text[start + 3 :], start, len(text)))
             return len(text)
@@ -237,6 +244,8 @@ class _Scanner:
     def _unterminated(self, start: int) -> int:
         end = self._text.find("\n", start)
         end = len(self._text) if end < 0 else end
+        # What ends a statement or closes a bracket at the end of the line was hardly meant to stand in the string.
+        end = start + len(self._text[start:end].rstrip(" \t\r;,)]}")) or start + 1
         quote = self._text[start]
         self._report(
             "unterminated-string",

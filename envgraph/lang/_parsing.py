@@ -28,6 +28,7 @@ ERROR = "error"
 _MOST_ERRORS = 100
 _DEEPEST = 150
 _LOOKAHEAD = 3
+_ENDLESS = {"unterminated-text", "unterminated-comment"}
 _SEPARATORS = (";", ",", ")", "]")
 _VALUES = frozenset(
     {"a name", "a string", "a whole number", "a number", "`_`", "`#`", "`-`", "`!`", "`(`", "`::`"}
@@ -195,8 +196,13 @@ class _Run:
         self._values: list[Any] = []
         self._begins: list[int] = []
         self._previous_end = 0
+        self._depth = 0
+        """How many braces are open at the last error."""
         self.diagnostics: list[Diagnostic] = []
         self.lost: set[str] = set()
+        self._recoveries = 0
+        self._closed: set[int] = set()
+        """Keywords that braces have been closed before: once is enough, if it does not help."""
 
     def run(self) -> Tree[Token] | None:
         index = 0
@@ -204,7 +210,9 @@ class _Run:
             lexeme = self._lexemes[index]
             terminal = self._resolve(self._states, index) or self._split(self._states, index)
             if terminal is None:
-                if len(self.diagnostics) >= _MOST_ERRORS:
+                # Counted, and not the diagnostics: what follows from a misspelt token is not reported.
+                self._recoveries += 1
+                if self._recoveries > _MOST_ERRORS:
                     return None
                 resumed = self._recover(index)
                 if resumed is None:
@@ -284,7 +292,15 @@ class _Run:
 
     def _recover(self, index: int) -> int | None:
         """Reports the unexpected lexeme, mends or gives up a part, and says where to go on."""
-        attempts = (self._misplaced, self._mistyped, self._unescaped, self._swallowed, self._missing)
+        self._depth = self._lexemes[index].braces
+        attempts = (
+            self._misplaced,
+            self._missing_brace,
+            self._mistyped,
+            self._unescaped,
+            self._swallowed,
+            self._missing,
+        )
         for attempt in attempts:
             resumed = attempt(index)
             if resumed is not None:
@@ -294,7 +310,7 @@ class _Run:
         return self._close_all(index) if self._lexemes[index].kind == END else self._give_up(index)
 
     def _levels(self) -> Iterator[_Level]:
-        """Where parsing can resume, innermost first."""
+        """Where parsing can resume, innermost first; not inside what has been closed before the error."""
         above: set[str] = set()
         for height in range(len(self._states), 0, -1):
             row = self._grammar.states[self._states[height - 1]]
@@ -305,6 +321,8 @@ class _Run:
                 if rule in fresh:
                     kept = self._states[:height]
                     begin = self._begins[height - 1] if height <= len(self._begins) else -1
+                    if begin >= 0 and self._lexemes[begin].braces > self._depth:
+                        continue
                     yield _Level(height, rule, begin, [*kept, row[rule][1]])
 
     def _misplaced(self, index: int) -> int | None:
@@ -317,13 +335,19 @@ class _Run:
         for place in range(first, index + 1):
             lexeme = self._lexemes[place]
             keyword = self._grammar.core.keywords.get(lexeme.value)
-            if keyword is None or lexeme.escaped or not first_on_line(self._source, lexeme.start):
+            if (
+                place in self._closed
+                or keyword is None
+                or lexeme.escaped
+                or not first_on_line(self._source, lexeme.start)
+            ):
                 continue
             for outer in levels[1:]:
                 if not self._starts_outer(outer, keyword, lexeme):
                     continue
                 if not self._closed_before(inner, outer, place, keyword):
                     continue
+                self._closed.add(place)
                 return place
         return None
 
@@ -397,6 +421,9 @@ class _Run:
         is_keyword = lexeme.kind == "NAME" and self._resolve(states, index - 1) not in {None, "NAME"}
         if not is_keyword or self._lexemes[index].value == "(" or not self._grammar.accepts(states, "NAME"):
             return None
+        level = next(self._levels(), None)
+        if level and level.begin == index - 1 and f"`{lexeme.value}`" not in _VALUES:
+            return None  # the word of a statement: more likely its name is missing
         self._grammar.shift(states, "NAME")
         if not self._makes_sense(states, index, index + _LOOKAHEAD):
             return None
@@ -463,6 +490,37 @@ class _Run:
             self._feed(terminal, Lexeme(PUNCTUATION, sign, self._previous_end, self._previous_end), index)
             return index
         return None
+
+    def _missing_brace(self, index: int) -> int | None:
+        """A `{` before this or the previous lexeme, or a `}` before the previous one, if that is a keyword then."""
+        if self._lexemes[index].kind == END:
+            return None
+        for place, sign in ((index - 1, "{"), (index - 1, "}"), (index, "{")):
+            terminal = self._grammar.core.signs.get(sign)
+            height = len(self._states)
+            if place < index:
+                if not self._begins or self._begins[-1] != place or self._lexemes[place].kind != "NAME":
+                    continue
+                height -= 1
+            states = self._states[:height]
+            if terminal is None or not self._grammar.accepts(states, terminal):
+                continue
+            self._grammar.shift(states, terminal)
+            if sign == "}" and self._resolve(states, place) in {None, "NAME"}:
+                continue
+            if self._makes_sense(states, place, index + _LOOKAHEAD):
+                self._insert_brace(terminal, sign, place, height)
+                return place
+        return None
+
+    def _insert_brace(self, terminal: str, sign: str, place: int, height: int) -> None:
+        self._cut(height)
+        self._previous_end = self._lexemes[place - 1].end if place else 0
+        before = Lexeme(PUNCTUATION, sign, self._previous_end, self._previous_end)
+        opening = self._open_brace(place) if sign == "}" else None
+        notes = (Note("this `{` is not closed", self._span(opening)),) if opening else ()
+        self._report("missing-token", f"missing `{sign}`", before, self._completion(sign, place), notes)
+        self._feed(terminal, before, place)
 
     def _completion(self, sign: str, index: int) -> str:
         """Where a separator belongs that was left out."""
@@ -543,7 +601,8 @@ class _Run:
             return None
         level_column = self._column(self._lexemes[begin])
         if accepted != "NAME":
-            if lexeme.braces == depth and (place > begin):
+            elsewhere = lexeme.bracketed or f"`{lexeme.value}`" in _VALUES
+            if lexeme.braces == depth and place > begin and not elsewhere:
                 return place
             starts_line = first_on_line(self._source, lexeme.start)
             return place if starts_line and self._column(lexeme) <= level_column else None
@@ -661,7 +720,8 @@ class _Run:
         span = self._span(lexeme)
         # A misspelt token has been reported already; that it does not fit is its consequence.
         before = self._source.span(self._previous_end, lexeme.end)
-        if not overlapping(self._lexical, before):
+        swallowed = lexeme.kind == END and any(one.code in _ENDLESS for one in self._lexical)
+        if not swallowed and not overlapping(self._lexical, before):
             self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes))
 
     def _span(self, lexeme: Lexeme) -> Span:

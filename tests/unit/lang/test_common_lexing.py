@@ -1,0 +1,202 @@
+"""The lexical core, with a small grammar of its own."""
+
+from pathlib import Path
+
+import pytest
+from lark import Token
+from lark.exceptions import GrammarError
+
+from envgraph.errors import Source
+from envgraph.lang._grammar import RECOVERY, Grammar, build, grammar
+from envgraph.lang._parsing import Parsed, annotation_of, parse_with, span_of, tokens, trees
+from envgraph.metamodel import Annotation
+
+GRAMMAR = """
+%import .common (NAME, INT, FLOAT, LONG, STRING, TEXT, SIGN, WHITESPACE, LINE_COMMENT, BLOCK_COMMENT)
+%import .common (annotation, annotation_argument, annotation_value)
+%ignore WHITESPACE
+%ignore LINE_COMMENT
+%ignore BLOCK_COMMENT
+
+start: statement*
+statement: annotation* "let" NAME "=" value* ";"
+         | "less" value "<" value ";"
+         | "arrow" NAME "<-" NAME ";"
+?value: NAME | INT | FLOAT | LONG | STRING | TEXT | "in" -> in | "-" value -> minus
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Grammar:
+    from envgraph.lang import data_path
+
+    directory = tmp_path_factory.mktemp("grammars")
+    (directory / "common.lark").write_text(data_path("grammars", "common.lark").read_text())
+    (directory / "small.lark").write_text(GRAMMAR)
+    return build("small", directory / "small.lark", ("statement",))
+
+
+def parsed(small: Grammar, text: str) -> Parsed:
+    return parse_with(small, Source("t", text))
+
+
+def values(small: Grammar, text: str) -> list[str]:
+    """The values of a statement without errors."""
+    result = parsed(small, text)
+    assert not result.diagnostics, result.diagnostics[0]
+    assert result.tree is not None
+    return [str(value) for value in trees(result.tree.children)[0].children[1:] if isinstance(value, Token)]
+
+
+def messages(small: Grammar, text: str) -> list[str]:
+    return [
+        f"{one.span.line}:{one.span.column} {one.message}"
+        for one in parsed(small, text).diagnostics
+        if one.span
+    ]
+
+
+@pytest.mark.parametrize("language", sorted(RECOVERY))
+def test_grammars_have_no_conflicts(language: str) -> None:
+    # `build` always asks Lark for strict mode: a conflict raises.
+    assert grammar(language).states
+
+
+@pytest.mark.parametrize("language", sorted(RECOVERY))
+def test_grammars_are_built_once(language: str) -> None:
+    assert grammar(language) is grammar(language)
+
+
+def test_conflicts_in_a_grammar_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bad.lark"
+    path.write_text('start: a b\na: "y"*\nb: "y"*\n')
+    with pytest.raises(GrammarError, match="conflict"):
+        build("bad", path)
+
+
+def test_strings_are_unquoted_and_unescaped(small: Grammar) -> None:
+    text = r"""let a = "x" 'y' "a\"b" 'it\'s' "\n\t\\" "\u00e9" "";"""
+    assert values(small, text) == ["x", "y", 'a"b', "it's", "\n\t\\", "é", ""]
+
+
+def test_texts_of_several_lines_are_taken_as_they_are(small: Grammar) -> None:
+    assert values(small, 'let a = """one\n "two" \\n""";') == ['one\n "two" \\n']
+
+
+def test_numbers_keep_their_kind(small: Grammar) -> None:
+    result = parsed(small, "let a = 1 2.5 1e3 3l 0 007;")
+    assert result.tree is not None
+    kinds = [token.type for token in tokens(trees(result.tree.children)[0].children)[1:]]
+    assert kinds == ["INT", "FLOAT", "FLOAT", "LONG", "INT", "INT"]
+
+
+def test_a_keyword_is_a_name_where_no_keyword_can_stand(small: Grammar) -> None:
+    assert values(small, "let let = less arrow;") == ["less", "arrow"]
+
+
+def test_a_keyword_wins_where_both_can_stand(small: Grammar) -> None:
+    result = parsed(small, "let a = in;")
+    assert result.tree is not None
+    assert [tree.data for tree in trees(trees(result.tree.children)[0].children)] == ["in"]
+
+
+def test_an_escaped_keyword_is_a_name(small: Grammar) -> None:
+    assert values(small, "let a = ^in ^other;") == ["in", "other"]
+    result = parsed(small, "let a = ^in;")
+    assert result.tree is not None
+    token = tokens(trees(result.tree.children)[0].children)[1]
+    assert span_of(result.source, token).text == "^in"
+
+
+def test_words_may_not_touch(small: Grammar) -> None:
+    assert messages(small, "leta = 1;")[0] == "1:1 unexpected `leta`"
+    assert messages(small, "let a = 3steps;") == ["1:9 `3steps` is neither a number nor a name"]
+    assert messages(small, "let a = 1.5x 2;") == ["1:9 `1.5x` is neither a number nor a name"]
+
+
+def test_a_long_sign_is_split_only_where_it_cannot_stand(small: Grammar) -> None:
+    assert not messages(small, "less a <-b; arrow a <- b;")
+
+
+def test_comments_are_skipped(small: Grammar) -> None:
+    assert values(small, "// x\nlet /* y\n * z */ a = 1 // 2\n;") == ["1"]
+    assert values(small, "let a = 1; /**/ // /* \n") == ["1"]
+
+
+def test_doc_comments_belong_to_the_definition_that_follows(small: Grammar) -> None:
+    text = "/** First.\n *\n * More. */\nlet a = 1;\nlet b = 2;\n"
+    text += "/** Third. */ @x let c = 3;\n@y /** Fourth. */ let d = 4;"
+    result = parsed(small, text)
+    assert result.tree is not None
+    docs = [result.doc(tree) for tree in trees(result.tree.children)]
+    assert docs == ["First.\n\nMore.", None, "Third.", "Fourth."]
+
+
+def test_annotations_become_data(small: Grammar) -> None:
+    text = '@a @b() @c(1, -2.5, "s", true, name) @d(k = 1, l = {x, y}) let a = 1;'
+    result = parsed(small, text)
+    assert not result.diagnostics and result.tree is not None
+    found = trees(trees(result.tree.children)[0].children, "annotation")
+    assert [annotation_of(result.source, tree) for tree in found] == [
+        Annotation("a"),
+        Annotation("b"),
+        Annotation("c", (1, -2.5, "s", True, "name")),
+        Annotation("d", (), (("k", 1), ("l", "x"), ("l", "y"))),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('let a = "x;\nlet b = 1;', "1:9 the string is not closed on its line"),
+        ("let a = 'x;\nlet b = 1;", "1:9 the string is not closed on its line"),
+        ('let a = """x;\nlet b = 1;', "1:9 the text is not closed"),
+        ("let a = 1; /* x\nlet b = 1;", "1:12 the comment is not closed"),
+        ("let a = 1 § 2; let b = 1;", "1:11 `§` means nothing here"),
+        ("let a = \x00;", "1:9 `\\x00` means nothing here"),
+        (r'let a = "\q";', r"1:10 `\q` means nothing in a string"),
+        (r'let a = "\ud800";', r"1:10 `\ud800` means nothing in a string"),
+        ("let a = 1e999;", "1:9 the number is too large"),
+        ("let a = " + "9" * 5000 + ";", "1:9 the number is too large"),
+    ],
+)
+def test_each_spelling_mistake_is_one_diagnostic(small: Grammar, text: str, message: str) -> None:
+    assert messages(small, text) == [message]
+
+
+def test_parsing_resumes_after_the_semicolon(small: Grammar) -> None:
+    result = parsed(small, "let a = = 1; let b = 2; less less; let c = 3;")
+    assert [one.message for one in result.diagnostics] == ["unexpected `=`", "unexpected `;`"]
+    assert result.tree is not None
+    assert [str(tree.children[0]) for tree in trees(result.tree.children)] == ["b", "c"]
+
+
+def test_a_mistyped_keyword_is_read_as_the_one_meant(small: Grammar) -> None:
+    result = parsed(small, "lett a = 1;\narow b <- c;")
+    assert [one.hint for one in result.diagnostics] == ["did you mean `let`?", "did you mean `arrow`?"]
+    assert result.tree is not None
+    assert len(trees(result.tree.children)) == 2
+
+
+def test_a_missing_separator_is_reported_where_it_belongs(small: Grammar) -> None:
+    assert messages(small, "arrow a <- b\narrow c <- d;") == ["1:13 missing `;`"]
+
+
+def test_names_in_what_is_given_up_are_remembered(small: Grammar) -> None:
+    assert {"a", "b"} <= parsed(small, "let a = = b;").lost
+
+
+def test_deep_nesting_is_an_error(small: Grammar) -> None:
+    assert [one.split(" ", 1)[1] for one in messages(small, "let a = " + "- " * 500 + "1;")] == [
+        "this is nested too deeply to be read"
+    ]
+
+
+def test_the_end_of_the_text_is_a_position(small: Grammar) -> None:
+    assert messages(small, "let a = 1") == ["1:10 unexpected end of the file"]
+    assert messages(small, "let a = 1\n") == ["2:1 unexpected end of the file"]
+
+
+def test_spans_count_characters_of_the_text(small: Grammar) -> None:
+    result = parsed(small, 'let é = "🔥" = ;')
+    assert [one.span.column for one in result.diagnostics if one.span] == [13]
