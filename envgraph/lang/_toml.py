@@ -124,7 +124,8 @@ class _Index:
         self._skip()
         self._at += 2 if array else 1
         span = self._toml.source.span(start, self._at)
-        self._toml.values.setdefault(path, span)
+        for size in range(1, len(path) + 1):
+            self._toml.values.setdefault(path[:size], span)
         if array:
             self._counts[path] = self._counts.get(path, -1) + 1
             path = (*path, self._counts[path])
