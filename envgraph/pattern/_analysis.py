@@ -9,7 +9,7 @@ from envgraph.metamodel import Metamodel
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import Reading, grouped_relations, positive_relations
 from envgraph.pattern._inference import BodyTypes, Callee, Signature
-from envgraph.pattern._lowered import ObjectType, StaticType
+from envgraph.pattern._lowered import StaticType
 from envgraph.pattern._queries import Body, Closure, Pattern, PatternCall
 from envgraph.pattern._types import joins, static_type
 
@@ -231,8 +231,3 @@ class Analysis:
 def is_closure(call: PatternCall) -> bool:
     """Whether the call follows the pattern more than once."""
     return call.closure is not Closure.ONCE
-
-
-def object_class(type_: StaticType | None) -> str | None:
-    """The class of a type of objects."""
-    return type_.cls if isinstance(type_, ObjectType) else None

@@ -37,7 +37,7 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
-from envgraph.pattern._types import NUMBERS, assignable, compatible, type_text, value_type
+from envgraph.pattern._types import NUMBERS, assignable, comparable, type_text, value_type
 
 MOST_LEVELS: Final = 100
 """How deep an expression may nest; generated source nests alike, and Python stops at 200 parentheses."""
@@ -285,7 +285,7 @@ class ExpressionChecker:
         left, right = self._sides(node)
         if left is None or right is None:
             return
-        if not (compatible(left, right, self.metamodel) or {left, right} <= set(NUMBERS)):
+        if not comparable(left, right, self.metamodel):
             hint = None
             for side, other in ((node.left, right), (node.right, left)):
                 if isinstance(side, Constant) and isinstance(side.value, str) and isinstance(other, EnumType):

@@ -55,7 +55,7 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
-from envgraph.pattern._types import coerced, compatible, static_type, value_type
+from envgraph.pattern._types import coerced, comparable, static_type, value_type
 
 PathName = Callable[[ResolvedPath], str]
 """Registers the generated binary pattern of a path and gives its qualified name."""
@@ -254,7 +254,7 @@ class BodyLowering:
             if isinstance(term, Hash):
                 column = slot
             actual = self.slots.type(slot)
-            if actual is not None and type_ is not None and not compatible(actual, type_, self._metamodel):
+            if actual is not None and type_ is not None and not comparable(actual, type_, self._metamodel):
                 possible = False
         return (self._single(relation, slots, local), frozenset(local), column) if possible else None
 

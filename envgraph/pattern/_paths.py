@@ -28,11 +28,6 @@ class ResolvedPath:
         last = self.steps[-1]
         return ObjectType(last.target) if isinstance(last, Reference) else last.type
 
-    @property
-    def functional(self) -> bool:
-        """Whether an object has at most one target."""
-        return not any(isinstance(step, Reference) and step.many for step in self.steps)
-
     def __str__(self) -> str:
         return ".".join([self.cls, *(step.name for step in self.steps)])
 

@@ -14,9 +14,9 @@ from envgraph.pattern._queries import Aggregate, Comparison, Evaluation, Term
 from envgraph.pattern._relations import Place
 from envgraph.pattern._terms import Constant, EnumLiteral, Variable
 from envgraph.pattern._types import (
-    NUMBERS,
     assignable,
     common_subclasses,
+    comparable,
     compatible,
     is_subtype,
     literal_fits,
@@ -126,9 +126,7 @@ class TypeCheck:
         if isinstance(term, Variable) and (term.anonymous or self._reading.root(term.name) in self._tainted):
             return
         actual = self._types.of_term(term)
-        if actual is None or compatible(actual, type_, self._metamodel):
-            return
-        if isinstance(term, Evaluation | Aggregate) and assignable(actual, type_, self._metamodel):
+        if actual is None or comparable(actual, type_, self._metamodel):
             return
         message = f"{what} takes a `{type_text(type_)}` here, so a `{type_text(actual)}` never matches"
         yield Diagnostic("never-matches", message, span, severity=Severity.WARNING)
@@ -208,7 +206,7 @@ class TypeCheck:
             if comparison.operator == "==":
                 message = f"`==` cannot compare `{type_text(one)}` with `{type_text(other)}`"
                 yield Diagnostic("type-conflict", message, comparison.span)
-            elif not (one in NUMBERS and other in NUMBERS):
+            elif not comparable(one, other, self._metamodel):
                 message = f"a `{type_text(one)}` is never a `{type_text(other)}`"
                 yield Diagnostic("always-different", message, comparison.span, severity=Severity.WARNING)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from envgraph.metamodel import EnumType, Metamodel, Scalar, Value, type_name
+from envgraph.metamodel import Metamodel, Scalar, Value, type_name
 from envgraph.pattern._lowered import ObjectType, StaticType
 
 NUMBERS = (Scalar.INT, Scalar.FLOAT)
@@ -57,6 +57,11 @@ def assignable(type_: StaticType, target: StaticType, metamodel: Metamodel) -> b
 def compatible(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
     """Whether something can be an instance of both types."""
     return meet(one, other, metamodel) is not None
+
+
+def comparable(one: StaticType, other: StaticType, metamodel: Metamodel) -> bool:
+    """Whether values of the two types can be equal: as `compatible`, and an int can equal a float."""
+    return compatible(one, other, metamodel) or (one in NUMBERS and other in NUMBERS)
 
 
 def meet(one: StaticType, other: StaticType, metamodel: Metamodel) -> StaticType | None:
@@ -115,8 +120,3 @@ def literal_fits(value: Value, type_: StaticType) -> bool:
 def coerced(value: Value, type_: StaticType | None) -> Value:
     """The constant as it is stored: an int where a float is expected becomes one."""
     return float(value) if type_ is Scalar.FLOAT and isinstance(value, int) else value
-
-
-def is_enum(type_: StaticType | None) -> bool:
-    """Whether the type is an enumeration."""
-    return isinstance(type_, EnumType)

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
 from envgraph.pattern._binding import Binding, inputs_of
-from envgraph.pattern._bodies import Reading, Use, names_read, terms_of
+from envgraph.pattern._bodies import Reading, Use, names_read, positive_relations, terms_of
 from envgraph.pattern._inference import BodyTypes, relation_text
 from envgraph.pattern._lowered import ObjectType
-from envgraph.pattern._queries import Comparison, Evaluation, Hash, Parameter, Pattern, Term
+from envgraph.pattern._queries import Comparison, Evaluation, Hash, Parameter, Pattern, Relation, Term
 from envgraph.pattern._relations import Place
 from envgraph.pattern._terms import Variable
 from envgraph.pattern._types import type_text
@@ -91,7 +91,11 @@ class UsageCheck:
             if self._reading.quantified(name) is None:
                 self._tainted.update(group)
                 if self._has_positive(group):
-                    circular.append(name)
+                    given = self._given_to(group)
+                    if given is None:
+                        circular.append(name)
+                    else:
+                        yield self._only_given(name, given)
                 else:
                     yield self._not_enumerable(name, group)
         if circular:
@@ -99,6 +103,22 @@ class UsageCheck:
             names = ", ".join(f"`{name}`" for name in circular)
             message = f"nothing enumerates {names}{self._where}: what it is computed from depends on it"
             yield Diagnostic("not-enumerable", message, self._reading.span(circular[0]))
+
+    def _given_to(self, group: list[str]) -> Relation | None:
+        """A positive call that takes one of the variables for an `in` parameter, if there is one."""
+        for relation in positive_relations(self._reading.body):
+            for position in inputs_of(relation, self._types):
+                term = terms_of(relation)[position]
+                if isinstance(term, Variable) and term.name in group:
+                    return relation
+        return None
+
+    def _only_given(self, name: str, relation: Relation) -> Diagnostic:
+        message = f"{relation_text(relation)} takes `{name}` for an `in` parameter, and nothing else binds it"
+        parameter = self._parameters.get(name)
+        return Diagnostic(
+            "not-enumerable", message, self._reading.span(name), self._how_to_bind(name, parameter)
+        )
 
     def _has_positive(self, group: list[str]) -> bool:
         return any(o.use is Use.POSITIVE for member in group for o in self._reading.occurrences[member])
@@ -166,11 +186,13 @@ class UsageCheck:
 
     def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
         """`_` and `#` as a side of a comparison."""
-        for term in (comparison.left, comparison.right):
-            span: Span | None = getattr(term, "span", None) or comparison.span
+        sides = (comparison.left, comparison.right)
+        both = all(isinstance(term, Variable) and term.anonymous for term in sides)
+        for term in sides[:1] if both else sides:
+            span: Span | None = term.span or comparison.span
             if isinstance(term, Hash):
                 yield Diagnostic("stray-hash", "`#` marks the column of an aggregate", span)
-            elif isinstance(term, Variable) and term.anonymous and comparison.operator == "!=":
+            elif isinstance(term, Variable) and term.anonymous and (both or comparison.operator == "!="):
                 yield Diagnostic(
                     "not-enumerable", "`_` has no value to compare", span, "give the variable a name"
                 )

@@ -276,6 +276,11 @@ def test_a_negation_that_cannot_match_is_dropped():
     assert found == [step("label", 0, 1, "Key")]
 
 
+def test_a_negation_may_compare_an_int_with_a_float():
+    found = atoms("d : Door", neg(path("Door.weight", "d", ev(op("d.x", "+", 1)))))
+    assert NegationAtom(step("weight", 0, 1, "Door"), frozenset()) in found
+
+
 def test_an_aggregate_names_its_column_and_result():
     body = lowered("n : int, c : Cell", eq("n", agg("sum", path("Cell.x", "c", "#"))))
     assert body.atoms[-1] == AggregateAtom("sum", step("x", 1, 2), frozenset({2}), 0, 2)

@@ -193,6 +193,7 @@ CASES = [
         [one("n : int, m : int", eq("n", ev(op("m", "+", 1))), eq("m", ev(op("n", "-", 1))), ne("m", "n"))],
     ),
     ("`_` in an inequality", ["not-enumerable"], [one("a : Cell", ne("a", "_"))]),
+    ("`_` on both sides", ["not-enumerable"], [one("a : Cell", isa("Cell", "a"), eq("_", "_"))]),
     # --- shape of the body
     (
         "unconnected parts",
