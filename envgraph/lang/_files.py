@@ -134,7 +134,7 @@ def read_source(files: Files, name: str) -> Source:
     except FileNotFoundError:
         _refuse(name, "missing-file", "there is no such file", _near(files, name))
     except (IsADirectoryError, NotADirectoryError):
-        _refuse(name, "not-a-file", "this is not a file", None)
+        _refuse(name, "not-a-file", "this is a directory, not a file", None)
     except (OSError, ValueError) as error:
         _refuse(name, "unreadable-file", f"the file cannot be read: {_reason(error)}", None)
     if len(data) > LARGEST_FILE:

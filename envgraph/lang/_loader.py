@@ -161,6 +161,7 @@ class _Loader:
             else []
         )
         if not found:
+            self.order.setdefault(directory, len(self.order))
             place = Source(directory, "").span(0, 0)
             message = "the directory holds no file of any of the languages"
             self.diagnostics.append(Diagnostic("missing-file", message, place, _extensions()))
@@ -187,9 +188,9 @@ class _Loader:
         try:
             if extension == "toml" and asked is None:
                 return self._family(name)
+            source = read_source(self.files, name)
             if extension not in LANGUAGES:
                 self._no_language(name, extension, asked)
-            source = read_source(self.files, name)
         except LoadError as error:
             self.diagnostics.extend(self._at_import(one, asked, name) for one in error.diagnostics)
             self.incomplete = True
@@ -202,9 +203,6 @@ class _Loader:
     def _no_language(self, name: str, extension: str, asked: Import | None) -> NoReturn:
         span = asked.span if asked else Source(name, "").span(0, 0)
         hint = did_you_mean(extension, LANGUAGES) if extension else None
-        if self.files.is_directory(name):
-            message = "this is a directory; files are imported one by one"
-            raise LoadError([Diagnostic("not-a-file", message, span)])
         message = f"`{name.rpartition('/')[2]}` is a file of none of the languages"
         raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
 
