@@ -2,24 +2,29 @@
 
 Fenced blocks are told apart by the words after the fence, which readers do not see:
 
-- ```` ```query garden.query ```` starts that file of the example of the reference; ```` ```query ```` goes on with the
-  last file of that language. All files together are read without an error or a warning.
-- ```` ```environment clause ```` stands inside an environment; ```` ```toml part ```` replaces tables of the family file.
-- ```` ```query wrong ```` has a mistake; the ```` ```text ```` block after it shows lines of what is reported.
-- ```` ```python ```` blocks of a page run one after the other in one empty directory, as do the ```` ```sh ```` blocks
-  of the page, in the order of the page; ```` ```text ```` after one of them is what it prints. ```` skip ```` is for what
-  takes long, and is only read.
+- `query garden.query` starts that file of the example of the reference; `query` alone goes on with the last file of
+  that language. All files are read without an error or a warning.
+- `environment clause` stands inside an environment; `toml part` replaces tables of the family file.
+- `query wrong` has a mistake; the `text` block after it shows lines of what is reported.
+- `python` and `sh` blocks of a page run one after the other in one empty directory; a `text` block after one of them
+  is what it prints. `skip` is for what takes too long.
 """
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from envgraph.cli._new import write_domain
 from envgraph.errors import Diagnostic
 from envgraph.lang import LANGUAGES, TextFiles, load_workspace
 
@@ -45,6 +50,10 @@ class Block:
 
     def __str__(self) -> str:
         return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+    def precedes(self, other: Block | None) -> bool:
+        """Whether the other block stands right behind this one, so that it shows what this one prints."""
+        return other is not None and other.line == self.line + self.text.count("\n") + 2
 
 
 def blocks(page: Path) -> list[Block]:
@@ -110,9 +119,10 @@ def with_tables(part: str) -> str:
 def beside_garden(block: Block) -> tuple[str, str]:
     """Name and text of a file that says what a fragment says."""
     match block.language:
-        case "query" | "rules":
-            imports = "".join(f'import "garden.{kind}"\n' for kind in ("query", "rules")[: 1 + (block.language == "rules")])
-            return f"other.{block.language}", f"package garden\n{imports}{block.text}"
+        case "query":
+            return "other.query", f'package garden\nimport "garden.query"\n{block.text}'
+        case "rules":
+            return "other.rules", f'package garden\nimport "garden.rules"\n{block.text}'
         case "environment":
             return "other.environment", inside_environment(block.text)
         case "toml":
@@ -125,13 +135,15 @@ def test_every_file_of_the_reference_is_read_without_a_word(name: str) -> None:
     assert [str(problem) for problem in problems({}, name)] == []
 
 
-@pytest.mark.parametrize("block", [b for word in ("clause", "part") for b, _ in reference_blocks(word)], ids=str)
+@pytest.mark.parametrize(
+    "block", [b for word in ("clause", "part") for b, _ in reference_blocks(word)], ids=str
+)
 def test_fragments_of_the_reference_are_read_without_an_error(block: Block) -> None:
     name, text = beside_garden(block)
     assert [str(one) for one in problems({name: text}, name) if one.code != "no-observation"] == []
 
 
-@pytest.mark.parametrize(("block", "after"), reference_blocks("wrong"), ids=str)
+@pytest.mark.parametrize(("block", "after"), [*reference_blocks("wrong")], ids=str)
 def test_mistakes_of_the_reference_are_reported_as_shown(block: Block, after: Block | None) -> None:
     assert after is not None and after.language == "text", "the report stands behind the mistake"
     name, text = beside_garden(block)
@@ -144,3 +156,78 @@ def test_every_language_has_a_page_and_a_file_in_the_example() -> None:
     kinds = {name.rpartition(".")[2] for name in GARDEN}
     assert kinds == {*LANGUAGES, "toml"}
     assert all(page.is_file() for page in REFERENCE)
+
+
+# --- pages whose code runs
+
+
+def runs(page: Path) -> bool:
+    """Whether a page has code to run."""
+    return any(block.language in ("python", "sh") and "skip" not in block.words for block in blocks(page))
+
+
+def run_python(block: Block, names: dict[str, object]) -> str:
+    """What a block prints."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(block.text, str(block), "exec"), names)
+    return printed.getvalue()
+
+
+def run_shell(block: Block) -> str:
+    """What the commands of a block print: `envgraph ...` as this interpreter's, everything else by the shell."""
+    bin_ = Path(sys.executable).parent
+    done = subprocess.run(
+        ["sh", "-e", "-c", block.text],
+        env={**os.environ, "PATH": f"{bin_}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "120"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, f"{block}: {done.stdout}{done.stderr}"
+    return done.stdout
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=lambda page: page.name)
+def test_code_of_a_page_runs_and_prints_what_it_shows(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "page"}
+    found = blocks(page)
+    for block, after in zip(found, [*found[1:], None], strict=True):
+        if "skip" in block.words or block.language not in ("python", "sh"):
+            continue
+        printed = run_python(block, names) if block.language == "python" else run_shell(block)
+        if after is not None and block.precedes(after) and after.language == "text":
+            assert printed == after.text, f"{after}: it prints\n{printed}"
+
+
+def test_mistake_in_the_readme_is_reported_as_shown(tmp_path: Path) -> None:
+    shown = next(block.text for block in blocks(ROOT / "README.md") if "maze.rules" in block.words)
+    write_domain(tmp_path, "maze")
+    texts = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
+    texts["maze.rules"] = texts["maze.rules"].replace("-at->", "-att->", 1)
+    found = load_workspace(["maze.rules"], files=TextFiles(texts)).diagnostics
+    assert [str(one) for one in found] == [shown.rstrip("\n")]
+
+
+# --- what the pages say exists
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_that_a_page_names_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:envgraph|tests|grammars|rules|docs)/[\w./]*)`", text))
+    linked = {link.split("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link}
+    missing = [name for name in named if not (ROOT / name).exists()]
+    missing += [link for link in linked if link and not (page.parent / link).exists()]
+    assert missing == []
+
+
+def test_every_module_that_starts_a_layer_is_in_the_tour() -> None:
+    tour = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    layers = re.search(r"^    (errors < .*)$", tour, re.MULTILINE)
+    assert layers is not None
+    packages = {path.parent.name for path in (ROOT / "envgraph").glob("*/__init__.py")}
+    assert set(layers.group(1).split(" < ")) == packages
