@@ -12,7 +12,7 @@ tables alone how well a family teaches.
 
 from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._evaluation import Evaluation, evaluate, evaluate_policy
-from envgraph.learn._experiment import FamilyMember, run_experiment, train_run
+from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
 from envgraph.learn._intervals import mean_interval, wilson_interval
 from envgraph.learn._planning import Optimum, greedy_return, value_iteration
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
@@ -41,6 +41,7 @@ __all__ = [
     "mean_interval",
     "read_csv",
     "run_experiment",
+    "run_stages",
     "sequences",
     "softened_policy",
     "train_curriculum",

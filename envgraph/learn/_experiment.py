@@ -87,6 +87,45 @@ def run_experiment(
     return Experiment(tuple(results))
 
 
+def run_stages(
+    family: Sequence[FamilyMember],
+    settings: TrainingSettings,
+    *,
+    seeds: Sequence[int] | None = None,
+    workers: int = 1,
+    backend: Backend = "auto",
+    progress: Callable[[int, int], None] | None = None,
+) -> Experiment:
+    """For each environment, train on the family up to it, and evaluate there: how far the curriculum carries.
+
+    The curricula are labelled "E1", "E1-E2", ..., "E1-E6"; the arguments are those of `run_experiment`.
+    """
+    names = [member.name for member in family]
+    runs: list[RunResult] = []
+    total = len(family) * (settings.seeds if seeds is None else len(seeds))
+    for count in range(1, len(family) + 1):
+        before = len(runs)
+        runs += run_experiment(
+            family[:count],
+            settings,
+            sequences(names[:count], "full"),
+            seeds=seeds,
+            workers=workers,
+            backend=backend,
+            progress=_shifted(progress, before, total),
+        ).runs
+    return Experiment(tuple(runs))
+
+
+def _shifted(
+    progress: Callable[[int, int], None] | None, before: int, total: int
+) -> Callable[[int, int], None] | None:
+    """Progress of a part, told as that of the whole."""
+    if progress is None:
+        return None
+    return lambda done, _: progress(before + done, total)
+
+
 def train_run(
     family: Sequence[FamilyMember],
     curriculum: Curriculum,

@@ -6,6 +6,20 @@ True
 """
 
 from envgraph.report._charts import COLOURS, Series, line_chart, ticks
+from envgraph.report._family_report import family_report, picture, stage_table
 from envgraph.report._page import Card, Report, Section, Table, render_html
 
-__all__ = ["COLOURS", "Card", "Report", "Section", "Series", "Table", "line_chart", "render_html", "ticks"]
+__all__ = [
+    "COLOURS",
+    "Card",
+    "Report",
+    "Section",
+    "Series",
+    "Table",
+    "family_report",
+    "line_chart",
+    "picture",
+    "render_html",
+    "stage_table",
+    "ticks",
+]

@@ -28,7 +28,6 @@ def generate(
     location: str,
     store_path: Path,
     *,
-    name: str | None = None,
     seed: int | None = None,
     generations: int | None = None,
     population: int | None = None,
@@ -40,7 +39,6 @@ def generate(
     Args:
         location: a family file, a directory that holds one, or the name of a bundled domain.
         store_path: where the run store is made.
-        name: of the run; by default that of the family.
         seed, generations, population: instead of those in the family file.
         components: what the names in the family file mean; by default the ones that come with envgraph.
         progress: called after every generation.
@@ -52,7 +50,7 @@ def generate(
     domain = Domain.load(location, components)
     overrides = {"seed": seed, "generations": generations, "population": population}
     settings = {
-        "name": name or domain.spec.name,
+        "name": domain.spec.name,
         "roots": list(domain.workspace.bundle().roots),
         "overrides": {key: value for key, value in overrides.items() if value is not None},
     }
@@ -100,7 +98,7 @@ def with_overrides(domain: Domain, overrides: dict[str, int]) -> Domain:
 
 
 def import_ga4cl(
-    source: Source, location: str, store_path: Path, *, name: str, components: Components | None = None
+    source: Source, location: str, store_path: Path, *, components: Components | None = None
 ) -> tuple[Family, tuple[Diagnostic, ...]]:
     """Read a family of the ga4cl format into a run store.
 
@@ -112,7 +110,6 @@ def import_ga4cl(
         source: the text of the file.
         location: the domain: a family file, its directory, or a bundled domain.
         store_path: where the run store is made.
-        name: of the run.
         components: what the names in the family file mean.
 
     Raises:
@@ -126,7 +123,12 @@ def import_ga4cl(
     variants = read_ga4cl(source)
     individuals = tuple(_imported(domain, draw, variants))
     bundle = domain.workspace.bundle()
-    settings = {"name": name, "roots": list(bundle.roots), "overrides": {}, "imported": source.name}
+    settings = {
+        "name": domain.spec.name,
+        "roots": list(bundle.roots),
+        "overrides": {},
+        "imported": source.name,
+    }
     problem = domain.problem(domain.engine())
     score = problem.diversity.score([one.measures[problem.diversity_of] for one in individuals])
     with RunStore.create(store_path, settings, bundle.texts) as store:

@@ -107,7 +107,10 @@ class RunStore:
         if path.exists():
             raise InvalidArgument(f"{path} exists already")
         path.parent.mkdir(parents=True, exist_ok=True)
-        store = cls(_connect(path), path)
+        # Made under another name, so that a kill at this moment leaves no store that is half made.
+        draft = path.with_name(path.name + ".new")
+        draft.unlink(missing_ok=True)
+        store = cls(sqlite3.connect(draft, isolation_level=None), draft)
         with store._transaction() as db:
             for statement in _SCHEMA.split(";\n"):
                 if statement.strip():
@@ -115,7 +118,9 @@ class RunStore:
             rows = {"format": FORMAT, **settings}.items()
             db.executemany("INSERT INTO setting VALUES (?, ?)", [(k, dump_json(v)) for k, v in rows])
             db.executemany("INSERT INTO source VALUES (?, ?)", list(sources.items()))
-        return store
+        store.close()
+        draft.replace(path)
+        return cls(_connect(path), path)
 
     @classmethod
     def open(cls, path: Path) -> Self:

@@ -1,0 +1,285 @@
+"""The commands: what they are called and what they take. What they do is in the modules beside this one."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from envgraph import __version__
+from envgraph.cli._output import OutputFormat, print_error
+from envgraph.errors import EnvgraphError
+
+app = typer.Typer(
+    name="envgraph",
+    help="Graph rewriting in Python, and families of reinforcement-learning environments made with it.",
+    epilog="Begin with `envgraph new my_domain`, or with `envgraph generate burning_forest`.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Format = Annotated[
+    OutputFormat,
+    typer.Option("--format", help="How to print the result: for people, or as one JSON document."),
+]
+Run = Annotated[
+    str,
+    typer.Argument(
+        help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json).",
+        show_default=False,
+    ),
+]
+Directory = Annotated[Path, typer.Option("--directory", "-d", help="Where runs are kept.")]
+Seed = Annotated[
+    int | None,
+    typer.Option(
+        min=0, help="The one source of randomness; instead of the one in the file.", show_default=False
+    ),
+]
+
+RUNS = Path("runs")
+
+
+def main() -> int:
+    """The program `envgraph`: 0 when all went well, 1 for a problem of the input, 2 for one of the command line."""
+    try:
+        app()
+    except (EnvgraphError, OSError) as error:
+        if isinstance(error, BrokenPipeError):
+            # The reader has what it wanted (`envgraph ... | head`); Python must not complain at shutdown either.
+            sys.stderr.close()
+            return 0
+        print_error(error)
+        return 1
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+        return 130
+    return 0
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"envgraph {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    del version  # the callback has done its work
+
+
+@app.command()
+def new(
+    name: Annotated[
+        str, typer.Argument(help="Name of the domain: small letters, digits and `_`.", show_default=False)
+    ],
+    directory: Annotated[
+        Path | None,
+        typer.Option("--directory", "-d", help="Where to put it.", show_default="a directory of that name"),
+    ] = None,
+) -> None:
+    """Write a small domain to start from: a grid, a robot, rules, rewards, and a family of mazes."""
+    from envgraph.cli._new import write_domain
+
+    files = write_domain(directory or Path(name), name)
+    for path in files:
+        typer.echo(f"wrote {path}")
+    typer.echo(f"next: envgraph generate {directory or name}")
+
+
+@app.command()
+def check(
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            help="Files of any of the languages, family files, directories, or bundled domains.",
+            show_default=False,
+        ),
+    ],
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
+    from envgraph.cli._check import check_files
+
+    raise typer.Exit(check_files(files, format))
+
+
+@app.command()
+def match(
+    model: Annotated[str, typer.Argument(help="A .model file.", show_default=False)],
+    queries: Annotated[str, typer.Argument(metavar="QUERYFILE", help="A .query file.", show_default=False)],
+    pattern: Annotated[
+        str, typer.Argument(help="Name of a pattern, simple or qualified.", show_default=False)
+    ],
+    where: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
+        ),
+    ] = None,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Print the matches of a pattern in a model."""
+    from envgraph.cli._query import print_matches
+
+    print_matches(model, queries, pattern, where or [], format)
+
+
+@app.command()
+def apply(
+    model: Annotated[str, typer.Argument(help="A .model file.", show_default=False)],
+    rules: Annotated[str, typer.Argument(metavar="RULESFILE", help="A .rules file.", show_default=False)],
+    rule: Annotated[str, typer.Argument(help="Name of a rule, unit or derived group.", show_default=False)],
+    where: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
+        ),
+    ] = None,
+    times: Annotated[int, typer.Option(min=1, help="How often; ends early when nothing matches.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Chooses among the matches.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Write the resulting model here, as JSON.", show_default=False),
+    ] = None,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Apply a rule to a model, at matches drawn at random, and print what was done."""
+    from envgraph.cli._query import apply_rule
+
+    apply_rule(model, rules, rule, where or [], times=times, seed=seed, output=output, format=format)
+
+
+@app.command()
+def generate(
+    family: Annotated[
+        str,
+        typer.Argument(
+            help="A family.toml, a directory with one, or the name of a bundled domain.", show_default=False
+        ),
+    ],
+    name: Annotated[
+        str | None, typer.Option(help="Name of the run.", show_default="that of the family")
+    ] = None,
+    seed: Seed = None,
+    generations: Annotated[
+        int | None, typer.Option(min=0, help="Instead of the number in the file.", show_default=False)
+    ] = None,
+    population: Annotated[
+        int | None, typer.Option(min=2, help="Instead of the size in the file.", show_default=False)
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")] = False,
+    directory: Directory = RUNS,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Evolve a family of environments from one model."""
+    from envgraph.cli._family import generate_family
+
+    generate_family(
+        family, name=name, seed=seed, generations=generations, population=population,
+        resume=resume, directory=directory, format=format,
+    )  # fmt: skip
+
+
+@app.command()
+def show(
+    run: Run,
+    variant: Annotated[
+        str | None, typer.Option(help="Only this environment: its name (E6) or number.", show_default=False)
+    ] = None,
+    directory: Directory = RUNS,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Print a family: its measures and its maps."""
+    from envgraph.cli._family import show_family
+
+    show_family(run, directory, variant, format)
+
+
+@app.command()
+def export(
+    run: Run,
+    format: Annotated[
+        str,
+        typer.Option(
+            "--format", help="family (all there is, as JSON), ga4cl (maps of letters) or svg (a picture)."
+        ),
+    ] = "family",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Where to.", show_default="standard output")
+    ] = None,
+    directory: Directory = RUNS,
+) -> None:
+    """Write a family in another format."""
+    from envgraph.cli._family import export_family
+
+    export_family(run, directory, format, output)
+
+
+@app.command("import")
+def import_(
+    file: Annotated[Path, typer.Argument(help="A ga4cl file: maps as rows of letters.", show_default=False)],
+    domain: Annotated[
+        str,
+        typer.Option(help="What else an environment is: a family.toml, its directory, or a bundled domain."),
+    ] = "burning_forest",
+    name: Annotated[
+        str | None, typer.Option(help="Name of the run.", show_default="that of the file")
+    ] = None,
+    directory: Directory = RUNS,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Read a published family, measure it, and keep it as a run."""
+    from envgraph.cli._family import import_family
+
+    import_family(file, domain, name, directory, format)
+
+
+@app.command()
+def train(
+    run: Run,
+    steps: Annotated[
+        int | None,
+        typer.Option(min=1, help="Training steps for each environment.", show_default="as in family.toml"),
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(min=1, help="How many agents for each curriculum.", show_default="as in family.toml"),
+    ] = None,
+    curricula: Annotated[
+        str,
+        typer.Option(help="Which: all, or some of suffixes, full, baselines, direct, separated by commas."),
+    ] = "all",
+    workers: Annotated[
+        int, typer.Option(min=1, help="How many agents learn at a time; changes no result.")
+    ] = 1,
+    directory: Directory = RUNS,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Train agents on the curricula of a family, and on the target alone, and evaluate them on the target."""
+    from envgraph.cli._learn import train_agents
+
+    train_agents(
+        run, directory, steps=steps, seeds=seeds, curricula=curricula, workers=workers, format=format
+    )
+
+
+@app.command()
+def report(
+    run: Run,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Where to.", show_default="report.html in the run")
+    ] = None,
+    directory: Directory = RUNS,
+) -> None:
+    """Write one self-contained HTML page: the family, the search, the training; and print a short table."""
+    from envgraph.cli._learn import write_report
+
+    write_report(run, directory, output)

@@ -1,0 +1,197 @@
+"""`envgraph generate`, `show`, `export` and `import`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table, progress_bar
+from envgraph.env import scene_svg, scene_text
+from envgraph.errors import InvalidArgument, Source, did_you_mean
+from envgraph.search import (
+    Domain,
+    Family,
+    Generation,
+    Member,
+    RunStore,
+    export_ga4cl,
+    generate,
+    import_ga4cl,
+    open_family,
+    run_file,
+    write_family,
+)
+from envgraph.search import resume as resume_run
+
+
+def generate_family(
+    location: str,
+    *,
+    name: str | None,
+    seed: int | None,
+    generations: int | None,
+    population: int | None,
+    resume: bool,
+    directory: Path,
+    format: OutputFormat,
+) -> None:
+    """Evolve a family, or go on with one, and print it."""
+    domain = Domain.load(location)
+    path = directory / (name or domain.spec.name) / "run.sqlite"
+    if resume:
+        if (seed, generations, population) != (None, None, None):
+            raise InvalidArgument(
+                "a resumed run keeps its seed, generations and population: leave the options out"
+            )
+        with RunStore.open(path) as store:
+            total = store.settings()["overrides"].get("generations", domain.spec.search.generations)
+    else:
+        if path.exists():
+            raise InvalidArgument(f"{path} exists already: go on with --resume, or choose another --name")
+        total = domain.spec.search.generations if generations is None else generations
+    with progress_bar("generations", total) as advance:
+
+        def progress(generation: Generation) -> None:
+            advance(generation.number, f"diversity {generation.diversity:.3f}")
+
+        if resume:
+            family = resume_run(path, progress=progress)
+        else:
+            family = generate(
+                location,
+                path,
+                seed=seed,
+                generations=generations,
+                population=population,
+                progress=progress,
+            )
+    _print_family(family, format, path)
+
+
+def show_family(run: str, directory: Path, variant: str | None, format: OutputFormat) -> None:
+    """Print the measures and maps of a family, or of one member."""
+    family = open_family(run, directory)
+    members = family.members if variant is None else (family.member(variant),)
+    if format is OutputFormat.JSON:
+        print_json(
+            {"name": family.name, "members": [_member(family, member, full=True) for member in members]}
+        )
+        return
+    if variant is None:
+        _print_family(family, format, None)
+    for member in members:
+        scene = family.scene(member)
+        print(
+            f"\n{member.name}  " + "  ".join(f"{name} {value:.3f}" for name, value in member.measures.items())
+        )
+        if scene is not None:
+            print(scene_text(scene))
+
+
+def export_family(run: str, directory: Path, format: str, output: Path | None) -> None:
+    """Write a family in another format."""
+    formats = {"family": write_family, "ga4cl": export_ga4cl, "svg": family_svg}
+    if format not in formats:
+        hint = did_you_mean(format, formats) or f"there are {', '.join(formats)}"
+        raise InvalidArgument(f"unknown format `{format}`; {hint}")
+    text = formats[format](open_family(run, directory))
+    if output is None:
+        sys.stdout.write(text)
+        return
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(text, encoding="utf-8")
+    print(f"wrote {output}")
+
+
+def import_family(file: Path, domain: str, name: str | None, directory: Path, format: OutputFormat) -> None:
+    """Read a ga4cl file into a run, and print it."""
+    try:
+        source = Source(str(file), file.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise InvalidArgument(f"{file} is not UTF-8: {error.reason} at byte {error.start}") from error
+    path = directory / (name or file.stem) / "run.sqlite"
+    family, warnings = import_ga4cl(source, domain, path)
+    print_diagnostics(warnings)
+    _print_family(family, format, path)
+
+
+def family_svg(family: Family) -> str:
+    """All members side by side, three in a row, with name and measures below, as SVG text."""
+    scenes = [(member, family.scene(member)) for member in family.members]
+    drawn = [(member, scene) for member, scene in scenes if scene is not None]
+    if not drawn:
+        raise InvalidArgument(
+            f"family `{family.name}` has no pictures: its environment does not say how to draw"
+        )
+    size, gap, text = 200, 24, 34
+    columns = min(3, len(drawn))
+    width = columns * (size + gap) + gap
+    height = -(-len(drawn) // columns) * (size + gap + text) + gap
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">',
+        f'<rect width="{width}" height="{height}" rx="8" fill="#ffffff"/>',
+    ]
+    for place, (member, scene) in enumerate(drawn):
+        x, y = gap + place % columns * (size + gap), gap + place // columns * (size + gap + text)
+        label = ", ".join(f"{name} {value:.2f}" for name, value in member.measures.items())
+        picture = scene_svg(scene).replace("<svg ", f'<svg x="{x}" y="{y}" ', 1)
+        parts.append(_sized(picture, size))
+        parts.append(
+            f'<text x="{x + size / 2}" y="{y + size + 22}" text-anchor="middle" fill="#1f2933" '
+            'font-family="system-ui, sans-serif" font-size="13">'
+            f'<tspan font-weight="bold">{member.name}</tspan>  {label}</text>'
+        )
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _sized(svg: str, size: int) -> str:
+    """The SVG element with another width and height."""
+    head, rest = svg.split(">", 1)
+    kept = " ".join(word for word in head.split(" ") if not word.startswith(("width=", "height=")))
+    return f'{kept} width="{size}" height="{size}">{rest}'
+
+
+def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, Any]:
+    data: dict[str, Any] = {"name": member.name, "initial": member.initial, "measures": dict(member.measures)}
+    scene = family.scene(member) if full else None
+    if scene is not None:
+        data["map"] = scene_text(scene).split("\n")
+    return data
+
+
+def _print_family(family: Family, format: OutputFormat, path: Path | None) -> None:
+    if format is OutputFormat.JSON:
+        print_json(
+            {
+                "name": family.name,
+                "run": str(path) if path else None,
+                "diversity": family.diversity(),
+                "members": [_member(family, member) for member in family.members],
+            }
+        )
+        return
+    measures, counts = list(family.members[0].measures), family.class_counts()
+    columns = ("environment", *measures, *counts, "")
+    rows = [
+        (
+            member.name,
+            *(f"{member.measures[measure]:.3f}" for measure in measures),
+            *(str(numbers[place]) for numbers in counts.values()),
+            "initial environment" if member.initial else "",
+        )
+        for place, member in enumerate(family.members)
+    ]
+    print_table(
+        f"{family.name}: diversity {family.diversity():.3f}", columns, rows, range(1, len(columns) - 1)
+    )
+    if path is not None:
+        print(f"run: {path.parent}")
+
+
+def run_directory(run: str, directory: Path) -> Path:
+    """Where results about a run, or about a family file, are kept."""
+    path = Path(run)
+    if path.suffix == ".json":
+        return path.with_suffix("")
+    return run_file(run, directory).parent

@@ -1,0 +1,102 @@
+"""How results, problems and progress reach the terminal.
+
+Results go to standard output, everything else to standard error, so that `--format json` can be piped.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from enum import StrEnum
+from typing import Protocol
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+from rich.text import Text
+
+from envgraph.errors import Diagnostic, DiagnosticError, EnvgraphError, Severity
+
+
+class Advance(Protocol):
+    """Sets a progress bar."""
+
+    def __call__(self, done: int, remark: str = "") -> None:
+        """So much is done; the remark is shown beside the bar."""
+
+
+class OutputFormat(StrEnum):
+    """What a command prints its result as."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+def print_json(value: object) -> None:
+    """One JSON document on standard output."""
+    sys.stdout.write(json.dumps(value, ensure_ascii=False, indent=2) + "\n")
+
+
+def print_table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
+) -> None:
+    """A table on standard output; `right` names the columns to set flush right."""
+    table = Table(
+        title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
+    )
+    for place, column in enumerate(columns):
+        table.add_column(column, justify="right" if place in set(right) else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    # Piped output is cut at 80 columns by default; a table must not lose its last columns there.
+    Console(width=None if sys.stdout.isatty() else 200).print(table)
+
+
+def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
+    """Diagnostics on standard error, a blank line between them; coloured on a terminal."""
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    for number, diagnostic in enumerate(diagnostics):
+        if number:
+            console.print()
+        head, *rest = str(diagnostic).split("\n")
+        console.print(Text(head, "bold red" if diagnostic.severity is Severity.ERROR else "bold yellow"))
+        for line in rest:
+            console.print(Text(line, "cyan" if line.startswith("hint:") else ""))
+
+
+def print_error(error: EnvgraphError | OSError) -> None:
+    """An exception as a person reads it, on standard error."""
+    if isinstance(error, DiagnosticError):
+        print_diagnostics(error.diagnostics)
+        return
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    console.print(Text("error: ", "bold red") + Text(str(error)))
+
+
+@contextmanager
+def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
+    """A progress bar on standard error, gone when it is done; call it with the amount done and a remark."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[remark]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(label, total=total, remark="")
+
+        def advance(done: int, remark: str = "") -> None:
+            progress.update(task, completed=done, remark=remark)
+
+        yield advance

@@ -1,0 +1,163 @@
+"""`envgraph match` and `envgraph apply`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import envgraph.lang
+from envgraph.cli._output import OutputFormat, print_json, print_table
+from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.graph import Node, model_to_json
+from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
+from envgraph.pattern import ObjectType, StaticType
+from envgraph.rewrite import Application, Engine, Match
+
+
+def print_matches(model: str, queries: str, pattern: str, where: list[str], format: OutputFormat) -> None:
+    """Print the matches of a pattern."""
+    engine = envgraph.lang.open(model, queries)
+    bound = _bound(engine, _pattern_types(engine, pattern), where)
+    matches = engine.matches(pattern, **bound)
+    if format is OutputFormat.JSON:
+        print_json([{name: _plain(match[name]) for name in match.names} for match in matches])
+        return
+    if not matches:
+        print(f"no match of {pattern}")
+        return
+    names = matches[0].names
+    count = f"{len(matches)} match{'es' if len(matches) > 1 else ''} of {pattern}"
+    print_table(count, names or ("",), [tuple(_shown(match[name]) for name in names) for match in matches])
+
+
+def apply_rule(
+    model: str,
+    rules: str,
+    rule: str,
+    where: list[str],
+    *,
+    times: int,
+    seed: int,
+    output: Path | None,
+    format: OutputFormat,
+) -> None:
+    """Apply a rule or a unit some times, and print each application."""
+    engine = envgraph.lang.open(model, rules, seed=seed)
+    bound = _bound(engine, {p.name: p.type for p in engine.signature(rule).parameters}, where)
+    done: list[dict[str, Any]] = []
+    for number in range(1, times + 1):
+        lines = _apply_once(engine, rule, bound)
+        if lines is None:
+            break
+        done.append({"application": number, "steps": lines})
+    if format is OutputFormat.JSON:
+        print_json({"rule": rule, "applications": done, "model": model_to_json(engine.model)})
+    else:
+        for entry in done:
+            for line in entry["steps"]:
+                print(f"{entry['application']}: {line}")
+        if len(done) < times:
+            print(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
+    if output is not None:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        output.write_text(
+            json.dumps(model_to_json(engine.model), ensure_ascii=False, indent=1) + "\n", "utf-8"
+        )
+        if format is OutputFormat.TEXT:
+            print(f"wrote {output}")
+
+
+def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> list[str] | None:
+    """What one application did, a line a step; None when nothing matched."""
+    if rule in engine.units or any(name.endswith(f".{rule}") for name in engine.units):
+        with engine.recording() as trace:
+            if not engine.run(rule, **bound):
+                return None
+        return [f"{firing.rule}({', '.join(map(str, firing.values))})" for firing in trace]
+    application = engine.apply(rule, **bound)
+    return None if application is None else [_told(application)]
+
+
+def _told(application: Application) -> str:
+    match: Match = application.match
+    what = ", ".join(f"{name}={_shown(match[name])}" for name in match.names)
+    created = "".join(f"; created {_shown(node)}" for node in application.created.values())
+    return f"{application.rule}({what}){created}"
+
+
+def _pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
+    found = engine.library.resolve(pattern)
+    if found is None:
+        hint = did_you_mean(pattern, engine.library.names())
+        raise InvalidArgument(f"unknown pattern `{pattern}`" + (f"; {hint}" if hint else ""))
+    types = engine.library.parameter_types(found.qualified_name)
+    return {parameter.name: type_ for parameter, type_ in zip(found.parameters, types, strict=True)}
+
+
+def _bound(engine: Engine, types: Mapping[str, StaticType | None], where: list[str]) -> dict[str, Any]:
+    """Values of `NAME=VALUE` arguments, by the types of the parameters."""
+    bound: dict[str, Any] = {}
+    for text in where:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise InvalidArgument(f"`{text}` is not of the form NAME=VALUE")
+        if name not in types:
+            hint = did_you_mean(name, types) or f"there are {', '.join(types) or 'no parameters'}"
+            raise InvalidArgument(f"unknown parameter `{name}`; {hint}")
+        bound[name] = _value(engine, name, value, types[name])
+    return bound
+
+
+def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> Node | Value:
+    if isinstance(type_, ObjectType):
+        found = engine.model.find_object(text)
+        if found is None and text.isdecimal() and engine.model.alive(int(text)):
+            found = int(text)
+        if found is None:
+            raise InvalidArgument(f"`{name}`: the model has no object `{text}`; give a name, or an id")
+        return engine.model.node(found)
+    if isinstance(type_, EnumType):
+        if text not in type_.literals:
+            hint = did_you_mean(text, type_.literals) or f"there are {', '.join(type_.literals)}"
+            raise InvalidArgument(f"`{name}`: `{type_.name}` has no literal `{text}`; {hint}")
+        return text
+    try:
+        match type_:
+            case Scalar.INT:
+                return int(text)
+            case Scalar.FLOAT:
+                return float(text)
+            case Scalar.BOOL:
+                return {"true": True, "false": False}[text]
+            case _:
+                return text
+    except (ValueError, KeyError):
+        raise InvalidArgument(
+            f"`{name}` is a {type_name(type_) if type_ else 'value'}, and `{text}` is none"
+        ) from None
+
+
+def _shown(value: Node | Value) -> str:
+    """An object by its class and name, or by its key or id; a value as in the languages."""
+    if isinstance(value, Node):
+        attributes = value.model.metamodel.key(value.cls)
+        key = ", ".join(f"{name} = {getattr(value, name)}" for name in attributes)
+        name = value.model.object_name(value.id)
+        return f"{value.cls} {name or (key and '{' + key + '}') or value.id}"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _plain(value: Node | Value) -> Any:
+    """An object as JSON: class, id, name and attributes."""
+    if not isinstance(value, Node):
+        return value
+    features = value.model.metamodel.features(value.cls).values()
+    attributes = {one.name: getattr(value, one.name) for one in features if isinstance(one, Attribute)}
+    return {
+        "class": value.cls,
+        "id": value.id,
+        "name": value.model.object_name(value.id),
+        "attributes": attributes,
+    }

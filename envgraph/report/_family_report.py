@@ -1,0 +1,184 @@
+"""What the report of a family says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from statistics import fmean, pstdev
+from typing import TypeVar
+
+from envgraph.env import render_svg
+from envgraph.errors import InvalidArgument
+from envgraph.learn import Experiment, RunResult, Summary
+from envgraph.report._charts import Series, line_chart
+from envgraph.report._page import Card, Report, Section, Table
+from envgraph.search import Family, Member
+
+T = TypeVar("T")
+
+History = Sequence[tuple[int, float, int, int]]
+"""Number, diversity, accepted and rejected children of each generation."""
+
+_MOST_POINTS = 400
+"""A line of more points than pixels only makes the page large."""
+
+
+def family_report(
+    family: Family,
+    *,
+    history: History = (),
+    experiment: Experiment | None = None,
+    stages: Experiment | None = None,
+    facts: Mapping[str, str] | None = None,
+) -> Report:
+    """The report of a family, of the search that made it, and of what agents learned on it.
+
+    Args:
+        family: the environments.
+        history: of the search, if there was one.
+        experiment: training on curricula and baselines, evaluated on the target.
+        stages: training on the curriculum up to each environment, evaluated there.
+        facts: how to make the same again.
+    """
+    sections = []
+    if len(history) > 1:
+        sections.append(_search(family, history))
+    if stages is not None:
+        sections.append(_stages(family, stages))
+    if experiment is not None:
+        sections.append(_training(family, experiment))
+    count, target = len(family.members), family.members[-1].name
+    return Report(
+        title=f"{family.name}: a family of {count} environments",
+        summary=f"Ordered from the easiest to the hardest; {target} is the target. "
+        f"Diversity of the family: {family.diversity():.3f}.",
+        cards=tuple(_card(family, member) for member in family.members),
+        legend=_legend(family),
+        sections=tuple(sections),
+        facts=facts or {},
+    )
+
+
+def stage_table(family: Family, stages: Experiment | None, experiment: Experiment | None = None) -> Table:
+    """One row an environment: its measures, how many objects of each class that varies, and what agents reach.
+
+    Success and return are those of agents that were trained on the curriculum up to the environment, on that
+    environment; a last row tells of training on the target alone, where that was done.
+    """
+    measures = list(family.members[0].measures)
+    varying = family.class_counts()
+    results = {one.label: one for one in stages.summaries()} if stages else {}
+    first = family.members[0].name
+    rows = []
+    for place, member in enumerate(family.members):
+        label = member.name if member.name == first else f"{first}-{member.name}"
+        cells = [f"{member.measures[measure]:.3f}" for measure in measures]
+        counts = [str(numbers[place]) for numbers in varying.values()]
+        rows.append((member.name, *cells, *counts, *_result(results.get(label))))
+    direct = [one for one in experiment.summaries() if one.kind == "baseline"] if experiment else []
+    target = family.members[-1].name
+    blank = [""] * (len(measures) + len(varying))
+    rows += [(f"{target} alone", *blank, *_result(one)) for one in direct if one.label == target]
+    columns = ("environment", *measures, *varying, "success", "return")
+    caption = "Success and return: agents trained on the curriculum up to each environment, evaluated there."
+    return Table(caption, columns, tuple(rows), frozenset(range(1, len(columns))))
+
+
+def _result(summary: Summary | None) -> tuple[str, str]:
+    if summary is None:
+        return "", ""
+    return f"{summary.success_rate:.0%}", f"{summary.mean_return:.2f}"
+
+
+def _card(family: Family, member: Member) -> Card:
+    facts = [(measure, f"{value:.3f}") for measure, value in member.measures.items()]
+    place = family.members.index(member)
+    facts += [(cls, str(numbers[place])) for cls, numbers in family.class_counts().items()]
+    return Card(member.name, picture(family, member), tuple(facts), member.initial)
+
+
+def picture(family: Family, member: Member) -> str:
+    """A member as SVG text; an empty picture where the behaviour does not say how to draw."""
+    behaviour = family.domain.behaviour
+    if behaviour is None or behaviour.draw is None:
+        return '<svg viewBox="0 0 1 1"></svg>'
+    return render_svg(family.model(member), behaviour.draw, behaviour.parameters)
+
+
+def _legend(family: Family) -> tuple[tuple[str, str], ...]:
+    return tuple((cls.name, cls.glyph.colour) for cls in family.domain.metamodel.class_list if cls.glyph)
+
+
+def _search(family: Family, history: History) -> Section:
+    points = _thinned(history)
+    chart = line_chart(
+        [Series("diversity", tuple(float(row[0]) for row in points), tuple(row[1] for row in points))],
+        x_label="generation",
+        y_label=f"{family.domain.spec.diversity.kind.replace('_', ' ')}",
+        title="Diversity of the family over the generations",
+    )
+    accepted, rejected = (sum(row[place] for row in history) for place in (2, 3))
+    text = (
+        f"{len(history) - 1} generations, {accepted} accepted individuals, {rejected} rejected attempts. "
+        f"The last family has diversity {history[-1][1]:.3f}."
+    )
+    return Section("Search", (text,), (chart,))
+
+
+def _stages(family: Family, stages: Experiment) -> Section:
+    return Section("Learning along the curriculum", tables=(stage_table(family, stages),))
+
+
+def _training(family: Family, experiment: Experiment) -> Section:
+    summaries = experiment.summaries()
+    rows = tuple(
+        (
+            f"{one.kind} {one.label}",
+            str(one.runs),
+            f"{one.success_rate:.0%}",
+            f"{one.success_interval[0]:.0%} to {one.success_interval[1]:.0%}",
+            f"{one.mean_return:.2f}",
+        )
+        for one in summaries
+    )
+    table = Table(
+        f"Agents evaluated on {family.members[-1].name}; intervals are Wilson's at 95 %",
+        ("trained on", "seeds", "success", "interval", "return"),
+        rows,
+        frozenset({1, 2, 3, 4}),
+    )
+    chart = line_chart(
+        [_curve(one, _runs_of(experiment, one)) for one in summaries],
+        x_label="training step",
+        y_label="cumulative reward",
+        title="Cumulative reward during training",
+    )
+    text = "Cumulative reward during training: mean over the seeds, and one standard deviation around it."
+    return Section(f"Training for {family.members[-1].name}", (text,), (chart,), (table,))
+
+
+def _runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
+    return [run for run in experiment.runs if (run.kind, run.label) == (summary.kind, summary.label)]
+
+
+def _curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
+    """Mean cumulative reward over runs of one curriculum; they have the same checkpoints."""
+    steps = runs[0].curve.steps
+    if any(run.curve.steps != steps for run in runs):
+        raise InvalidArgument(f"the runs of {summary.label} have different checkpoints")
+    at = _thinned(range(len(steps)))
+    values = [[run.curve.reward[place] for run in runs] for place in at]
+    means, spread = [fmean(one) for one in values], [pstdev(one) for one in values]
+    return Series(
+        f"{summary.kind} {summary.label}",
+        tuple(float(steps[place]) for place in at),
+        tuple(means),
+        tuple(mean - width for mean, width in zip(means, spread, strict=True)),
+        tuple(mean + width for mean, width in zip(means, spread, strict=True)),
+        dashed=summary.kind == "baseline",
+    )
+
+
+def _thinned(points: Sequence[T]) -> list[T]:
+    """At most `_MOST_POINTS` of them, evenly spaced, the last one included."""
+    stride = -(-len(points) // _MOST_POINTS)
+    return [*points[: len(points) - 1 : stride], points[-1]]

@@ -1,0 +1,236 @@
+"""The paper's experiment: a family of Burning Forest environments."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from math import log2
+from pathlib import Path
+
+import pytest
+
+from envgraph.errors import InvalidArgument, LoadError
+from envgraph.search import (
+    Domain,
+    Family,
+    Generation,
+    RunStore,
+    export_ga4cl,
+    family_of,
+    generate,
+    read_family,
+    resume,
+    write_family,
+)
+
+SMALL = {"generations": 25, "population": 4}
+
+
+def maps(family: Family) -> list[list[str]]:
+    return [entry["desc"] for entry in json.loads(export_ga4cl(family))["environments"]]
+
+
+def reachable(rows: list[str]) -> bool:
+    """Whether the goal can be reached from the start without fire; written without the engine."""
+    seen, queue = {(0, 0)}, deque([(0, 0)])
+    while queue:
+        x, y = queue.popleft()
+        if rows[y][x] == "G":
+            return True
+        for u, v in ((x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)):
+            if 0 <= u < len(rows[0]) and 0 <= v < len(rows) and rows[v][u] != "B" and (u, v) not in seen:
+                seen.add((u, v))
+                queue.append((u, v))
+    return False
+
+
+def test_the_family_passes_an_independent_check(family: Family, published: Path) -> None:
+    found = maps(family)
+    target = json.loads(published.read_text())["environments"][-1]["desc"]
+    assert len(found) == 6
+    for rows in found:
+        assert [len(row) for row in rows] == [8] * 8
+        letters = "".join(rows)
+        assert rows[0][0] == "S" and rows[7][7] == "G" and rows[5][3] == "W"
+        assert (letters.count("S"), letters.count("G"), letters.count("W")) == (1, 1, 1)
+        assert set(letters) <= set("SGWRVB")
+        assert reachable(rows)
+    assert target in found
+
+
+def test_the_family_has_six_complexities_in_six_bins(family: Family) -> None:
+    values = [member.measures["complexity"] for member in family.members]
+    assert values == sorted(values)
+    assert {int(value * 6) for value in values} == set(range(6))
+    assert family.diversity() == pytest.approx(log2(6), abs=1e-12)
+
+
+def test_members_are_named_in_the_order_of_the_curriculum(family: Family) -> None:
+    assert [member.name for member in family.members] == ["E1", "E2", "E3", "E4", "E5", "E6"]
+    assert [member.initial for member in family.members].count(True) == 1
+    assert family.member("E3") is family.member(3) is family.members[2]
+    assert family.member() is family.members[-1]
+    with pytest.raises(InvalidArgument, match="no environment `E9`"):
+        family.member("E9")
+
+
+def test_one_seed_gives_one_family_and_another_seed_another(tmp_path: Path) -> None:
+    exports = [
+        export_ga4cl(generate("burning_forest", tmp_path / str(turn) / "run.sqlite", seed=seed, **SMALL))
+        for turn, seed in enumerate((5, 5, 6))
+    ]
+    assert exports[0] == exports[1] != exports[2]
+
+
+class Interrupted(Exception):
+    """Stands for a kill: nothing is cleaned up by the search itself."""
+
+
+@pytest.mark.parametrize("last", [0, 1, 13, 24])
+def test_an_interrupted_run_resumes_to_the_same_store(tmp_path: Path, last: int) -> None:
+    def interrupt(generation: Generation) -> None:
+        if generation.number > last:
+            raise Interrupted
+
+    whole = generate("burning_forest", tmp_path / "whole" / "run.sqlite", **SMALL)
+    path = tmp_path / "cut" / "run.sqlite"
+    with pytest.raises(Interrupted):
+        generate("burning_forest", path, progress=interrupt, **SMALL)
+    assert export_ga4cl(resume(path)) == export_ga4cl(whole)
+    with RunStore.open(path) as cut, RunStore.open(tmp_path / "whole" / "run.sqlite") as uncut:
+        assert list(cut.individuals()) == list(uncut.individuals())
+        assert cut.history() == uncut.history()
+
+
+def test_a_finished_run_resumes_to_itself(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    first = generate("burning_forest", path, **SMALL)
+    assert export_ga4cl(resume(path)) == export_ga4cl(first)
+
+
+def test_every_accepted_individual_follows_from_its_trace_and_is_valid(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    generate("burning_forest", path, **SMALL)
+    domain = Domain.load("burning_forest")
+    with RunStore.open(path) as store:
+        individuals = list(store.individuals())
+        assert len(individuals) > 50
+        for individual in individuals[::7]:
+            engine = domain.engine()
+            for ancestor in store.lineage(individual.id):
+                engine.replay(ancestor.trace)
+            assert f"{engine.model.state_hash():016x}" == individual.state_hash
+            assert domain.problem(engine).valid()
+            assert domain.problem(engine).measure() == individual.measures
+
+
+def test_the_family_of_an_unfinished_run_is_that_of_its_last_generation(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    generate("burning_forest", path, generations=3, population=4)
+    with RunStore.open(path) as store:
+        # What a killed run lacks: the models, which are written at the end.
+        store._db.execute("UPDATE individual SET model = NULL")
+        replayed = family_of(store)
+    assert export_ga4cl(replayed) == export_ga4cl(
+        generate("burning_forest", tmp_path / "b.sqlite", generations=3, population=4)
+    )
+
+
+def test_a_family_file_holds_the_whole_family(family: Family, tmp_path: Path) -> None:
+    path = tmp_path / "family.json"
+    path.write_text(write_family(family))
+    again = read_family(path)
+    assert export_ga4cl(again) == export_ga4cl(family)
+    assert write_family(again) == write_family(family)
+    assert again.keys == family.keys
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"format": "other"}',
+        '{"format": "envgraph-family-1", "name": 3}',
+        "\x00",
+        "[[[[",
+        "nul",
+    ],
+)
+def test_files_that_are_no_family_are_refused_with_a_position(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text(text)
+    with pytest.raises(LoadError) as caught:
+        read_family(path)
+    (problem,) = caught.value.diagnostics
+    assert problem.span is not None
+
+
+def test_a_missing_family_file_is_a_diagnostic(tmp_path: Path) -> None:
+    with pytest.raises(LoadError, match="cannot be read"):
+        read_family(tmp_path / "missing.json")
+
+
+def copied(tmp_path: Path, **changes: tuple[str, str]) -> Path:
+    """The bundled domain in a directory of its own, with texts replaced."""
+    from envgraph.lang import bundled_domain
+
+    for file in bundled_domain("burning_forest").iterdir():
+        text = file.read_text()
+        before, after = changes.get(file.suffix.removeprefix("."), ("", ""))
+        assert before in text
+        (tmp_path / file.name).write_text(text.replace(before, after) if before else text)
+    return tmp_path / "family.toml"
+
+
+def test_an_initial_model_that_violates_a_constraint_is_named_before_the_run(tmp_path: Path) -> None:
+    path = copied(tmp_path, toml=("forbid = []", 'forbid = ["burningTile"]'))
+    with pytest.raises(LoadError) as caught:
+        generate(str(path), tmp_path / "run.sqlite")
+    (problem,) = caught.value.diagnostics
+    assert "violates `forbid burningTile`" in problem.message
+    assert problem.span is not None and problem.span.text == '"burningTile"'
+    assert not (tmp_path / "run.sqlite").exists()
+
+
+def test_wrong_options_of_components_are_all_named_at_their_place(tmp_path: Path) -> None:
+    path = copied(
+        tmp_path,
+        toml=(
+            "rounds = 500, initial_temperature = 0.1, cooling_rate = 0.95",
+            'rounds = "many", cooling_rte = 0.9',
+        ),
+    )
+    with pytest.raises(LoadError) as caught:
+        Domain.load(str(path))
+    messages = [problem.message for problem in caught.value.diagnostics]
+    assert messages == [
+        "`rounds` of `simulated_annealing` is a whole number from 0",
+        "unknown key `cooling_rte` for `simulated_annealing`",
+    ]
+    assert all(problem.span for problem in caught.value.diagnostics)
+    assert "cooling_rate" in str(caught.value)
+
+
+def test_termination_by_target_and_by_stagnation(tmp_path: Path) -> None:
+    target = copied(
+        tmp_path / "a" if (tmp_path / "a").mkdir() is None else tmp_path,
+        toml=("generations = 1000", "generations = 1000\ntarget = 1.0"),
+    )
+    family = generate(str(target), tmp_path / "a.sqlite")
+    with RunStore.open(tmp_path / "a.sqlite") as store:
+        history = store.history()
+    assert history[-1][1] >= 1.0 > history[-2][1] and family.diversity() >= 1.0
+    (tmp_path / "b").mkdir()
+    stagnation = copied(tmp_path / "b", toml=("generations = 1000", "generations = 1000\nstagnation = 7"))
+    generate(str(stagnation), tmp_path / "b.sqlite")
+    with RunStore.open(tmp_path / "b.sqlite") as store:
+        scores = [row[1] for row in store.history()]
+    assert len(scores) < 1000 and len(set(scores[-8:])) == 1
+
+
+def test_a_store_is_not_overwritten(tmp_path: Path) -> None:
+    generate("burning_forest", tmp_path / "run.sqlite", generations=1)
+    with pytest.raises(InvalidArgument, match="exists"):
+        generate("burning_forest", tmp_path / "run.sqlite", generations=1)
