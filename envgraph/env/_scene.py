@@ -129,7 +129,13 @@ class Painter:
         labels = tuple(_label(model, node, draw.label, self._read) for node in nodes)
         classes = model.metamodel.classes
         glyphs = tuple(classes[model.class_of(node)].glyph or _PLAIN_NODE for node in nodes)
-        return GraphScene(labels, glyphs, tuple(_edges(model, draw.cls, number)), marks)
+        edges = tuple(_edges(model, draw.cls, number, self._token_classes()))
+        return GraphScene(labels, glyphs, edges, marks)
+
+    def _token_classes(self) -> list[str]:
+        model = self._model
+        bound = (model.class_of(node) for _, node in self._tokens if node is not None and model.alive(node))
+        return [*(token.cls for token, _ in self._tokens if token.cls), *bound]
 
     def _marks(self) -> Iterator[tuple[str, Glyph, int]]:
         """Name, glyph and the object below, of every token that is somewhere."""
@@ -212,8 +218,13 @@ class _Grid:
         return width, height, bytes(cells), places
 
 
-def _edges(model: Model, cls: str, number: Mapping[int, int]) -> Iterator[tuple[int, int]]:
-    """Edges between the drawn nodes: references among them, and objects with two single references to them."""
+def _edges(
+    model: Model, cls: str, number: Mapping[int, int], tokens: Sequence[str]
+) -> Iterator[tuple[int, int]]:
+    """Edges between the drawn nodes: references among them, and objects with two single references to them.
+
+    Tokens are no edges, whatever they refer to.
+    """
     mm = model.metamodel
     for reference in mm.references:
         if mm.overlap(reference.owner, cls) and mm.overlap(reference.target, cls):
@@ -221,7 +232,7 @@ def _edges(model: Model, cls: str, number: Mapping[int, int]) -> Iterator[tuple[
                 if mm.is_a(model.class_of(node), reference.owner):
                     yield from ((place, number[to]) for to in model.targets(node, reference) if to in number)
     for between in mm.class_list:
-        if not between.abstract and not mm.is_a(between.name, cls):
+        if not between.abstract and not any(mm.is_a(between.name, other) for other in (cls, *tokens)):
             ends = _ends(mm, between.name, cls)
             for node in sorted(model.exact_extent(between.name)) if ends else ():
                 source, target = model.target(node, ends[0]), model.target(node, ends[1])

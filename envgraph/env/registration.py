@@ -19,7 +19,6 @@ from envgraph.errors import InvalidArgument
 NAMESPACE = "envgraph"
 
 MAKE_ENVIRONMENT = "envgraph.search:make_environment"
-MAKE_VECTOR_ENVIRONMENT = "envgraph.search:make_vector_environment"
 
 BUNDLED = (("BurningForest", "burning_forest", 200),)
 """Name, folder under `rules/`, and time limit of every bundled environment."""
@@ -27,9 +26,10 @@ BUNDLED = (("BurningForest", "burning_forest", 200),)
 
 def register(
     name: str,
+    /,
     *,
     entry_point: str = MAKE_ENVIRONMENT,
-    vector_entry_point: str | None = MAKE_VECTOR_ENVIRONMENT,
+    vector_entry_point: str | None = None,
     limit: int | None = None,
     **kwargs: Any,
 ) -> str:
@@ -38,7 +38,7 @@ def register(
     Args:
         name: letters, digits, `_`, `.` and `-`.
         entry_point: "module:function"; the function is called with `kwargs` and those of `gymnasium.make`.
-        vector_entry_point: the same for `gymnasium.make_vec`.
+        vector_entry_point: the same for `gymnasium.make_vec`; without it that steps copies one after the other.
         limit: steps after which Gymnasium truncates an episode.
         **kwargs: ready for JSON.
 

@@ -1,0 +1,102 @@
+"""Enumerating states: numbering, absorbing ends, limits, errors on the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from envgraph.env import Simulator, enumerate_states, explore
+from envgraph.errors import EvaluationError, ResolutionError, RuleError
+from tests.unit.env import forest
+from tests.unit.env.coins import loaded, table
+
+
+def test_neighbouring_equal_outcomes_are_one() -> None:
+    tabular = table("action turn = 0.5: drop(hand) | 0.2: drop(hand)\nobserve hand.moves in 0..1")
+    assert tabular.deterministic
+    assert tabular.probability.tolist() == [[[1.0]]]
+
+
+def test_outcomes_are_padded_with_impossible_ones() -> None:
+    tabular = table("action turn = turn()\naction wait = nothing()\nobserve count find up(_) up to 2")
+    assert tabular.next_state.shape == (4, 2, 2)
+    assert tabular.probability[0].tolist() == [[0.5, 0.5], [1.0, 0.0]]
+    assert tabular.next_state[0].tolist() == [[1, 2], [0, 0]]
+    assert tabular.observation.tolist() == [2, 1, 1, 0]
+
+
+def test_ended_states_absorb_and_differ_from_running_ones() -> None:
+    # The clause holds in every state: the start state runs, the same model after a step is over.
+    tabular = table("action wait = nothing()\non find any(hand) reward 3 terminate success")
+    assert tabular.next_state[:, 0, 0].tolist() == [1, 1]
+    assert tabular.reward[:, 0, 0].tolist() == [3.0, 0.0]
+    assert tabular.terminated[:, 0, 0].tolist() == [1, 0]
+
+
+def test_too_many_states_are_an_error_that_leaves_the_engine_as_it_was() -> None:
+    engine, behaviour = loaded("action mint = mint(table, _)\naction turn = turn()")
+    before = engine.model.state_hash()
+    with pytest.raises(EvaluationError, match="more than 50 states: raise the limit"):
+        enumerate_states(engine, behaviour, limit=50)
+    assert engine.model.state_hash() == before
+    assert not engine.model.in_transaction
+    engine.model.check_integrity()
+
+
+def test_a_rule_that_is_refused_on_the_way_leaves_the_engine_as_it_was() -> None:
+    engine, behaviour = loaded("action stack(one : Coin, other : Coin) = stack(one, other)")
+    before = engine.model.state_hash()
+    with pytest.raises(RuleError, match="stack"):
+        enumerate_states(engine, behaviour)
+    assert engine.model.state_hash() == before
+    assert not engine.model.in_transaction
+
+
+def test_start_states_that_are_equal_add_up() -> None:
+    tabular = table("action wait = nothing()\non reset apply turn()\non reset apply turn()")
+    assert tabular.start_states.tolist() == [0]
+    assert tabular.start_probability.tolist() == [1.0]
+
+
+def test_pictures_are_made_on_request_only() -> None:
+    engine, behaviour = forest.engine(["SVG"]), forest.behaviour()
+    assert explore(engine, behaviour).pictures == ()
+    pictures = explore(engine, behaviour, pictures=True).pictures
+    assert [picture.marks[0].place for picture in pictures] == [(0, 0), (1, 0), (2, 0)]
+    assert len({id(picture.cells) for picture in explore(engine, behaviour, pictures=True).pictures}) <= 3
+
+
+def test_a_model_is_left_to_its_versions_while_it_is_explored() -> None:
+    engine, behaviour = forest.engine(["SVG"]), forest.behaviour()
+    first = engine.commit()
+    engine.model.retype(1, "BurningTile")
+    second = engine.commit()
+    burning = enumerate_states(engine, behaviour)
+    engine.checkout(first)
+    green = enumerate_states(engine, behaviour)
+    engine.checkout(second)
+    assert (burning.n_states, green.n_states) == (2, 3)
+    assert (enumerate_states(engine, behaviour).reward == burning.reward).all()
+
+
+def test_blocks_for_several_agents_are_refused() -> None:
+    text = "agent coin : Coin { action lose = lose(coin) observe coin.side }\non find up(_) terminate success"
+    engine, behaviour = loaded(text)
+    with pytest.raises(ResolutionError, match="several agents cannot be run yet"):
+        Simulator(engine, behaviour)
+
+
+def test_rewards_are_summed_in_the_order_of_the_file() -> None:
+    # 0.1 + 0.2 + 0.3 is not 0.3 + 0.2 + 0.1.
+    wait = "action wait = nothing() reward 0.3\n"
+    clauses = "each step reward 0.1\neach step reward 0.2\n"
+    assert table(clauses + wait).reward.item() == 0.1 + 0.2 + 0.3
+    assert table(wait + clauses).reward.item() == 0.3 + 0.1 + 0.2
+
+
+def test_numbers_are_the_same_for_every_run() -> None:
+    one, other = (table("action turn = turn()\non reset apply turn()\nobserve find up(_)") for _ in range(2))
+    assert all(
+        np.array_equal(getattr(one, f), getattr(other, f))
+        for f in ("next_state", "probability", "observation")
+    )

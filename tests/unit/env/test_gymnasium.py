@@ -1,0 +1,199 @@
+"""The Gymnasium environments: interface, spaces, seeds, limits, rendering, registration."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from numpy.typing import NDArray
+
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Explored, Simulator, explore, register
+from envgraph.env.registration import register_entry_point
+from envgraph.errors import InvalidArgument
+from tests.unit.env import forest
+from tests.unit.env.coins import loaded
+
+TARGET = explore(forest.engine(forest.published_maps()[5]), forest.behaviour(), pictures=True)
+
+RANDOM = """
+action turn = 0.5: turn()
+action grab(coin : Coin) = grab(hand, coin, _) reward 1
+on reset apply turn()
+on neg find up(_) terminate failure
+observe hand.holds among Coin or none
+observe coin.side for coin : Coin
+draw graph Coin label name
+"""
+
+
+def make(name: str, **options: object) -> gymnasium.Env[object, object]:
+    """What the ids registered here lead to."""
+    if name == "live":
+        return EnvgraphLiveEnv(Simulator(*loaded(RANDOM)), **options)  # type: ignore[arg-type]
+    found = TARGET if name == "forest" else explore(*loaded(RANDOM), pictures=True)
+    return EnvgraphEnv(found.tabular, pictures=found.pictures, **options)  # type: ignore[arg-type]
+
+
+IDS = {
+    name: register(f"Test-{name}", entry_point="tests.unit.env.test_gymnasium:make", limit=200, name=name)
+    for name in ("forest", "coins", "live")
+}
+
+
+@pytest.mark.parametrize("observation", ["index", "multi"])
+@pytest.mark.parametrize("name", IDS)
+def test_gymnasiums_checker_finds_nothing(name: str, observation: str) -> None:
+    for mode in ("ansi", "rgb_array"):
+        check_env(gymnasium.make(IDS[name], render_mode=mode, observation=observation).unwrapped)
+
+
+def test_an_environment_without_pictures_passes_the_checker() -> None:
+    check_env(gymnasium.make(IDS["forest"]).unwrapped)
+
+
+def test_the_registered_limit_truncates() -> None:
+    env = gymnasium.make(IDS["forest"])
+    assert env.spec is not None
+    assert env.spec.max_episode_steps == 200
+    env.reset(seed=0)
+    ends = [env.step(0)[2:4] for _ in range(200)]
+    assert ends[:199] == [(False, False)] * 199
+    assert ends[199] == (False, True)
+
+
+def test_the_limit_can_be_overridden() -> None:
+    env = gymnasium.make(IDS["forest"], max_episode_steps=3)
+    env.reset(seed=0)
+    assert [env.step(0)[3] for _ in range(3)] == [False, False, True]
+
+
+def test_info_tells_state_step_and_success() -> None:
+    env = EnvgraphEnv(explore(forest.engine(["SG"]), forest.behaviour()).tabular)
+    _, info = env.reset()
+    assert info == {"state": 0, "step": 0, "success": False}
+    observation, reward, terminated, truncated, info = env.step(2)
+    assert (int(observation), reward, terminated, truncated) == (1, 10.0, True, False)
+    assert info == {"state": 1, "step": 1, "success": True}
+    assert type(reward) is float
+    assert type(terminated) is bool
+
+
+def test_failure_is_no_success() -> None:
+    env = EnvgraphEnv(explore(forest.engine(["SB"]), forest.behaviour()).tabular)
+    env.reset()
+    _, reward, terminated, _, info = env.step(2)
+    assert (reward, terminated, info["success"]) == (-1.0, True, False)
+
+
+def test_stepping_outside_an_episode_is_refused() -> None:
+    env = EnvgraphEnv(explore(forest.engine(["SG"]), forest.behaviour()).tabular)
+    with pytest.raises(ResetNeeded):
+        env.step(0)
+    env.reset()
+    env.step(2)
+    with pytest.raises(ResetNeeded):
+        env.step(0)
+
+
+def test_actions_and_states_are_checked() -> None:
+    env = EnvgraphEnv(TARGET.tabular)
+    env.reset()
+    with pytest.raises(InvalidArgument, match=r"0\.\.3"):
+        env.step(4)
+    with pytest.raises(InvalidArgument, match="no state"):
+        env.reset(options={"state": 10_000})
+    assert env.reset(options={"state": 7})[1]["state"] == 7
+
+
+def test_components_are_those_of_the_index() -> None:
+    index = EnvgraphEnv(TARGET.tabular)
+    parts = EnvgraphEnv(TARGET.tabular, observation="multi")
+    assert parts.observation_space == gymnasium.spaces.MultiDiscrete([64, 2])
+    for action in (None, 2, 2, 0, 2, 3, 2, 2):
+        one = index.reset()[0] if action is None else index.step(action)[0]
+        other = parts.reset()[0] if action is None else parts.step(action)[0]
+        assert other[0] + 64 * other[1] == one
+        assert other in parts.observation_space
+
+
+def test_a_seed_decides_the_episode() -> None:
+    env = make("coins")
+
+    def episode(seed: int) -> list[object]:
+        seen = [env.reset(seed=seed)[0]]
+        for _ in range(4):
+            observation, _, terminated, _, _ = env.step(0)
+            seen.append(observation)
+            if terminated:
+                break
+        return [int(index) for index in seen]  # type: ignore[call-overload]
+
+    assert episode(3) == episode(3)
+    assert len({tuple(episode(seed)) for seed in range(20)}) > 1
+
+
+def test_rendering_shows_the_present_state() -> None:
+    env = EnvgraphEnv(TARGET.tabular, pictures=TARGET.pictures, render_mode="ansi")
+    env.reset()
+    assert str(env.render()).startswith("(S) V  V")
+    env.step(2)
+    assert str(env.render()).startswith(" S (V) V")
+
+
+def test_pixels_have_the_size_of_the_grid() -> None:
+    env = EnvgraphEnv(TARGET.tabular, pictures=TARGET.pictures, render_mode="rgb_array", cell=20)
+    env.reset()
+    picture: NDArray[np.uint8] = env.render()  # type: ignore[assignment]
+    assert (picture.shape, picture.dtype) == ((160, 160, 3), np.uint8)
+
+
+def test_rendering_without_a_mode_gives_nothing_and_without_pictures_is_refused() -> None:
+    env = EnvgraphEnv(TARGET.tabular)
+    env.reset()
+    assert env.render() is None
+    with pytest.raises(InvalidArgument, match="no pictures"):
+        EnvgraphEnv(TARGET.tabular, render_mode="ansi")
+    with pytest.raises(InvalidArgument, match="unknown render mode"):
+        EnvgraphEnv(TARGET.tabular, render_mode="human")
+    with pytest.raises(InvalidArgument, match="index"):
+        EnvgraphEnv(TARGET.tabular, observation="both")  # type: ignore[arg-type]
+
+
+def test_a_live_environment_without_a_drawing_cannot_render() -> None:
+    simulator = Simulator(*loaded("action wait = nothing()"))
+    with pytest.raises(InvalidArgument, match="no `draw`"):
+        EnvgraphLiveEnv(simulator, render_mode="ansi")
+    assert EnvgraphLiveEnv(simulator).reset()[0] == 0
+
+
+def test_registering_again_changes_nothing_and_another_thing_is_refused() -> None:
+    before = dict(gymnasium.registry)
+    register_entry_point()
+    for name in IDS:
+        register(f"Test-{name}", entry_point="tests.unit.env.test_gymnasium:make", limit=200, name=name)
+    assert gymnasium.registry == before
+    with pytest.raises(InvalidArgument, match="registered already"):
+        register("BurningForest", limit=7, domain="burning_forest")
+    with pytest.raises(InvalidArgument, match="cannot name"):
+        register("a b", limit=7)
+
+
+def test_importing_the_package_registers_the_bundled_environment() -> None:
+    code = (
+        "import json, sys, warnings; warnings.simplefilter('error'); import gymnasium;"
+        "import envgraph.env; spec = gymnasium.spec('envgraph/BurningForest-v0');"
+        "print(json.dumps([spec.max_episode_steps, spec.entry_point, 'envgraph.search' in sys.modules]))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(out.stdout) == [200, "envgraph.search:make_environment", False]
+
+
+def test_the_example_of_an_explored_environment() -> None:
+    assert isinstance(TARGET, Explored)
+    assert len(TARGET.pictures) == TARGET.tabular.n_states == 124

@@ -1,0 +1,132 @@
+"""Indices of objects: ranks of keys over a family, creation order without keys."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from envgraph.env import KeyIndex, indexed_classes
+from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
+from tests.unit.env import forest
+from tests.unit.env.coins import loaded
+
+SIZE = EnumType("Size", ("small", "large", "huge"))
+
+
+def metamodel() -> Metamodel:
+    box = Class(
+        "Box",
+        features=(Attribute("size", SIZE), Attribute("number", Scalar.INT), Reference("on", "Box", 0, 1)),
+        key=("size", "number"),
+    )
+    return Metamodel("boxes", (box, Class("Crate", supertypes=("Box",)), Class("Loose")), (SIZE,))
+
+
+def boxes(*keys: tuple[str, int], loose: int = 0) -> Model:
+    model = Model(metamodel())
+    for place, (size, number) in enumerate(keys):
+        model.create("Crate" if place % 2 else "Box", size=size, number=number)
+    for _ in range(loose):
+        model.create("Loose")
+    return model
+
+
+def test_keys_sort_by_their_attributes_in_order_and_enums_by_their_literals() -> None:
+    model = boxes(("small", 10), ("huge", 1), ("large", 2), ("small", 9))
+    index = KeyIndex.of(model, ["Box"])
+    assert index.keys["Box"] == (("small", 9), ("small", 10), ("large", 2), ("huge", 1))
+    assert [index.index(model, "Box", node) for node in range(4)] == [1, 3, 2, 0]
+    assert index.objects(model, "Box") == [3, 0, 2, 1]
+
+
+def test_a_subclass_has_an_index_of_its_own_by_the_inherited_key() -> None:
+    model = boxes(("small", 10), ("huge", 1), ("large", 2), ("small", 9))
+    assert KeyIndex.of(model, ["Crate"]).keys == {"Crate": (("small", 9), ("huge", 1))}
+
+
+def test_the_index_of_a_family_is_the_sorted_union() -> None:
+    one, other = boxes(("small", 1), ("huge", 1)), boxes(("large", 5), ("small", 1))
+    merged = KeyIndex.of(one, ["Box"]).merge(KeyIndex.of(other, ["Box"]), metamodel())
+    assert merged.keys["Box"] == (("small", 1), ("large", 5), ("huge", 1))
+    assert merged.size("Box") == 3
+    assert merged.objects(one, "Box") == [0, None, 1]
+    assert merged.index(other, "Box", 0) == 1
+
+
+def test_without_a_key_objects_count_in_the_order_of_creation_and_later_ones_after_them() -> None:
+    model = boxes(("small", 1), loose=2)
+    first = KeyIndex.of(model, ["Loose"])
+    model.delete(1)
+    model.create("Loose")
+    later = KeyIndex.of(model, ["Loose"])
+    assert (
+        first.merge(later, metamodel()).keys
+        == later.merge(first, metamodel()).keys
+        == {"Loose": ((1,), (2,), (3,))}
+    )
+
+
+def test_two_objects_with_one_key_are_an_error() -> None:
+    with pytest.raises(EvaluationError, match="the same key"):
+        KeyIndex.of(boxes(("small", 1), ("small", 1)), ["Box"])
+
+
+def test_an_object_without_a_value_in_its_key_is_an_error() -> None:
+    model = boxes(("small", 1))
+    attribute = model.metamodel.feature("Box", "number")
+    assert isinstance(attribute, Attribute)
+    model.set_value(0, attribute, None)
+    with pytest.raises(EvaluationError, match="no `number`, which is part of its key"):
+        KeyIndex.of(model, ["Box"])
+
+
+def test_objects_and_classes_that_are_not_in_the_index() -> None:
+    index = KeyIndex.of(boxes(("small", 1)), ["Box"])
+    with pytest.raises(EvaluationError, match="no index among `Box`"):
+        index.index(boxes(("small", 2)), "Box", 0)
+    with pytest.raises(InvalidArgument, match="class `Loose` is not in the index: it has Box"):
+        index.size("Loose")
+
+
+def test_json_and_back() -> None:
+    index = KeyIndex.of(boxes(("small", 10), ("huge", 1), loose=2), ["Box", "Loose"])
+    data = json.loads(json.dumps(index.to_json()))
+    assert data == {"Box": [["small", 10], ["huge", 1]], "Loose": [[2], [3]]}
+    assert KeyIndex.from_json(data, metamodel()) == index
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        [],
+        {"Bax": []},
+        {"Box": {}},
+        {"Box": [["small"]]},
+        {"Box": [["tiny", 1]]},
+        {"Box": [["small", 1.5]]},
+        {"Box": ["small"]},
+        {"Loose": [["a"]]},
+        {"Loose": [[True]]},
+    ],
+)
+def test_json_of_another_form_is_refused(data: object) -> None:
+    with pytest.raises(InvalidArgument):
+        KeyIndex.from_json(data, metamodel())
+
+
+def test_a_behaviour_counts_through_the_classes_it_names() -> None:
+    assert indexed_classes(forest.behaviour(), forest.metamodel()) == ("Tile",)
+    engine, behaviour = loaded(
+        "action a(side : Side) = nothing()\naction b(coin : Coin) = nothing()\nobserve hand.holds among Coin or none\n"
+        "observe mark.by among Hand for mark : Mark"
+    )
+    assert indexed_classes(behaviour, engine.model.metamodel) == ("Coin", "Hand", "Mark")
+
+
+def test_tiles_count_row_by_row() -> None:
+    model = forest.model(["SRR", "RRG"])
+    index = KeyIndex.of(model, ["Tile"])
+    assert index.keys["Tile"] == ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2))

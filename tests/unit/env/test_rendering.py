@@ -1,0 +1,276 @@
+"""Pictures: text, pixels and SVG of grids and graphs."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from envgraph.env import (
+    DrawGraph,
+    DrawGrid,
+    GraphScene,
+    GridScene,
+    Mark,
+    Token,
+    render_rgb,
+    render_svg,
+    render_text,
+    scene_of,
+    scene_rgb,
+    scene_svg,
+    scene_text,
+)
+from envgraph.env._font import write
+from envgraph.errors import InvalidArgument, ResolutionError
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, Class, Glyph, Metamodel, Reference, Scalar
+from envgraph.pattern import Navigation, Variable
+from tests.unit.env import forest
+
+ROWS = ["SVB", "WRG"]
+DRAW = forest.behaviour().draw
+assert isinstance(DRAW, DrawGrid)
+
+
+def at(variable: str) -> Navigation:
+    return Navigation(Variable(variable), "at")
+
+
+def net() -> Model:
+    node = Class("City", features=(Attribute("name", Scalar.STRING),), key=("name",))
+    road = Class(
+        "Road", features=(Reference("start", "City"), Reference("end", "City"), Attribute("km", Scalar.INT))
+    )
+    bus = Class("Bus", features=(Reference("at", "City"), Reference("towards", "City")))
+    ferry = Class("Ferry", features=(Reference("at", "City", 0),), glyph=Glyph("~", "#0000ff"))
+    model = Model(Metamodel("roads", (node, road, bus, ferry)))
+    rome, bern, oslo = (model.create("City", name=name) for name in ("Rome", "Bern", "Oslo"))
+    for start, end in ((rome, bern), (bern, rome), (oslo, bern), (oslo, oslo)):
+        model.create("Road", start=start, end=end)
+    model.create("Bus", object_name="bus", at=rome, towards=oslo)
+    model.create("Ferry", object_name="f1", at=oslo)
+    model.create("Ferry", object_name="f2", at=oslo)
+    model.create("Ferry", object_name="f3")
+    return model
+
+
+NET_DRAW = DrawGraph("City", "name", (Token("bus", at("bus")), Token("ferry", at("ferry"), "Ferry")))
+
+
+def colour(picture: NDArray[np.uint8], x: float, y: float, cell: int = 32) -> str:
+    return "#" + "".join(f"{int(part):02x}" for part in picture[int(y * cell), int(x * cell)])
+
+
+# --- grids
+
+
+def test_a_grid_in_letters() -> None:
+    assert render_text(forest.model(ROWS), DRAW) == "(S) V  B\n W  R  G"
+
+
+def test_the_truck_is_found_by_name_or_as_the_parameter_it_is() -> None:
+    model = forest.model(ROWS)
+    model.set_object_name(model.find_object("truck") or 0, "engine")
+    with pytest.raises(ResolutionError, match="the model has no object `truck`"):
+        render_text(model, DRAW)
+    assert render_text(model, DRAW, forest.behaviour().parameters).startswith("(S)")
+
+
+def test_a_grid_may_begin_anywhere_and_have_gaps() -> None:
+    model = Model(forest.metamodel())
+    model.create("RoadTile", x=-2, y=5)
+    model.create("WaterTile", x=1, y=6)
+    model.create("FireTruck", object_name="truck")
+    scene = scene_of(model, DRAW)
+    assert isinstance(scene, GridScene)
+    assert (scene.width, scene.height, len(scene.marks)) == (4, 2, 0)
+    assert scene_text(scene) == " R\n          W"
+
+
+def test_an_empty_grid_is_a_picture_without_cells() -> None:
+    model = Model(forest.metamodel())
+    model.create("FireTruck", object_name="truck")
+    assert render_text(model, DRAW) == ""
+    assert render_rgb(model, DRAW).shape == (1, 1, 3)
+    ElementTree.fromstring(render_svg(model, DRAW))
+
+
+def test_a_grid_that_is_too_large_is_refused() -> None:
+    model = Model(forest.metamodel())
+    model.create("RoadTile", x=0, y=0)
+    model.create("RoadTile", x=2_000, y=2_000)
+    model.create("FireTruck", object_name="truck")
+    with pytest.raises(InvalidArgument, match="2001 x 2001 cells is too large"):
+        scene_of(model, DRAW)
+
+
+def test_cells_have_the_colours_of_their_glyphs() -> None:
+    picture = render_rgb(forest.model(ROWS), DRAW)
+    assert (picture.shape, picture.dtype) == ((64, 96, 3), np.uint8)
+    corners = [[colour(picture, x + 0.15, y + 0.15) for x in range(3)] for y in range(2)]
+    wanted = [
+        [next(g.colour for g in forest.GLYPHS.values() if g.letter == letter) for letter in row]
+        for row in ROWS
+    ]
+    assert corners == wanted
+
+
+def test_a_token_is_a_disc_with_a_light_ring() -> None:
+    picture = render_rgb(forest.model(ROWS), DRAW)
+    assert colour(picture, 0.25, 0.5) == "#1c3d6e"
+    ring = picture[16, : 32 // 2].astype(int).sum(axis=1)
+    assert ring.max() > 700
+    without = render_rgb(forest.model(ROWS), DrawGrid("Tile", "x", "y"))
+    assert (without[:32, :32] != picture[:32, :32]).any()
+    assert (without[:, 32:] == picture[:, 32:]).all()
+
+
+def test_a_letter_can_be_read() -> None:
+    picture = render_rgb(forest.model(["RS"], start=(1, 0)), DRAW, cell=16).astype(int).sum(axis=2)[:, :16]
+    # The dark pixels inside the cell are those of the letter, in the middle.
+    ink = picture[2:14, 2:14] < 500
+    rows, columns = np.nonzero(ink)
+    cropped = ink[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    assert (cropped == write("R")).all()
+
+
+@pytest.mark.parametrize("cell", [1, 2, 7, 8, 11, 12, 16, 32, 33, 64, 100])
+def test_every_size_of_cell_can_be_drawn(cell: int) -> None:
+    assert render_rgb(forest.model(ROWS), DRAW, cell=cell).shape == (2 * cell, 3 * cell, 3)
+    assert render_rgb(net(), NET_DRAW, cell=cell).ndim == 3
+
+
+def test_sizes_out_of_bounds_are_refused() -> None:
+    with pytest.raises(InvalidArgument, match="a cell of 0 pixels"):
+        render_rgb(forest.model(ROWS), DRAW, cell=0)
+    with pytest.raises(InvalidArgument, match="too large"):
+        render_rgb(forest.model(ROWS), DRAW, cell=10_000)
+
+
+def test_several_tokens_are_listed_and_drawn_beside_each_other() -> None:
+    marks = (
+        Mark("hero", "H", "#000000", (0, 0)),
+        Mark("key", "K", "#9c36b5", (0, 0)),
+        Mark("dog", "D", "#0b7285", (1, 0)),
+    )
+    scene = GridScene(2, 1, (Glyph(".", "#ffffff"),), bytes([0, 0]), marks)
+    assert scene_text(scene) == "(.)(.)\nhero: column 0, row 0\nkey: column 0, row 0\ndog: column 1, row 0"
+    picture = scene_rgb(scene, 64)
+    colours = {tuple(pixel) for pixel in picture.reshape(-1, 3).tolist()}
+    assert {(0, 0, 0), (0x9C, 0x36, 0xB5), (0x0B, 0x72, 0x85)} <= colours
+
+
+def test_a_class_without_a_glyph_shows_its_initial() -> None:
+    cell = Class("cell", features=(Attribute("x", Scalar.INT), Attribute("y", Scalar.INT)))
+    model = Model(Metamodel("plain", (cell,)))
+    model.create("cell")
+    assert render_text(model, DrawGrid("cell", "x", "y")) == " C"
+
+
+# --- graphs
+
+
+def test_a_graph_in_words() -> None:
+    # Objects with two references to cities are edges, unless they are tokens; nodes stand in the order of their key.
+    assert render_text(net(), NET_DRAW).splitlines() == [
+        " Bern  -> Rome",
+        "(Oslo) -> Bern, Oslo",
+        "(Rome) -> Bern",
+        "bus: Rome",
+        "f1: Oslo",
+        "f2: Oslo",
+    ]
+
+
+def test_references_between_nodes_are_edges() -> None:
+    state = Class("State", features=(Reference("next", "State", 0, None),))
+    model = Model(Metamodel("machine", (state,)))
+    one, two = model.create("State", object_name="one"), model.create("State", object_name="two")
+    one.next.append(two)
+    scene = scene_of(model, DrawGraph("State"))
+    assert isinstance(scene, GraphScene)
+    assert (scene.labels, scene.edges) == (("one", "two"), ((0, 1),))
+
+
+def test_tokens_without_a_glyph_get_colours_in_turn() -> None:
+    scene = scene_of(net(), NET_DRAW)
+    assert [(mark.letter, mark.colour) for mark in scene.marks] == [("B", "#1c3d6e"), *[("~", "#0000ff")] * 2]
+
+
+def test_a_graph_shows_nodes_on_a_circle_with_tokens() -> None:
+    picture = render_rgb(net(), NET_DRAW)
+    colours = {"#" + "".join(f"{part:02x}" for part in pixel) for pixel in picture.reshape(-1, 3).tolist()}
+    assert {"#a5d8ff", "#1c3d6e", "#0000ff", "#ffffff"} <= colours
+
+
+def test_a_graph_without_nodes_or_with_one() -> None:
+    model = Model(net().metamodel)
+    draw = DrawGraph("City", "name")
+    assert render_text(model, draw) == ""
+    assert render_rgb(model, draw).ndim == 3
+    model.create("City", name="Bern")
+    assert render_text(model, draw) == " Bern"
+    assert render_rgb(model, draw).ndim == 3
+    ElementTree.fromstring(render_svg(model, draw))
+
+
+# --- SVG
+
+
+def test_svg_has_a_shape_for_every_cell_and_token() -> None:
+    root = ElementTree.fromstring(render_svg(forest.model(ROWS), DRAW, cell=10))
+    assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("30", "20", "0 0 3 2")
+    tags = [re.sub(r"\{.*\}", "", element.tag) for element in root.iter()]
+    assert (tags.count("rect"), tags.count("circle"), tags.count("text")) == (6, 1, 6)
+    fills = [element.get("fill") for element in root.iter() if element.tag.endswith("rect")]
+    assert fills == ["#b0b0b0", "#94d82d", "#e8590c", "#4dabf7", "#d0d0d0", "#2f9e44"]
+
+
+def test_svg_escapes_what_comes_from_a_model() -> None:
+    model = net()
+    model.node(0).name = '<b> & "Rome"'
+    text = scene_svg(scene_of(model, NET_DRAW))
+    assert "<b>" not in text
+    root = ElementTree.fromstring(text)
+    assert '<b> & "Rome"' in [element.text for element in root.iter()]
+
+
+def test_svg_of_a_graph_has_an_arrow_for_every_edge_but_loops() -> None:
+    root = ElementTree.fromstring(render_svg(net(), NET_DRAW))
+    assert sum(element.tag.endswith("path") for element in root.iter()) == 3
+
+
+# --- the font
+
+
+def test_letters_look_as_they_are_drawn() -> None:
+    lines = ["".join(".#"[int(pixel)] for pixel in row) for row in write("R.")]
+    assert lines == [
+        "####.......",
+        "#...#......",
+        "#...#......",
+        "####.......",
+        "#.#........",
+        "#..#....##.",
+        "#...#...##.",
+    ]
+
+
+def test_letters_differ_and_unknown_ones_are_boxes() -> None:
+    letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789#.-_+*/()@?!,:"
+    shapes = {write(letter).tobytes() for letter in letters}
+    assert len(shapes) == len(letters)
+    assert all(write(letter).any() for letter in letters)
+    assert write("é").tobytes() == write("語").tobytes()
+    assert write("é").tobytes() not in shapes
+    assert not write(" ").any()
+    assert write("").shape == (7, 0)
+
+
+def test_letters_are_scaled_by_repeating_pixels() -> None:
+    assert (write("ab", 3)[::3, ::3] == write("ab")).all()
+    assert write("ab", 3).shape == (21, 33)

@@ -1,0 +1,353 @@
+"""The semantics of a step, clause by clause, with probabilities worked out by hand."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from envgraph.env import KeyIndex, Outcome, Simulator, indexed_classes
+from envgraph.errors import EvaluationError, InvalidArgument, ResolutionError, RuleError
+from tests.unit.env.coins import loaded, sides, simulator, table
+
+
+def outcomes(environment: str, action: int = 0) -> list[tuple[float, str, Outcome]]:
+    """Probability, coins that show heads afterwards, and outcome."""
+    coins = simulator(environment)
+    return [(round(p, 12), sides(coins.engine), outcome) for p, outcome in coins.outcomes(action)]
+
+
+def rewards(environment: str, action: int = 0) -> dict[float, float]:
+    """Probability of each reward."""
+    found: dict[float, float] = defaultdict(float)
+    for probability, _, outcome in outcomes(environment, action):
+        found[round(outcome.reward, 9)] += probability
+    return {reward: round(probability, 9) for reward, probability in found.items()}
+
+
+# --- (a) the action
+
+
+def test_one_of_the_matches_is_drawn_uniformly_in_the_order_of_creation() -> None:
+    # b was created before a: turning b leaves a.
+    assert [(p, up) for p, up, _ in outcomes("action turn = turn()")] == [(0.5, "a"), (0.5, "b")]
+
+
+def test_branches_share_the_probability_and_the_rest_does_nothing() -> None:
+    found = outcomes("action turn = 0.5: turn()")
+    assert [(p, up) for p, up, _ in found] == [(0.25, "a"), (0.25, "b"), (0.5, "ab")]
+
+
+def test_a_rule_without_a_match_leaves_the_state() -> None:
+    assert [(p, up) for p, up, _ in outcomes("action drop = drop(hand)")] == [(1.0, "ab")]
+
+
+def test_reward_counts_when_a_rule_was_applied_and_else_reward_when_none_matched() -> None:
+    assert rewards("action turn = 0.75: turn() | 0.25: drop(hand) reward 2 else reward -3") == {
+        2.0: 0.75,
+        -3.0: 0.25,
+    }
+
+
+def test_nothing_is_a_rule_that_always_applies_and_a_missing_probability_is_none() -> None:
+    assert rewards("action wait = nothing() reward 2 else reward -3") == {2.0: 1.0}
+    assert rewards("action wait = 0.4: nothing() reward 2 else reward -3") == {2.0: 0.4, -3.0: 0.6}
+
+
+def test_branches_of_probability_zero_never_happen() -> None:
+    assert rewards("action wait = 0.0: turn() | 1.0: nothing() reward hand.moves + 1.0") == {1.0: 1.0}
+
+
+def test_outputs_of_a_rule_can_be_rewarded() -> None:
+    text = "action grab(coin : Coin) = grab(hand, coin, gained) reward gained * 10 else reward -1"
+    assert [rewards(text, action) for action in range(3)] == [{10.0: 1.0}, {20.0: 1.0}, {40.0: 1.0}]
+
+
+def test_a_created_object_can_be_an_output() -> None:
+    assert rewards("action mint = mint(table, coin) reward coin.value") == {8.0: 1.0}
+
+
+def test_a_match_that_cannot_be_applied_is_an_error_and_leaves_the_state() -> None:
+    # A coin is over one other at most.
+    coins = simulator("action stack(one : Coin, other : Coin) = stack(one, other)")
+    rng = np.random.default_rng(0)
+    coins.reset(rng)
+    coins.step(coins.action_names.index("stack(a, b)"), rng)
+    before = coins.engine.model.state_hash()
+    with pytest.raises(RuleError, match="stack"):
+        coins.step(coins.action_names.index("stack(a, c)"), rng)
+    assert coins.engine.model.state_hash() == before
+
+
+def test_a_deleted_object_matches_nothing_any_more() -> None:
+    coins = simulator("action lose(coin : Coin) = lose(coin) reward 1 else reward -1")
+    rng = np.random.default_rng(0)
+    coins.reset(rng)
+    assert [coins.step(1, rng).reward for _ in range(3)] == [1.0, -1.0, -1.0]
+
+
+def test_a_deleted_parameter_matches_nothing_any_more() -> None:
+    environment = "action lose = lose(a) else reward -1\non find up(a) reward 1\non neg find up(a) reward 2"
+    coins = simulator(environment, "hand : Hand, table : Table, a : Coin")
+    rng = np.random.default_rng(0)
+    coins.reset(rng)
+    # Nothing is asked about an object that is gone, not even whether something does not hold of it.
+    assert [coins.step(0, rng).reward for _ in range(2)] == [0.0, -1.0]
+
+
+# --- parameters of actions
+
+
+def test_actions_count_through_enums_ranges_and_objects_by_key() -> None:
+    names = simulator(
+        "action a(side : Side) = nothing()\naction b(n : -1..1) = count(hand, n)\naction c(coin : Coin) = lose(coin)\n"
+        "action d(side : Side, n : 0..1) = nothing()"
+    ).action_names
+    assert names == (
+        *("a(heads)", "a(tails)", "b(-1)", "b(0)", "b(1)", "c(a)", "c(b)", "c(c)"),
+        *("d(heads, 0)", "d(heads, 1)", "d(tails, 0)", "d(tails, 1)"),
+    )
+
+
+def test_an_action_about_an_object_that_this_member_lacks_does_nothing() -> None:
+    engine, behaviour = loaded("action lose(coin : Coin) = lose(coin) reward 1 else reward -1")
+    keys = KeyIndex({"Coin": (("a",), ("b",), ("bb",), ("c",))})
+    coins = Simulator(engine, behaviour, keys)
+    assert coins.action_names == ("lose(a)", "lose(b)", "lose(bb)", "lose(c)")
+    assert [[o.reward for _, o in coins.outcomes(action)] for action in range(4)] == [
+        [1.0],
+        [1.0],
+        [-1.0],
+        [1.0],
+    ]
+
+
+def test_an_object_that_is_created_during_the_episode_can_be_meant_by_its_key() -> None:
+    engine, behaviour = loaded("action mint = mint(table, _)\naction lose(coin : Coin) = lose(coin) reward 1")
+    coins = Simulator(engine, behaviour, KeyIndex({"Coin": (("a",), ("b",), ("c",), ("new",))}))
+    rng = np.random.default_rng(0)
+    coins.reset(rng)
+    assert [coins.step(action, rng).reward for action in (4, 0, 4, 4)] == [0.0, 0.0, 1.0, 0.0]
+
+
+# --- (b) each step
+
+
+def test_each_step_applies_after_the_action_and_multiplies_the_outcomes() -> None:
+    found = outcomes("action turn = turn()\neach step apply 0.5: turn() | 0.25: drop(hand)")
+    # Two ways to turn one coin, then the other may be turned as well; dropping has no match.
+    assert [(p, up) for p, up, _ in found] == [
+        *((0.25, ""), (0.125, "a"), (0.125, "a")),
+        *((0.25, ""), (0.125, "b"), (0.125, "b")),
+    ]
+
+
+def test_rewards_are_evaluated_on_the_state_after_the_each_step_effects() -> None:
+    text = "action wait = nothing() reward hand.moves\neach step reward 10 * hand.moves apply count(hand, 1)"
+    assert rewards(text) == {11.0: 1.0}
+
+
+# --- (c) and (d): clauses on one state
+
+
+def test_a_clause_counts_once_per_match_of_its_named_variables() -> None:
+    wait = "action wait = nothing()\n"
+    assert rewards(wait + "on find pair(x, y) reward 1") == {2.0: 1.0}
+    assert rewards(wait + "on find pair(x, _) reward 1") == {2.0: 1.0}
+    assert rewards(wait + "on find pair(_, _) reward 1") == {1.0: 1.0}
+    assert rewards(wait + "on find worth(_, value) reward value") == {3.0: 1.0}
+    assert rewards(wait + "on find worth(coin, 2) reward coin.value") == {2.0: 1.0}
+    assert rewards(wait + "on find pair(x, x) reward 1") == {0.0: 1.0}
+
+
+def test_a_negated_clause_counts_when_there_is_no_match() -> None:
+    wait = "action wait = nothing()\n"
+    assert rewards(wait + "on neg find held(hand, _) reward 5") == {5.0: 1.0}
+    assert rewards(wait + "on neg find up(_) reward 5") == {0.0: 1.0}
+
+
+def test_clauses_see_the_state_after_action_and_each_step() -> None:
+    text = "action turn = turn()\neach step apply turn()\non neg find up(_) reward 7"
+    assert rewards(text) == {7.0: 1.0}
+
+
+@pytest.mark.parametrize("order", [("success", "failure"), ("failure", "success")])
+def test_failure_beats_success_in_any_order(order: tuple[str, str]) -> None:
+    clauses = "\n".join(f"on find any(hand) terminate {word}" for word in order)
+    assert [o.terminated for _, _, o in outcomes("action wait = nothing()\n" + clauses)] == [2]
+
+
+# --- (e) what clauses apply
+
+
+def test_applies_run_after_all_clauses_have_been_matched() -> None:
+    text = "action wait = nothing()\non find up(coin) reward 1 apply turnOver(coin)\non find up(_) reward 10"
+    assert [(up, o.reward) for _, up, o in outcomes(text)] == [("", 12.0)]
+
+
+def test_an_apply_whose_match_has_gone_is_left_out() -> None:
+    # Both clauses match b and a; the first turns the coins over, so the second finds them turned already.
+    text = "action wait = nothing()\non find up(x) apply turnOver(x)\non find up(y) apply lose(y)"
+    coins = simulator(text)
+    for _, _ in coins.outcomes(0):
+        assert len(coins.engine.model.nodes("Coin")) == 3
+    other = simulator("action wait = nothing()\non find up(y) apply lose(y)\non find up(x) apply turnOver(x)")
+    for _, _ in other.outcomes(0):
+        assert len(other.engine.model.nodes("Coin")) == 1
+
+
+def test_an_apply_may_choose_among_matches() -> None:
+    found = outcomes("action wait = nothing()\non find any(hand) apply turn()")
+    assert [(p, up) for p, up, _ in found] == [(0.5, "a"), (0.5, "b")]
+
+
+def test_the_observation_is_made_after_the_applies() -> None:
+    text = "action wait = nothing()\non find any(hand) apply count(hand, 2)\nobserve hand.moves in 0..3"
+    assert [o.observation for _, _, o in outcomes(text)] == [2]
+
+
+# --- reset
+
+
+def test_a_reset_draws_one_of_the_matches_and_asks_no_clause() -> None:
+    text = "action wait = nothing()\non reset apply turn()\non reset apply turn()\non find up(_) terminate failure"
+    coins = simulator(text)
+    assert [(p, sides(coins.engine)) for p in coins.starts()] == [(0.5, ""), (0.5, "")]
+    drawn = table(text)
+    assert drawn.start_probability.tolist() == [1.0]
+    tabular = table("action wait = nothing()\non reset apply turn()\nobserve count find up(_) up to 3")
+    assert (tabular.start_states.tolist(), tabular.start_probability.tolist()) == ([0, 1], [0.5, 0.5])
+    assert tabular.observation.tolist() == [1, 1]
+
+
+def test_a_reset_without_a_match_starts_at_the_model() -> None:
+    coins = simulator("action wait = nothing()\non reset apply drop(hand)")
+    assert [(p, sides(coins.engine)) for p in coins.starts()] == [(1.0, "ab")]
+
+
+# --- (f) observations
+
+
+def test_the_first_component_varies_fastest() -> None:
+    coins = simulator(
+        "action grab(coin : Coin) = grab(hand, coin, _)\nobserve hand.moves in 0..4\n"
+        "observe hand.holds among Coin or none\nobserve coin.side for coin : Coin\nobserve find held(hand, _)"
+    )
+    assert coins.observation_shape == (5, 4, 2, 2, 2, 2)
+    assert coins.n_observations == 5 * 4 * 16
+    rng = np.random.default_rng(0)
+    # moves 0; nothing held (3); sides of a, b, c: 0, 0, 1; held: 0
+    assert coins.reset(rng) == 0 + 3 * 5 + 1 * 5 * 4 * 2 * 2
+    # coin b (1) is held
+    assert coins.step(1, rng).observation == 0 + 1 * 5 + 1 * 80 + 1 * 160
+
+
+def test_counts_and_ranges_are_clipped() -> None:
+    text = "action add = count(hand, 3)\nobserve hand.moves in 1..2\nobserve count find up(_) up to 1"
+    coins = simulator(text)
+    assert coins.observation_shape == (2, 2)
+    rng = np.random.default_rng(0)
+    assert coins.reset(rng) == 0 + 2 * 1
+    assert coins.step(0, rng).observation == 1 + 2 * 1
+
+
+def test_components_of_objects_that_this_member_lacks_are_padded() -> None:
+    text = (
+        "action wait = nothing()\nobserve coin.side for coin : Coin\n"
+        "observe coin.over among Coin or none for coin : Coin"
+    )
+    engine, behaviour = loaded(text)
+    keys = KeyIndex({"Coin": (("a",), ("b",), ("bb",), ("c",))})
+    coins = Simulator(engine, behaviour, keys)
+    assert coins.observation_shape == (2, 2, 2, 2, 5, 5, 5, 5)
+    index = coins.reset(np.random.default_rng(0))
+    assert list(np.unravel_index(index, coins.observation_shape, order="F")) == [0, 0, 0, 1, 4, 4, 4, 4]
+
+
+def test_observing_nowhere_is_an_error_that_names_the_remedy() -> None:
+    coins = simulator("action wait = nothing()\nobserve hand.holds among Coin")
+    with pytest.raises(EvaluationError, match="or none"):
+        coins.reset(np.random.default_rng(0))
+
+
+def test_an_object_without_an_index_is_an_error() -> None:
+    coins = simulator(
+        "action mint = mint(table, _)\naction grab = grab(hand, hand.holds, _)\n"
+        "on find worth(coin, 8) apply grab(hand, coin, _)\nobserve hand.holds among Coin or none"
+    )
+    rng = np.random.default_rng(0)
+    coins.reset(rng)
+    with pytest.raises(EvaluationError, match="no index among `Coin`"):
+        coins.step(0, rng)
+
+
+# --- life of a simulator
+
+
+def test_stepping_before_a_reset_or_with_an_unknown_action_is_refused() -> None:
+    coins = simulator("action wait = nothing()")
+    rng = np.random.default_rng(0)
+    with pytest.raises(InvalidArgument, match="reset"):
+        coins.step(0, rng)
+    coins.reset(rng)
+    with pytest.raises(InvalidArgument, match="action 1"):
+        coins.step(1, rng)
+
+
+def test_closing_goes_back_to_the_initial_state() -> None:
+    coins = simulator("action lose(coin : Coin) = lose(coin)")
+    before = coins.engine.model.state_hash()
+    rng = np.random.default_rng(0)
+    coins.reset(rng)
+    coins.step(0, rng)
+    coins.step(1, rng)
+    coins.close()
+    assert coins.engine.model.state_hash() == before
+    coins.engine.commit()
+    coins.engine.model.check_integrity()
+
+
+def test_two_simulators_share_an_engine_and_its_helper_patterns() -> None:
+    engine, behaviour = loaded("action wait = nothing()\non find up(_) reward 1")
+    Simulator(engine, behaviour)
+    names = engine.library.names()
+    Simulator(engine, behaviour)
+    assert engine.library.names() == names
+    assert not any("Coins" in name for name in engine.patterns)
+
+
+def test_behaviours_of_one_name_do_not_mix_up_their_questions() -> None:
+    engine, one = loaded("action wait = nothing()\non find up(_) reward 1")
+    _, other = loaded("action wait = nothing()\non find down(_) reward 2")
+    first, second = Simulator(engine, one), Simulator(engine, other)
+    assert [o.reward for _, o in first.outcomes(0)] == [1.0]
+    assert [o.reward for _, o in second.outcomes(0)] == [2.0]
+
+
+def test_a_parameter_without_an_object_is_reported() -> None:
+    model = 'import "coins.metamodel"\nmodel empty : coins { table : Table { hand = left : Hand {} } }\n'
+    engine, behaviour = loaded("action wait = nothing()", texts={"coins.model": model})
+    assert Simulator(engine, behaviour).action_names == ("wait",)
+    engine.model.create("Hand", object_name="right")
+    with pytest.raises(ResolutionError, match=r"nothing to bind `hand` to: the model has 2 objects"):
+        Simulator(engine, behaviour)
+    engine.model.create("Hand", object_name="hand")
+    assert Simulator(engine, behaviour).action_names == ("wait",)
+
+
+def test_errors_of_a_behaviour_stop_the_simulator() -> None:
+    engine, behaviour = loaded("action wait = nothing()\non find up(_) reward 1")
+    broken = replace(behaviour, actions=(behaviour.actions[0], behaviour.actions[0]))
+    with pytest.raises(ResolutionError, match="defined twice"):
+        Simulator(engine, broken)
+
+
+def test_a_family_index_is_wider_than_that_of_a_member() -> None:
+    engine, behaviour = loaded("action lose(coin : Coin) = lose(coin)")
+    metamodel = engine.model.metamodel
+    one = KeyIndex.of(engine.model, indexed_classes(behaviour, metamodel))
+    engine.model["a"].name = "z"
+    other = KeyIndex.of(engine.model, indexed_classes(behaviour, metamodel))
+    assert one.merge(other, metamodel).keys == {"Coin": (("a",), ("b",), ("c",), ("z",))}

@@ -1,0 +1,110 @@
+"""Many environments at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+
+from envgraph.env import EnvgraphEnv, EnvgraphVectorEnv, explore
+from envgraph.errors import InvalidArgument
+from tests.unit.env import forest
+from tests.unit.env.coins import loaded
+
+FAMILY = [explore(forest.engine(rows), forest.behaviour(), pictures=True) for rows in forest.published_maps()]
+TABLES = [member.tabular for member in FAMILY]
+
+RANDOM = """
+action turn = 0.5: turn() | 0.2: drop(hand)
+on reset apply turn()
+on neg find up(_) reward 1 terminate success
+observe coin.side for coin : Coin
+"""
+
+
+def test_it_steps_like_single_environments_and_resets_in_the_next_step() -> None:
+    many = EnvgraphVectorEnv(TABLES, num_envs=9, max_episode_steps=7)
+    single = [EnvgraphEnv(TABLES[i % 6]) for i in range(9)]
+    assert many.observation_space == spaces.MultiDiscrete([128] * 9)
+    assert many.action_space == spaces.MultiDiscrete([4] * 9)
+    observations, infos = many.reset(seed=1)
+    assert observations.tolist() == [int(env.reset(seed=1)[0]) for env in single]
+    steps = [0] * 9
+    done = [False] * 9
+    rng = np.random.default_rng(2)
+    for _ in range(60):
+        actions = rng.integers(4, size=9)
+        observations, rewards, terminations, truncations, infos = many.step(actions)
+        for i, env in enumerate(single):
+            if done[i]:
+                index, info = env.reset()
+                expected = (int(index), 0.0, False, False)
+                steps[i] = 0
+            else:
+                index, reward, terminated, _, info = env.step(actions[i])
+                steps[i] += 1
+                expected = (int(index), reward, terminated, steps[i] >= 7 and not terminated)
+            found = (int(observations[i]), rewards[i], terminations[i], truncations[i])
+            assert found == expected
+            assert (infos["state"][i], infos["step"][i], infos["success"][i]) == tuple(info.values())
+            done[i] = expected[2] or expected[3]
+    assert infos["_state"].all()
+
+
+def test_starts_and_outcomes_are_drawn_with_their_probabilities() -> None:
+    table = explore(*loaded(RANDOM)).tabular
+    many = EnvgraphVectorEnv(table, num_envs=20_000)
+    observations, _ = many.reset(seed=4)
+    # b or a shows heads at the start, equally likely; then it is turned with probability one half.
+    starts = np.bincount(observations, minlength=8)
+    assert starts.sum() == starts[4 + 1] + starts[4 + 2]
+    assert starts[5] == pytest.approx(10_000, abs=400)
+    _, rewards, terminations, _, infos = many.step(np.zeros(20_000, dtype=np.int64))
+    assert terminations.sum() == pytest.approx(10_000, abs=400)
+    assert (rewards == terminations).all()
+    assert (infos["success"] == terminations).all()
+
+
+def test_a_seed_decides_everything() -> None:
+    table = explore(*loaded(RANDOM)).tabular
+
+    def run(seed: int) -> list[list[int]]:
+        many = EnvgraphVectorEnv(table, num_envs=5)
+        seen = [many.reset(seed=seed)[0].tolist()]
+        seen += [many.step(np.zeros(5, dtype=np.int64))[0].tolist() for _ in range(20)]
+        return seen
+
+    assert run(1) == run(1)
+    assert run(1) != run(2)
+
+
+def test_components_and_pictures() -> None:
+    pictures = [member.pictures for member in FAMILY]
+    many = EnvgraphVectorEnv(TABLES, pictures=pictures, render_mode="rgb_array", observation="multi")
+    assert many.num_envs == 6
+    observations, _ = many.reset(seed=0)
+    assert observations.tolist() == [[0, 0]] * 6
+    assert observations in many.observation_space
+    frames = many.render()
+    assert frames is not None
+    assert [frame.shape for frame in frames] == [(256, 256, 3)] * 6
+    assert EnvgraphVectorEnv(TABLES).render() is None
+
+
+def test_wrong_arguments_are_refused() -> None:
+    many = EnvgraphVectorEnv(TABLES)
+    with pytest.raises(ResetNeeded):
+        many.step(np.zeros(6, dtype=np.int64))
+    many.reset(seed=0)
+    for actions in ([0] * 5, [4] * 6, [-1] * 6):
+        with pytest.raises(InvalidArgument, match=r"6 numbers in 0\.\.3"):
+            many.step(actions)
+    coins = explore(*loaded(RANDOM)).tabular
+    for arguments in ([()], [[TABLES[0], coins]], [TABLES, 0]):
+        with pytest.raises(InvalidArgument):
+            EnvgraphVectorEnv(*arguments)
+    with pytest.raises(InvalidArgument, match="limit"):
+        EnvgraphVectorEnv(TABLES, max_episode_steps=0)
+    with pytest.raises(InvalidArgument, match="pictures"):
+        EnvgraphVectorEnv(TABLES, render_mode="rgb_array")
