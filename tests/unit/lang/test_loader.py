@@ -316,3 +316,30 @@ def test_bundled_domains_are_listed_and_found() -> None:
     assert (bundled_domain("burning_forest") / "family.toml").is_file()
     with pytest.raises(InvalidArgument, match="did you mean `burning_forest`"):
         bundled_domain("burnin_forest")
+
+
+# --- the sample domains ---
+
+SAMPLES = Path(__file__).parents[2] / "golden" / "shared"
+
+
+@pytest.mark.parametrize("family", ["keydoor.toml", "network/family.toml", "warehouse/family.toml"])
+def test_the_sample_domains_load(family: str) -> None:
+    found = load_workspace([SAMPLES / family])
+    # What the engine cannot do yet it says; nothing else is wrong.
+    assert {one.code for one in found.errors} <= {"not-supported"}
+    assert found.models[0].model is not None
+    assert found.behaviours[0].actions or found.behaviours[0].agents
+
+
+def test_tables_and_grids_of_the_samples_hold_what_they_say() -> None:
+    (backbone,) = load_workspace([SAMPLES / "network" / "backbone.model"]).models
+    assert backbone.model is not None
+    links = [(link["from"].name, link.to.name, link.latency) for link in backbone.model["net"].links]
+    assert links[0] == ("Amsterdam", "Berlin", 6.5)
+    assert len(links) == 9
+    assert [link.to.name for link in backbone.model["gva"].ports] == ["Amsterdam", "Lisbon", "Budapest"]
+    (rooms,) = load_workspace([SAMPLES / "two_rooms.model"]).models
+    assert rooms.model is not None
+    assert [key.colour for key in rooms.model.nodes("Key")] == ["red"]
+    assert rooms.model["hero"].at.cls == "Floor"
