@@ -445,7 +445,9 @@ class _Reader:
         return False
 
     def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:
-        if self._model.has_link(node, reference, target) or self._contained_elsewhere(reference, target, where):
+        if self._model.has_link(node, reference, target) or self._contained_elsewhere(
+            reference, target, where
+        ):
             return
         try:
             self._model.link(node, reference, target)
