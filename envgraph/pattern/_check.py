@@ -274,6 +274,8 @@ class _BodyCheck:
 
 def _trivial(comparison: Comparison) -> Iterator[Diagnostic]:
     left, right = comparison.left, comparison.right
+    if any(isinstance(side, Constant) and side.value is None for side in (left, right)):
+        return  # an error of its own
     if isinstance(left, Constant | EnumLiteral) and isinstance(right, Constant | EnumLiteral):
         message = "both sides are constants"
         yield Diagnostic("constant-comparison", message, comparison.span, severity=Severity.WARNING)

@@ -11,7 +11,7 @@ from envgraph.pattern._inference import BodyTypes, relation_text
 from envgraph.pattern._lowered import ObjectType
 from envgraph.pattern._queries import Comparison, Evaluation, Hash, Parameter, Pattern, Relation, Term
 from envgraph.pattern._relations import Place
-from envgraph.pattern._terms import Variable
+from envgraph.pattern._terms import Constant, Variable
 from envgraph.pattern._types import type_text
 
 
@@ -185,13 +185,16 @@ class UsageCheck:
         return isinstance(term, Hash)
 
     def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
-        """`_` and `#` as a side of a comparison."""
+        """`_`, `#` and `none` as a side of a comparison."""
         sides = (comparison.left, comparison.right)
         both = all(isinstance(term, Variable) and term.anonymous for term in sides)
         for term in sides[:1] if both else sides:
             span: Span | None = term.span or comparison.span
             if isinstance(term, Hash):
                 yield Diagnostic("stray-hash", "`#` marks the column of an aggregate", span)
+            elif isinstance(term, Constant) and term.value is None:
+                hint = "only a path can be `none`: `check(x.f == none)`"
+                yield Diagnostic("none-argument", "`none` is no value", span, hint)
             elif isinstance(term, Variable) and term.anonymous and (both or comparison.operator == "!="):
                 yield Diagnostic(
                     "not-enumerable", "`_` has no value to compare", span, "give the variable a name"

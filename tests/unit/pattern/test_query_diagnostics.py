@@ -316,6 +316,8 @@ CASES = [
     ("a wrong literal under neg", ["wrong-type"], [WITH_X, one("c : Cell", neg(find("at", "c", True)))]),
     ("a wrong value of an eval", ["wrong-type"], [WITH_X, one("c : Cell", find("at", "c", ev(text("a"))))]),
     ("none as an argument", ["none-argument"], [one("a : Cell", path("Cell.right", "a", NONE))]),
+    ("none in a comparison", ["none-argument"], [one("a : Cell", isa("Cell", "a"), eq("a", NONE))]),
+    ("none beside a constant", ["none-argument"], [one("a : Cell", isa("Cell", "a"), ne(3, NONE))]),
     (
         "a negation that cannot match",
         ["W:never-matches"],
