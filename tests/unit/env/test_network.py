@@ -1,0 +1,107 @@
+"""The routing network: chance, outputs, a start distribution, and more states than anyone wants to enumerate."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gymnasium.wrappers import TimeLimit
+
+from envgraph.env import Behaviour, EnvgraphLiveEnv, Simulator, explore, render_text
+from envgraph.errors import EvaluationError
+from envgraph.lang import TextFiles, load_workspace
+from envgraph.rewrite import Engine
+
+FILES = Path(__file__).parents[2] / "golden" / "shared" / "network"
+CITIES = ("Amsterdam", "Berlin", "Budapest", "Geneva", "Lisbon")
+
+
+def loaded() -> tuple[Engine, Behaviour]:
+    texts = {path.name: path.read_text() for path in FILES.iterdir() if path.suffix != ".toml"}
+    # The mutations of the family play no part here.
+    texts["network.rules"] = texts["network.rules"].replace("derive wiring = operators for Link;", "")
+    workspace = load_workspace(["backbone.model", "network.environment"], files=TextFiles(texts))
+    return workspace.engine(), workspace.behaviour()
+
+
+def test_as_many_actions_as_routers_in_the_order_of_their_names() -> None:
+    simulator = Simulator(*loaded())
+    assert simulator.action_names == tuple(f"send({city})" for city in CITIES)
+    assert simulator.observation_shape == (5, 5, 18)
+
+
+def test_a_reset_draws_two_different_ends() -> None:
+    simulator = Simulator(*loaded())
+    seen = []
+    for probability in simulator.starts():
+        assert probability == pytest.approx(1 / 20)
+        seen.append(simulator.observe())
+    assert sorted(seen) == [a + 5 * b for b in range(5) for a in range(5) if a != b]
+
+
+def test_outcomes_of_a_hop() -> None:
+    # At Amsterdam, for Lisbon. A hop to Geneva takes 8.2; afterwards one of nine links fails with probability 0.02 ...
+    simulator = Simulator(*loaded())
+    found: dict[tuple[float, int], list[float]] = defaultdict(list)
+    for probability, outcome in simulator.outcomes(3):
+        found[outcome.reward, outcome.observation].append(probability)
+    assert list(found) == [(-8.2, 3 + 5 * 4 + 25 * 1)]
+    (probabilities,) = found.values()
+    # ... no link is down that could recover, and with 0.88 nothing happens.
+    assert probabilities == pytest.approx([0.02 / 9] * 9 + [0.1, 0.88])
+
+
+def test_a_hop_without_a_link_costs_and_changes_nothing() -> None:
+    simulator = Simulator(*loaded())
+    outcomes = [outcome for _, outcome in simulator.outcomes(4)]
+    assert {(o.reward, o.terminated, o.observation) for o in outcomes} == {(-5.0, 0, 0 + 5 * 4)}
+
+
+def test_delivery_ends_in_success() -> None:
+    simulator = Simulator(*loaded())
+    engine = simulator.engine
+    engine.model["parcel"].destination = engine.model["gva"]
+    assert {(round(o.reward, 9), o.terminated) for _, o in simulator.outcomes(3)} == {(91.8, 1)}
+
+
+def test_links_that_are_down_carry_nothing_and_recover() -> None:
+    simulator = Simulator(*loaded())
+    for link in simulator.engine.model.nodes("Link"):
+        link.up = False
+    outcomes = list(simulator.outcomes(3))
+    assert {outcome.reward for _, outcome in outcomes} == {-5.0}
+    assert [round(p, 9) for p, _ in outcomes] == [0.02, *[round(0.1 / 9, 9)] * 9, 0.88]
+
+
+def test_too_many_states_to_enumerate_but_not_to_step() -> None:
+    engine, behaviour = loaded()
+    with pytest.raises(EvaluationError, match="step on the live engine"):
+        explore(engine, behaviour, limit=500)
+    assert behaviour.limit == 64
+    env = TimeLimit(EnvgraphLiveEnv(Simulator(engine, behaviour), render_mode="ansi"), behaviour.limit)
+    rng = np.random.default_rng(0)
+    ends = {"delivered": 0, "lost": 0, "late": 0}
+    env.reset(seed=5)
+    for _ in range(3000):
+        observation, reward, terminated, truncated, info = env.step(int(rng.integers(5)))
+        assert observation in env.observation_space
+        assert reward in (-5.0, 95.0) or -15.0 <= float(reward) <= 94.0
+        if terminated or truncated:
+            ends["late" if truncated else "delivered" if info["success"] else "lost"] += 1
+            env.reset()
+    assert ends["delivered"] > 50
+    assert ends["lost"] + ends["late"] > 0
+
+
+def test_the_network_is_drawn_without_its_packet_as_an_edge() -> None:
+    engine, behaviour = loaded()
+    assert behaviour.draw is not None
+    assert render_text(engine.model, behaviour.draw, behaviour.parameters).splitlines() == [
+        "(Amsterdam) -> Berlin, Geneva",
+        " Berlin     -> Amsterdam, Budapest",
+        " Budapest   -> Berlin",
+        " Geneva     -> Amsterdam, Lisbon, Budapest",
+        " Lisbon     -> Geneva",
+    ]
