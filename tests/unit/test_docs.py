@@ -24,9 +24,13 @@ from pathlib import Path
 
 import pytest
 
+import envgraph
 from envgraph.cli._new import write_domain
 from envgraph.errors import Diagnostic
+from envgraph.graph import check_conformance
 from envgraph.lang import LANGUAGES, TextFiles, load_workspace
+from envgraph.learn import greedy_return
+from envgraph.search import generate
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = [
@@ -158,6 +162,44 @@ def test_every_language_has_a_page_and_a_file_in_the_example() -> None:
     assert all(page.is_file() for page in REFERENCE)
 
 
+@pytest.fixture
+def garden_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The example of the reference on the disk, as the working directory."""
+    for name, text in GARDEN.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.usefixtures("garden_directory")
+def test_models_of_the_reference_conform_to_their_metamodel() -> None:
+    for name in GARDEN:
+        if name.endswith(".model"):
+            assert check_conformance(envgraph.open(name).model) == []
+
+
+@pytest.mark.usefixtures("garden_directory")
+def test_rules_and_units_of_the_reference_apply_wherever_they_match() -> None:
+    engine = envgraph.open("garden.model", "garden.rules", "garden.behaviour.rules")
+    start = engine.commit()
+    for rule in engine.rules:
+        for match in engine.matches(rule):
+            assert engine.apply(rule, match) is not None
+            engine.model.check_integrity()
+            engine.checkout(start, discard=True)
+    for unit in engine.units:
+        taken = engine.signature(unit).parameters
+        assert engine.run(unit, **{one.name: engine.model["hedgehog"] for one in taken})
+        engine.checkout(start, discard=True)
+
+
+def test_family_of_the_reference_is_diverse_and_its_agent_gets_home(garden_directory: Path) -> None:
+    family = generate("family.toml", garden_directory / "run.sqlite")
+    assert len({member.measures["beds"] for member in family.members}) == 4
+    for member in family.members:
+        assert greedy_return(family.explored(member).tabular) > 5  # 10 for the nest; two apples are 2
+
+
 # --- pages whose code runs
 
 
@@ -223,6 +265,22 @@ def test_files_that_a_page_names_exist(page: Path) -> None:
     missing = [name for name in named if not (ROOT / name).exists()]
     missing += [link for link in linked if link and not (page.parent / link).exists()]
     assert missing == []
+
+
+def test_names_that_the_tour_places_in_a_module_are_there() -> None:
+    tour = " ".join((ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").split())
+    placed = re.findall(r"`(\w+)` (?:in|of) `(envgraph/[\w/]+\.py)`", tour)
+    assert len(placed) >= 5
+    assert [name for name, path in placed if name not in (ROOT / path).read_text(encoding="utf-8")] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_rows_of_a_table_have_as_many_cells_as_its_head(page: Path) -> None:
+    width = 0
+    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
+        cells = len(re.findall(r"(?<!\\)\|", line)) if line.startswith("|") else 0
+        assert not (width and cells) or cells == width, f"{page.name}:{number}"
+        width = cells
 
 
 def test_every_module_that_starts_a_layer_is_in_the_tour() -> None:
