@@ -36,6 +36,9 @@ from envgraph.rewrite._variables import all_names, is_named
 
 RULE_ANNOTATIONS = ("hom", "match", "priority", "semantics", "weight")
 
+MOST_BLOCKS = 20
+"""How deep the blocks of a rule may nest."""
+
 
 @dataclass(frozen=True, slots=True)
 class CheckedRule:
@@ -60,6 +63,10 @@ def check_rule(rule: Rule, library: Library) -> list[Diagnostic]:
 def examine(rule: Rule, library: Library) -> CheckedRule:
     """Check a rule, and work out its plan if it has no errors."""
     problems = [*_check_header(rule), *_check_names(rule), *_check_types(rule, library)]
+    if _depth(rule) > MOST_BLOCKS:
+        hint = "make a pattern of a part of it"
+        message = f"more than {MOST_BLOCKS} blocks inside each other"
+        return CheckedRule(rule, (), None, (*problems, Diagnostic("rule-too-deep", message, rule.span, hint)))
     lowering = LeftLowering(rule, library)
     lowered = lowering.lower(_created(rule))
     patterns = tuple(lowering.patterns)
@@ -99,6 +106,15 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
         exact=_exact_class(lowered),
     )
     return CheckedRule(rule, patterns, plan, tuple(problems))
+
+
+def _depth(rule: Rule) -> int:
+    levels = 0
+    level = rule.blocks
+    while level:
+        levels += 1
+        level = tuple(inner for block in level for inner in block.blocks)
+    return levels
 
 
 def _types_of(block: LoweredBlock, known: Library | None) -> Mapping[str, StaticType | None]:

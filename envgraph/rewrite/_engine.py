@@ -420,16 +420,21 @@ class Engine:
         run = Run(self.model, self.rng, self.step_limit, self.step_limit)
         with self.model.transaction():
             try:
-                if name in self._groups:
-                    outcome = apply_one_of(run, [self._rules[member] for member in self._groups[name]])
-                else:
-                    program = self._units[name]
-                    outcome = program.run(run, self._environment(program, arguments))
-            except RecursionError:
-                raise EvaluationError(f"`{name}` nests too deeply") from None
+                outcome = self._start(run, name, arguments)
+            except BaseException as error:
+                run.abandon()
+                if isinstance(error, RecursionError):
+                    raise EvaluationError(f"`{name}` nests too deeply") from None
+                raise
             if outcome is None and run.refusal is not None:
                 raise run.refusal
         return run.trace
+
+    def _start(self, run: Run, name: str, arguments: Mapping[str, object]) -> bool | None:
+        if name in self._groups:
+            return apply_one_of(run, [self._rules[member] for member in self._groups[name]])
+        program = self._units[name]
+        return program.run(run, self._environment(program, arguments))
 
     def _environment(self, program: UnitProgram, arguments: Mapping[str, object]) -> dict[str, Value]:
         taken = program.signature.parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Final
 
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
 from envgraph.metamodel import Metamodel
@@ -43,6 +44,9 @@ from envgraph.rewrite._variables import is_named, mentioned
 
 UNIT_ANNOTATIONS = ("priority", "weight")
 Scope = dict[str, StaticType | None]
+
+MOST_LEVELS: Final = 100
+"""How deep the steps of a unit may nest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +107,31 @@ def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
     )
 
 
+def depth(step: Step) -> int:
+    """Number of levels of steps; counted without recursion, so that no input exhausts the stack."""
+    levels = 0
+    level = [step]
+    while level:
+        levels += 1
+        level = [inner for outer in level for inner in inner_steps(outer)]
+    return levels
+
+
+def inner_steps(step: Step) -> tuple[Step, ...]:
+    """The steps directly inside a step."""
+    match step:
+        case Steps(steps):
+            return steps
+        case Choice(alternatives):
+            return alternatives
+        case Alap(body) | Atomic(body) | Repeat(_, _, body):
+            return (body,)
+        case Try(body, otherwise) | If(_, body, otherwise):
+            return (body,) if otherwise is None else (body, otherwise)
+        case Call():
+            return ()
+
+
 class _Checker:
     def __init__(self, unit: Unit, directory: Directory, library: Library) -> None:
         self.unit = unit
@@ -119,6 +148,10 @@ class _Checker:
         self.result.types = {parameter.name: self._type(parameter) for parameter in unit.parameters}
         outputs = {parameter.name for parameter in unit.parameters if parameter.direction == "out"}
         scope = {name: type_ for name, type_ in self.result.types.items() if name not in outputs}
+        if depth(unit.body) > MOST_LEVELS:
+            hint = "make a unit of a part of it"
+            self._error("unit-too-deep", f"more than {MOST_LEVELS} blocks inside each other", unit.span, hint)
+            return
         self._step(unit.body, scope)
         for parameter in unit.parameters:
             if parameter.name in outputs and parameter.name not in scope:

@@ -53,13 +53,13 @@ from envgraph.pattern import (
 from envgraph.rewrite._match import Firing, Row
 from envgraph.rewrite._names import Signature
 from envgraph.rewrite._runner import GraphRule, Randomness, RuleRunner, draw
-from envgraph.rewrite._unit_check import CheckedUnit
+from envgraph.rewrite._unit_check import CheckedUnit, depth
 
 STEP_LIMIT: Final = 100_000
 """How many calls and rounds one run may take, unless told otherwise."""
 
-MOST_CALLS: Final = 50
-"""How deep units may call each other."""
+MOST_LEVELS: Final = 200
+"""How deep the steps of a run may nest, those of called units included; Python's own stack ends beyond it."""
 
 REFUSALS: Final = frozenset(
     {"containment", "dangling", "full", "identification", "lost-link", "multiplicity"}
@@ -87,7 +87,8 @@ class Run:
     limit: int
     trace: list[Firing] = field(default_factory=list)
     refusal: RuleError | None = None
-    depth: int = 0
+    levels: int = 0
+    _open: list[Savepoint] = field(default_factory=list)
 
     def count(self) -> None:
         """One more step.
@@ -99,32 +100,24 @@ class Run:
         if self.steps < 0:
             raise EvaluationError(f"the run took more than {self.limit} steps; `alap` may never end")
 
-    def mark(self) -> tuple[Savepoint, int]:
-        """A place to return to."""
-        return self.model.savepoint(), len(self.trace)
-
-    def back(self, mark: tuple[Savepoint, int]) -> None:
-        """Take back everything since a mark."""
-        self.model.rollback(mark[0])
-        del self.trace[mark[1] :]
-
-    def keep(self, mark: tuple[Savepoint, int]) -> None:
-        """Close a mark."""
-        self.model.release(mark[0])
-
     def whole(self, action: Action, environment: Environment) -> bool | None:
         """Run a step that leaves nothing behind if it fails."""
-        mark = self.mark()
-        try:
-            outcome = action(self, environment)
-        except BaseException:
-            self.back(mark)
-            raise
+        savepoint, length = self.model.savepoint(), len(self.trace)
+        self._open.append(savepoint)
+        outcome = action(self, environment)
+        # Not in a `finally`: what an exception leaves open is closed by `abandon`, where the stack is not exhausted.
+        self._open.pop()
         if outcome is None:
-            self.back(mark)
+            self.model.rollback(savepoint)
+            del self.trace[length:]
         else:
-            self.keep(mark)
+            self.model.release(savepoint)
         return outcome
+
+    def abandon(self) -> None:
+        """Take back what every open step has done, after an exception."""
+        while self._open:
+            self.model.rollback(self._open.pop())
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,20 +128,20 @@ class UnitProgram:
     signature: Signature
     weight: float
     priority: int
+    levels: int
     action: Action
 
     def run(self, run: Run, environment: Environment) -> bool | None:
         """Run it inside of a run."""
         run.count()
-        if run.depth >= MOST_CALLS:
+        run.levels += self.levels
+        if run.levels > MOST_LEVELS:
             raise EvaluationError(
-                f"units call each other more than {MOST_CALLS} deep; `{self.name}` is one of them"
+                f"more than {MOST_LEVELS} steps inside each other; `{self.name}` is one that calls on"
             )
-        run.depth += 1
-        try:
-            return self.action(run, environment)
-        finally:
-            run.depth -= 1
+        outcome = self.action(run, environment)
+        run.levels -= self.levels
+        return outcome
 
 
 class UnitBuilder:
@@ -179,7 +172,8 @@ class UnitBuilder:
     def build(self, signature: Signature) -> UnitProgram:
         """The unit as a program."""
         unit = self.checked.unit
-        return UnitProgram(signature.name, signature, unit.weight, unit.priority, self._action(unit.body))
+        action = self._action(unit.body)
+        return UnitProgram(signature.name, signature, unit.weight, unit.priority, depth(unit.body), action)
 
     def _action(self, step: Step) -> Action:
         match step:

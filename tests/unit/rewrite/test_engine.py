@@ -1,0 +1,356 @@
+"""The facade: names, matches as people see them, Python rules, recording, transactions, versions."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from contextlib import suppress
+
+import pytest
+
+from envgraph.errors import InvalidArgument, RuleError, TransactionError
+from envgraph.graph import Model, Node
+from envgraph.match import NaiveMatcher
+from envgraph.rewrite import Application, Engine, Firing, Match
+from tests.unit.rewrite.graphs import METAMODEL, chain, definitions, engine, patterns, snapshot
+
+NEXT = "pattern following(left : Item, right : Item, value : int) { Item.next(left, right); Item.n(left, value); }"
+
+
+# --- names
+
+
+def test_names_may_be_simple_or_qualified() -> None:
+    made = engine(
+        "package a.b\nrule r { lhs { x : Item; } }",
+        "package p\npattern q(x : Item) { Item(x); }",
+        model=chain(1),
+    )
+    assert made.rules == ("a.b.r",) and made.patterns == ("p.q",)
+    assert made.count("r") == made.count("a.b.r") == made.count("q") == made.count("p.q") == 1
+
+
+def test_a_simple_name_of_two_definitions_is_ambiguous() -> None:
+    made = engine("package a\nrule r { lhs { } }")
+    made.add(*definitions("package b\nrule r { lhs { } } unit u { r; }"))
+    assert made.count("a.r") == 1
+    with pytest.raises(InvalidArgument, match=r"`r` is ambiguous: `a\.r`, `b\.r`"):
+        made.matches("r")
+    assert made.run("u") is True  # a unit means the rule of its own package
+
+
+def test_unknown_names_get_a_suggestion() -> None:
+    made = engine("rule spread { lhs { } } unit u { spread; }", NEXT)
+    with pytest.raises(InvalidArgument, match="unknown pattern or rule `folowing`: did you mean `following`"):
+        made.matches("folowing")
+    with pytest.raises(InvalidArgument, match="unknown rule, unit or group `sprad`: did you mean `spread`"):
+        made.apply("sprad")
+    with pytest.raises(InvalidArgument, match="`u` is a unit, not a rule"):
+        made.apply("u")
+    with pytest.raises(InvalidArgument, match="`u` is a unit, which has no matches of its own"):
+        made.matches("u")
+    with pytest.raises(InvalidArgument, match="unknown pattern or rule"):
+        made.matches("spread#lhs")
+
+
+def test_what_was_added_is_listed_without_generated_patterns() -> None:
+    made = engine(
+        "rule r { lhs { a : Item; } not { a -next-> _; } } derive d = retype among { Item, Special };", NEXT
+    )
+    assert made.patterns == ("following",)
+    assert made.rules == ("r", "d.Item.Special", "d.Special.Item")
+    assert made.groups == ("d",) and made.units == ()
+    assert [definition.name for definition in made.definitions] == ["following", "r", "d"]
+    assert made.group("d") == ("d.Item.Special", "d.Special.Item")
+    assert made.group("r") == ("r",)
+
+
+def test_signatures_say_what_a_call_takes() -> None:
+    made = engine("rule r(a : Item, x : int, out y : int) { lhs { Item.n(a, y); check y > x; } }")
+    taken = made.signature("r").parameters
+    assert [(t.name, t.output, t.required) for t in taken] == [
+        ("a", False, False),
+        ("x", False, True),
+        ("y", True, False),
+    ]
+
+
+# --- matches
+
+
+def test_a_match_is_an_immutable_mapping() -> None:
+    made = engine("", NEXT, model=chain(2))
+    (match,) = made.matches("following")
+    assert isinstance(match, Match)
+    assert match.left == match["left"] == made.model.node(0) and isinstance(match.left, Node)
+    assert match.value == 0
+    assert match.names == match.keys() == ("left", "right", "value") and match.values == (0, 1, 0)
+    assert dict(match) == {"left": made.model.node(0), "right": made.model.node(1), "value": 0}
+    assert list(match) == list(match.names) and len(match) == 3 and "left" in match and "up" not in match
+    assert repr(match) == "following(left=<Item#0>, right=<Item#1>, value=0)"
+    with pytest.raises(AttributeError, match="immutable"):
+        match.left = 3  # type: ignore[misc]
+    with pytest.raises(AttributeError, match="has no variable `lft`: did you mean `left`"):
+        _ = match.lft
+    with pytest.raises(KeyError):
+        _ = match["lft"]
+
+
+def test_matches_are_equal_by_model_definition_and_values() -> None:
+    made = engine(
+        "rule r(left : Item, right : Item, value : int) { lhs { find following(left, right, value); } }",
+        NEXT,
+        model=chain(2),
+    )
+    other = engine("", NEXT, model=chain(2))
+    (match,) = made.matches("following")
+    assert match == made.first("following") and hash(match) == hash(made.first("following"))
+    assert match != other.first("following")
+    assert match != made.first("r")
+    assert len({match, made.matches("following")[0]}) == 1
+
+
+def test_a_match_outlives_its_objects() -> None:
+    made = engine("", NEXT, model=chain(2))
+    (match,) = made.matches("following")
+    made.model.delete(0, "spo")
+    assert match.values == (0, 1, 0)
+    assert "deleted #0" in repr(match)
+
+
+# --- apply
+
+
+def test_a_match_has_to_be_one_of_the_rule() -> None:
+    made = engine("rule r { lhs { a : Item; } } rule s { lhs { a : Item; } }", NEXT, model=chain(2))
+    match = made.first("r")
+    assert match is not None
+    assert isinstance(made.apply("r", match), Application)
+    with pytest.raises(InvalidArgument, match="is no match of `s`"):
+        made.apply("s", match)
+    with pytest.raises(InvalidArgument, match="a match or arguments, not both"):
+        made.apply("r", match, a=0)
+    with pytest.raises(InvalidArgument, match="is a match in another model"):
+        made.apply("r", engine("rule r { lhs { a : Item; } }", model=chain(1)).first("r"))
+
+
+def test_a_match_is_drawn_uniformly_and_repeatably() -> None:
+    def draws(seed: int) -> list[tuple]:
+        made = engine("rule r { lhs { a : Item; } }", model=chain(4), seed=seed)
+        found = [made.apply("r") for _ in range(400)]
+        return [application.match.values for application in found if application]
+
+    assert draws(1) == draws(1) != draws(2)
+    assert all(70 < draws(1).count((node,)) < 130 for node in range(4))
+
+
+def test_a_group_is_applied_by_drawing_a_rule() -> None:
+    made = engine("derive d = retype among { Item, Special };", model=chain(1))
+    application = made.apply("d")
+    assert application is not None and application.rule == "d.Item.Special"
+    match = made.first("d.Special.Item")
+    assert match is not None and made.apply("d", match) is not None
+    with pytest.raises(InvalidArgument, match="no match of a rule of `d`"):
+        made.apply("d", engine("rule r { lhs { a : Item; } }", model=made.model).first("r"))
+    made.model.delete(0)
+    assert made.apply("d") is None
+    with pytest.raises(InvalidArgument, match="no arguments in common"):
+        made.apply("d", object=0)
+
+
+# --- rules in Python
+
+
+def test_a_function_can_be_a_rule() -> None:
+    made = engine("", NEXT, model=chain(2))
+
+    @made.rule(when="following", weight=2.0)
+    def swap(left: Node, value: int, engine: Engine) -> None:
+        """Shorten the chain."""
+        assert engine is made
+        left.n = value + 10
+        left.next = None
+
+    assert made.rules == ("swap",)
+    assert swap.__doc__ == "Shorten the chain."
+    assert made.matches("swap")[0].names == ("left", "right", "value")
+    application = made.apply("swap")
+    assert application is not None and application.match.values == (0, 1, 0)
+    assert made.model.node(0).n == 10
+    assert made.apply("swap") is None
+
+
+def test_a_function_rule_takes_matches_of_its_pattern_and_takes_part_in_units() -> None:
+    made = engine("", NEXT, model=chain(3))
+
+    @made.rule(when="following", name="cut")
+    def anything(**match: object) -> None:
+        left = match["left"]
+        assert isinstance(left, Node) and set(match) == {"left", "right", "value"}
+        left.next = None
+
+    made.apply("cut", made.first("following"))
+    made.add(*definitions("unit u { alap { cut; } }"))
+    made.run("u")
+    assert not made.exists("following")
+
+
+def test_a_function_that_raises_leaves_nothing_behind() -> None:
+    made = engine("", NEXT, model=chain(2))
+
+    @made.rule(when="following")
+    def broken(left: Node) -> None:
+        left.n = 99
+        raise ZeroDivisionError("mine")
+
+    before = snapshot(made.model)
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        made.apply("broken")
+    assert snapshot(made.model) == before
+
+
+def test_function_rules_are_checked_when_they_are_registered() -> None:
+    made = engine("rule r { lhs { } }", NEXT)
+    with pytest.raises(InvalidArgument, match="unknown pattern `folowing`: did you mean `following`"):
+        made.rule(when="folowing")
+    with pytest.raises(
+        InvalidArgument, match="takes `lft`, which is no variable of its pattern: did you mean `left`"
+    ):
+        made.rule(when="following")(lambda lft: None)
+    with pytest.raises(InvalidArgument, match="`r` is defined already"):
+        made.rule(when="following", name="r")(lambda left: None)
+    with pytest.raises(InvalidArgument, match="a weight is a number above 0"):
+        made.rule(when="following", weight=0)(lambda left: None)
+    made.rule(when="following", name="fine")(lambda left, extra=3: None)
+
+
+# --- traces
+
+
+def test_what_is_applied_can_be_recorded_and_replayed() -> None:
+    text = """
+    rule grow { lhs { a : Item; } modify { create b : Item { n = a.n + 1, prev = a }; } }
+    rule shift { lhs { a : Item -next-> b : Item; } modify { set a.n = b.n; } }
+    derive kinds = retype among { Item, Special };
+    unit u { repeat 2..5 { try { grow; shift; } } kinds; atomic { grow; } }
+    """
+    model = chain(2)
+    made = engine(text, NEXT, model=model, seed=3)
+    made.rule(when="following", name="double")(lambda left: setattr(left, "n", left.n * 2))
+    start = made.commit()
+    with made.recording() as trace:
+        made.run("u")
+        made.apply("shift")
+        made.apply("kinds")
+        made.apply("double")
+        for _ in range(3):
+            chosen = made.choose(["grow", "kinds", "u"])
+            assert chosen is not None
+            with suppress(RuleError):
+                made.fire(*chosen)
+        with pytest.raises(KeyError), made.transaction():
+            made.apply("shift")
+            raise KeyError
+    after = snapshot(model)
+    stored = json.loads(json.dumps(trace))
+    made.checkout(start, discard=True)
+    made.replay(stored)
+    assert snapshot(model) == after
+    assert all(isinstance(firing, Firing) for firing in trace) and len(trace) > 5
+
+
+def test_replaying_stops_at_a_match_that_is_none_and_takes_everything_back() -> None:
+    made = engine("rule cut { lhs { a : Item -next-> b : Item; } rhs { a; b; } }", model=chain(3))
+    before = snapshot(made.model)
+    with pytest.raises(RuleError) as caught:
+        made.replay([("cut", (0, 1)), ("cut", (0, 1))])
+    assert caught.value.reason == "stale-match"
+    assert snapshot(made.model) == before
+    with pytest.raises(InvalidArgument, match="has 2 values, not 1"):
+        made.replay([("cut", (0,))])
+    with pytest.raises(InvalidArgument, match="unknown rule `cutt`"):
+        made.replay([("cutt", (0,))])
+
+
+def test_prepared_rules_are_the_fast_path() -> None:
+    made = engine(
+        "rule r(a : Item) { lhs { a -next-> b : Item; } modify { set a.n = b.n; } }", model=chain(3)
+    )
+    runner = made.prepare("r")
+    assert runner.rows() == [(0, 1), (1, 2)] and runner.rows({"b": 2}) == [(1, 2)]
+    assert runner.prepare(("b", "a"))(2, 1) == [(1, 2)]
+    assert runner.exists() and not runner.exists({"a": 2})
+    assert runner.apply_row((1, 2)) == ("r", (1, 2))
+    assert made.model.node(1).n == 2
+    with pytest.raises(InvalidArgument, match="has no variable `c`"):
+        runner.rows({"c": 1})
+
+
+# --- transactions and versions
+
+
+def test_transactions_nest_and_an_exception_takes_back() -> None:
+    made = engine(model=chain(2))
+    with made.transaction():
+        made.model.node(0).n = 1
+        before = snapshot(made.model)
+        with pytest.raises(KeyError), made.transaction():
+            made.model.node(0).n = 2
+            raise KeyError
+        assert snapshot(made.model) == before
+        with pytest.raises(TransactionError):
+            made.commit()
+    assert made.model.node(0).n == 1
+
+
+def test_versions_can_be_visited() -> None:
+    made = engine(model=chain(2))
+    first = made.commit()
+    before = snapshot(made.model)
+    made.model.node(0).n = 7
+    second = made.commit()
+    made.checkout(first)
+    assert snapshot(made.model) == before
+    made.checkout(second)
+    assert made.model.node(0).n == 7
+    with made.transaction(), pytest.raises(TransactionError):
+        made.checkout(first)
+
+
+# --- the rest
+
+
+def test_the_naive_matcher_can_stand_in() -> None:
+    made = Engine(chain(3), matcher="naive")
+    assert isinstance(made.matcher, NaiveMatcher)
+    made.add(
+        *patterns(NEXT), *definitions("rule r { lhs { find following(a, b, v); } modify { set a.n = 5; } }")
+    )
+    assert made.count("r") == 2
+    made.apply("r", a=0)
+    assert made.model.node(0).n == 5
+    with pytest.raises(InvalidArgument, match='"compiled" or "naive"'):
+        Engine(Model(METAMODEL), matcher="quick")  # type: ignore[arg-type]
+
+
+def test_the_engine_needs_neither_the_parser_nor_numpy_nor_gymnasium() -> None:
+    code = """
+import sys
+for name in ("lark", "numpy", "gymnasium"):
+    sys.modules[name] = None
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
+from envgraph.pattern import Constant, LeftSide, Modification, Node, Rule, Set, Variable
+from envgraph.rewrite import Engine
+model = Model(Metamodel("m", [Class("C", features=(Attribute("n", Scalar.INT),))]))
+for _ in range(3):
+    model.create("C")
+engine = Engine(model, seed=1)
+action = Set(Variable("c"), "n", "=", Constant(4))
+engine.add(Rule("r", left=LeftSide((Node("c", "C"),)), right=Modification((action,))))
+assert engine.apply("r") is not None
+print(sum(node.n for node in model.nodes("C")))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("4\n", "")

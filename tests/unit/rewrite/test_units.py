@@ -1,0 +1,451 @@
+"""Control units: what each step does, when it fails, and that every run ends."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+
+import pytest
+
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError, TypeMismatch
+from envgraph.graph import Model
+from envgraph.pattern import Atomic, Call, Sequence, Unit
+from envgraph.rewrite import Engine
+from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems, snapshot
+
+# `up` counts to 3, `big` and `never` tell success from failure, `bad` matches and is refused.
+RULES = """
+rule up { lhs { a : Item; check a.n < 3; } modify { set a.n = a.n + 1; } }
+rule big { lhs { a : Item; check a.n >= 3; } modify { set a.label = "big"; } }
+rule never { lhs { a : Box; } modify { delete a; } }
+rule bad { lhs { a : Item; } modify { delete a; } }
+rule grow { lhs { } modify { create a : Item; } }
+rule mark(a : Item, value : int) { lhs { } modify { set a.n = value; } }
+rule read(a : Item, out value : int) { lhs { Item.n(a, value); } }
+"""
+
+
+def one(unit: str, *, seed: int = 0, queries: str = "", rules: str = RULES) -> Engine:
+    """An engine over one item, with the rules above and a unit `u`."""
+    model = Model(METAMODEL)
+    model.create("Item")
+    return engine(rules + unit, queries, model=model, seed=seed)
+
+
+def n(made: Engine) -> int:
+    value = made.model.node(0).n
+    assert isinstance(value, int)
+    return value
+
+
+# --- sequences and calls
+
+
+def test_a_sequence_runs_in_order_and_says_whether_anything_was_applied() -> None:
+    made = one("unit u { up; up; } unit nothing { }")
+    assert made.run("u") is True and n(made) == 2
+    assert made.run("nothing") is False
+
+
+def test_a_sequence_ends_at_the_first_step_that_fails_and_keeps_what_was_done() -> None:
+    made = one("unit u { up; never; up; }")
+    assert made.run("u") is True
+    assert n(made) == 1
+
+
+def test_rules_and_groups_can_be_run_like_units() -> None:
+    made = one("derive kinds = retype among { Item, Special };")
+    assert made.run("up") is True and made.run("never") is False
+    assert made.run("kinds") is True and made.model.node(0).cls == "Special"
+
+
+def test_units_call_units_groups_and_rules_with_arguments() -> None:
+    made = one(
+        """
+        unit set(a : Item, value : int) { mark(a, value * 2); }
+        derive kinds = retype among { Item, Special };
+        unit u(a : Item) { set(a, a.n + 5); kinds; }
+        """
+    )
+    made.run("u", a=0)
+    assert (n(made), made.model.node(0).cls) == (10, "Special")
+
+
+def test_outputs_of_rules_and_units_are_variables_of_what_follows() -> None:
+    made = one(
+        """
+        unit twice(a : Item, out double : int) { read(a, value); double_of(a, value, double); }
+        rule double_of(a : Item, x : int, out y : int) { lhs { y == eval(x * 2); } }
+        unit u(a : Item) { mark(a, 4); twice(a, more); mark(a, more + 1); }
+        """
+    )
+    made.run("u", a=0)
+    assert n(made) == 9
+
+
+def test_an_output_that_has_a_value_is_a_condition() -> None:
+    made = one("unit u(a : Item, value : int) { read(a, value); mark(a, 7); }")
+    assert made.run("u", a=0, value=1) is False
+    assert made.run("u", a=0, value=0) is True
+
+
+def test_an_argument_may_be_left_open() -> None:
+    made = one("unit u { mark(_, 6); }")
+    made.run("u")
+    assert n(made) == 6
+
+
+def test_a_deleted_object_matches_nothing() -> None:
+    made = one(
+        "rule drop(a : Item) { lhs { } modify { delete a; } } unit u(a : Item) { drop(a); mark(a, 1); }"
+    )
+    assert made.run("u", a=0) is True
+    assert len(made.model) == 0
+
+
+# --- refusals
+
+
+def test_a_refused_application_ends_the_run_and_takes_everything_back() -> None:
+    made = one("unit u { up; bad; }")
+    made.model.create("Special", favourite=made.model.node(0))
+    before = snapshot(made.model)
+    with pytest.raises(RuleError) as caught:
+        made.run("u")
+    assert (caught.value.rule, caught.value.reason) == ("bad", "dangling")
+    assert snapshot(made.model) == before
+
+
+def test_a_refused_application_is_a_failure_that_units_can_go_on_from() -> None:
+    made = one(
+        """
+        unit tried { try { bad; } else { up; } }
+        unit chosen { bad | up; }
+        unit looped { alap { bad; } up; }
+        """
+    )
+    made.model.create("Special", n=9, favourite=made.model.node(0))
+    for number, unit in enumerate(("tried", "chosen", "looped"), start=1):
+        assert made.run(unit) is True
+        assert n(made) == number
+    assert len(made.model) == 2
+
+
+def test_a_call_tries_the_other_matches_when_one_is_refused() -> None:
+    for seed in range(8):
+        model = chain(3)  # deleting one of these leaves a link dangling
+        model.create("Item")
+        made = engine(
+            "rule drop { lhs { a : Item; } modify { delete a; } } unit u { drop; }", model=model, seed=seed
+        )
+        assert made.run("u") is True
+        assert [node.id for node in model.nodes("Item")] == [0, 1, 2]
+
+
+# --- choice
+
+
+def test_a_choice_takes_an_alternative_that_succeeds() -> None:
+    for seed in range(10):
+        made = one("unit u { never | up | never; }", seed=seed)
+        assert made.run("u") is True and n(made) == 1
+
+
+def test_a_choice_without_an_alternative_that_succeeds_fails() -> None:
+    made = one("unit u { up; never | never; up; }")
+    made.run("u")
+    assert n(made) == 1
+
+
+def test_a_choice_draws_by_weight() -> None:
+    rules = """
+    @weight(3.0) rule left { lhs { a : Item; } modify { set a.n = 1; } }
+    rule right { lhs { a : Item; } modify { set a.n = 2; } }
+    unit u { left | right; }
+    """
+    made = one(rules)
+    made.rng = random.Random(5)  # type: ignore[assignment]
+    seen: Counter[int] = Counter()
+    for _ in range(2000):
+        made.run("u")
+        seen[n(made)] += 1
+    assert 1400 < seen[1] < 1600
+
+
+def test_a_choice_prefers_the_highest_priority_that_can_be_applied() -> None:
+    rules = """
+    @priority(2) rule first { lhs { a : Item; check a.n < 2; } modify { set a.n += 1; } }
+    @priority(1) rule second { lhs { a : Item; check a.n < 4; } modify { set a.n += 10; } }
+    unit u { second | first | up; }
+    """
+    made = one(rules)
+    seen = []
+    for _ in range(4):
+        made.run("u")
+        seen.append(n(made))
+    assert seen == [1, 2, 12, 12]
+
+
+def test_an_alternative_that_fails_leaves_nothing_behind() -> None:
+    made = one(
+        "unit half { grow; never; } @priority(1) unit better { grow; never; } unit u { better | half | up; }"
+    )
+    assert made.run("u") is True
+    assert (len(made.model), n(made)) == (1, 1)
+
+
+# --- loops
+
+
+def test_alap_repeats_as_long_as_possible() -> None:
+    made = one("unit u { alap { up; } big; }")
+    made.run("u")
+    assert (n(made), made.model.node(0).label) == (3, "big")
+
+
+def test_the_last_round_of_alap_leaves_nothing_behind() -> None:
+    made = one("rule box { lhs { } modify { create a : Box; } } unit u { alap { box; up; } }")
+    made.run("u")
+    assert (n(made), len(made.model.nodes("Box"))) == (3, 3)
+
+
+def test_alap_ends_when_nothing_changes_any_more() -> None:
+    made = one("unit u { alap { try { up; } } }")
+    made.run("u")
+    assert n(made) == 3
+
+
+def test_repeat_draws_a_number_of_rounds_between_its_bounds() -> None:
+    seen = set()
+    for seed in range(30):
+        made = one("unit u { repeat 1..3 { grow; } }", seed=seed)
+        made.run("u")
+        seen.add(len(made.model) - 1)
+    assert seen == {1, 2, 3}
+
+
+def test_repeat_fails_below_its_lower_bound_only() -> None:
+    enough = one("unit u { repeat 2..9 { up; } grow; }", seed=1)
+    enough.run("u")
+    assert len(enough.model) == 2
+    short = one("unit u { repeat 4..4 { up; } grow; }")
+    short.run("u")
+    assert (n(short), len(short.model)) == (3, 1)
+
+
+def test_the_round_of_repeat_that_fails_leaves_nothing_behind() -> None:
+    made = one(
+        """
+        unit u { repeat 5..5 { heavier; up; } }
+        rule heavier { lhs { a : Item; } modify { set a.weight += 1; } }
+        """
+    )
+    made.run("u")
+    assert made.model.node(0).weight == 3.0
+
+
+def test_all_applies_a_rule_at_each_match_of_a_snapshot() -> None:
+    model = chain(4)
+    made = engine(
+        "rule cut { lhs { a : Item -next-> b : Item; } modify { delete b; } } unit u { all cut; }",
+        model=model,
+    )
+    made.model.node(2).next = None
+    assert made.run("u") is True
+    # 0 -> 1 -> 2 and 3: (0, 1) is refused, because 1 -> 2 would dangle, or (1, 2) comes first.
+    assert model.alive(0) and model.alive(3)
+
+
+def test_all_checks_each_match_again() -> None:
+    model = Model(METAMODEL)
+    for _ in range(4):
+        model.create("Item")
+    # Every pair of items is a match; each application uses up one of its two.
+    made = engine(
+        "rule pair { lhs { a : Item; b : Item; } modify { delete b; set a.n += 1; } } unit u { all pair; }",
+        model=model,
+    )
+    assert made.run("u") is True
+    assert len(model) == 1
+    assert made.run("u") is False
+
+
+# --- try, if, atomic
+
+
+def test_try_takes_a_body_that_fails_back_and_runs_else() -> None:
+    made = one("unit u { try { grow; never; } else { up; } up; }")
+    made.run("u")
+    assert (len(made.model), n(made)) == (1, 2)
+
+
+def test_try_without_else_succeeds() -> None:
+    made = one("unit u { try { never; } up; }")
+    made.run("u")
+    assert n(made) == 1
+
+
+def test_atomic_is_all_or_nothing() -> None:
+    made = one("unit u { up; atomic { grow; never; } up; }")
+    made.run("u")
+    assert (len(made.model), n(made)) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"),
+    [
+        ("find small(a)", 1),
+        ("neg find small(a)", 2),
+        ("find small(_)", 1),
+        ("find linked(a, _)", 2),
+        ("neg Special(a)", 1),
+        ("find above(a, limit)", 1),
+        ("check a.n < limit", 2),
+        ("check limit == 0 && !a.done", 1),
+    ],
+)
+def test_if_asks_a_pattern_or_an_expression(condition: str, expected: int) -> None:
+    made = one(
+        f"unit u(a : Item, limit : int) {{ if {condition} {{ mark(a, 1); }} else {{ mark(a, 2); }} }}",
+        queries="""
+        pattern small(x : Item) { Item.n(x, v); check(v < 3); }
+        pattern linked(x : Item, y : Item) { Item.links(x, y); }
+        pattern above(x : Item, v : int) { Item.n(x, v); }
+        """,
+    )
+    made.run("u", a=0, limit=0)
+    assert n(made) == expected
+
+
+def test_if_without_a_branch_to_run_succeeds() -> None:
+    made = one("unit u(a : Item) { if check a.n > 5 { never; } up; }")
+    made.run("u", a=0)
+    assert n(made) == 1
+
+
+# --- limits
+
+
+def nested(step: Call, levels: int) -> Atomic | Call:
+    body: Atomic | Call = step
+    for _ in range(levels):
+        body = Atomic(Sequence((body, Sequence(()))))
+    return body
+
+
+def test_a_run_that_does_not_end_is_stopped_and_taken_back() -> None:
+    made = one("unit u { alap { grow; } }")
+    made.step_limit = 100
+    before = snapshot(made.model)
+    with pytest.raises(EvaluationError, match="more than 100 steps"):
+        made.run("u")
+    assert snapshot(made.model) == before
+
+
+def test_units_that_call_each_other_forever_are_stopped() -> None:
+    made = one("unit u { grow; v; } unit v { u; }")
+    with pytest.raises(EvaluationError, match="more than 200 steps inside each other"):
+        made.run("u")
+    assert len(made.model) == 1
+
+
+def test_deeply_nested_steps_are_refused() -> None:
+    made = one("")
+    body: Atomic | Call = Call("up")
+    for _ in range(45):
+        body = Atomic(body)
+    made.add(Unit("deep", (), Sequence((body,))))
+    assert made.run("deep") is True
+    for _ in range(10_000):
+        body = Atomic(body)
+    assert [d.code for d in made.check(Unit("deeper", (), body))] == ["unit-too-deep"]
+    calls = Call("up")
+    units = [Unit(f"u{i}", (), nested(Call(f"u{i - 1}") if i else calls, 40)) for i in range(45)]
+    made.add(*units)
+    with pytest.raises(EvaluationError, match="more than 200 steps inside each other"):
+        made.run("u44")
+    assert n(made) == 1
+
+
+def test_a_failed_evaluation_ends_the_run() -> None:
+    made = one(
+        "rule broken { lhs { a : Item; } modify { set a.n = 1 / 0; } } unit u { grow; try { broken; } }"
+    )
+    with pytest.raises(EvaluationError, match="division by zero"):
+        made.run("u")
+    assert len(made.model) == 1
+
+
+# --- arguments of `run`
+
+
+def test_arguments_of_a_run_are_checked() -> None:
+    made = one("unit u(item : Item, value : int) { mark(item, value); }")
+    with pytest.raises(InvalidArgument, match="needs values for `value`"):
+        made.run("u", item=0)
+    with pytest.raises(InvalidArgument, match="did you mean `item`"):
+        made.run("u", itme=0, value=1)
+    with pytest.raises(TypeMismatch, match="takes `int`, not 'x'"):
+        made.run("u", item=0, value="x")
+    with pytest.raises(InvalidArgument, match="unknown rule, unit or group `uu`"):
+        made.run("uu")
+
+
+# --- diagnostics
+
+MISTAKES = [
+    ("unit u { upp; }", "unknown-rule", "upp", "did you mean `up`?"),
+    ("unit u { mark; }", "wrong-arity", "mark", None),
+    (
+        "unit u(a : Item) { mark(a); }",
+        "wrong-arity",
+        "mark(a)",
+        "write `mark(a, value)`; `_` leaves one open",
+    ),
+    ("unit u(a : Item) { mark(a, _); }", "wrong-arity", "_", None),
+    ("unit u(a : Item) { mark(b, 1); }", "unknown-variable", "b", None),
+    ('unit u(a : Item) { mark(a, "x"); }', "wrong-type", '"x"', None),
+    ("unit u(a : Box) { mark(a, 1); }", "wrong-type", "a", None),
+    ("unit v { up; } unit u { all v; }", "wrong-kind", "v", None),
+    ("unit v(a : Item) { mark(a, 1); } unit u { v; }", "wrong-arity", "v", None),
+    ("unit u(a) { mark(a, 1); }", "missing-type", "a", "write `a : Class`, or a data type"),
+    ("unit u(a : Itm) { mark(a, 1); }", "unknown-type", "Itm", "did you mean `Item`?"),
+    ("unit u(a : Item, a : Item) { mark(a, 1); }", "duplicate-definition", "a", None),
+    (
+        "unit u(out x : int) { up; }",
+        "unbound-output",
+        "x",
+        "pass it to an `out` parameter of a rule, outside of any block",
+    ),
+    ("unit u { if find linked(a, _) { up; } }", "unknown-variable", "a", "write `_` for any"),
+    ("unit u { if find linkd(_, _) { up; } }", "unknown-pattern", "linkd", "did you mean `linked`?"),
+    ("unit u(a : Item) { if check a.n { up; } }", "wrong-type", "a.n", None),
+    ("@weigth(2.0) unit u { up; }", "unknown-annotation", "@weigth(2.0)", "did you mean `weight`?"),
+]
+
+
+@pytest.mark.parametrize(("text", "code", "place", "hint"), MISTAKES, ids=lambda value: str(value)[:50])
+def test_each_mistake_of_a_unit_is_reported_once_and_exactly(
+    text: str, code: str, place: str, hint: str | None
+) -> None:
+    found = problems(RULES + text, "pattern linked(x : Item, y : Item) { Item.links(x, y); }")
+    assert [diagnostic.code for diagnostic in found] == [code], [str(diagnostic) for diagnostic in found]
+    assert found[0].span is not None and found[0].span.text == place
+    assert found[0].hint == hint
+
+
+def test_a_run_from_a_deep_stack_is_taken_back() -> None:
+    made = one("unit u { grow; try { try { grow; v; } } } unit v { try { grow; u; } }")
+    before = snapshot(made.model)
+
+    def dive(levels: int) -> None:
+        if levels:
+            dive(levels - 1)
+        else:
+            made.run("u")
+
+    for levels in range(700, 900, 7):
+        with pytest.raises((EvaluationError, RecursionError)):
+            dive(levels)
+        assert snapshot(made.model) == before
+        assert not made.model.in_transaction
