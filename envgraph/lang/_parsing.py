@@ -17,6 +17,7 @@ from lark.parsers.lalr_analysis import Shift
 
 from envgraph.errors import Diagnostic, Note, Source, Span, did_you_mean
 from envgraph.lang._grammar import Grammar, grammar
+from envgraph.lang._hints import VALUE_WORDS, expectation
 from envgraph.lang._lexer import END, PUNCTUATION, DocComment, Lexeme, first_on_line, overlapping
 from envgraph.metamodel import Annotation, Value
 
@@ -30,36 +31,6 @@ _DEEPEST = 150
 _LOOKAHEAD = 3
 _ENDLESS = {"unterminated-text", "unterminated-comment"}
 _SEPARATORS = (";", ",", ")", "]")
-_VALUES = frozenset(
-    {"a name", "a string", "a whole number", "a number", "`_`", "`#`", "`-`", "`!`", "`(`", "`::`"}
-    | {f"`{word}`" for word in ("true", "false", "TRUE", "FALSE", "none")}
-    | {f"`{word}`" for word in ("eval", "count", "sum", "min", "max", "avg")}
-)
-"""What a value may start with: together they are called that in hints."""
-_OPERATORS = frozenset(
-    f"`{sign}`"
-    for sign in (
-        "+",
-        "-",
-        "*",
-        "/",
-        "%",
-        "<",
-        ">",
-        "<=",
-        ">=",
-        "==",
-        "===",
-        "!=",
-        "=",
-        "&&",
-        "||",
-        "?",
-        "and",
-        "or",
-        ".",
-    )
-)
 
 
 @dataclass(slots=True)
@@ -196,11 +167,11 @@ class _Run:
         self._values: list[Any] = []
         self._begins: list[int] = []
         self._previous_end = 0
+        self._recoveries = 0
         self._depth = 0
         """How many braces are open at the last error."""
         self.diagnostics: list[Diagnostic] = []
         self.lost: set[str] = set()
-        self._recoveries = 0
         self._closed: set[int] = set()
         """Keywords that braces have been closed before: once is enough, if it does not help."""
 
@@ -422,7 +393,7 @@ class _Run:
         if not is_keyword or self._lexemes[index].value == "(" or not self._grammar.accepts(states, "NAME"):
             return None
         level = next(self._levels(), None)
-        if level and level.begin == index - 1 and f"`{lexeme.value}`" not in _VALUES:
+        if level and level.begin == index - 1 and lexeme.value not in VALUE_WORDS:
             return None  # the word of a statement: more likely its name is missing
         self._grammar.shift(states, "NAME")
         if not self._makes_sense(states, index, index + _LOOKAHEAD):
@@ -456,7 +427,7 @@ class _Run:
                     "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, self._expectation(states)
                 )
                 self._forget(level.height, level.begin, place)
-                self._resume(level)
+                self._resume(level, index)
                 return place
             self._grammar.shift(states, terminal)
         return None
@@ -492,10 +463,13 @@ class _Run:
         return None
 
     def _missing_brace(self, index: int) -> int | None:
-        """A `{` before this or the previous lexeme, or a `}` before the previous one, if that is a keyword then."""
+        """A `{` before this or the previous lexeme, or a `}` before a `;` or a keyword that was taken for a name."""
         if self._lexemes[index].kind == END:
             return None
-        for place, sign in ((index - 1, "{"), (index - 1, "}"), (index, "{")):
+        places = [(index - 1, "{"), (index - 1, "}"), (index, "{")]
+        if self._lexemes[index].value == ";":
+            places.append((index, "}"))
+        for place, sign in places:
             terminal = self._grammar.core.signs.get(sign)
             height = len(self._states)
             if place < index:
@@ -506,7 +480,7 @@ class _Run:
             if terminal is None or not self._grammar.accepts(states, terminal):
                 continue
             self._grammar.shift(states, terminal)
-            if sign == "}" and self._resolve(states, place) in {None, "NAME"}:
+            if sign == "}" and place < index and self._resolve(states, place) in {None, "NAME"}:
                 continue
             if self._makes_sense(states, place, index + _LOOKAHEAD):
                 self._insert_brace(terminal, sign, place, height)
@@ -554,7 +528,7 @@ class _Run:
             if self._grammar.accepts(self._states, END):
                 return index
             if brace is None or not self._grammar.accepts(self._states, brace):
-                self._resume(level)
+                self._resume(level, index)
                 if self._grammar.accepts(self._states, END):
                     return index
                 if brace is None or not self._grammar.accepts(self._states, brace):
@@ -575,11 +549,11 @@ class _Run:
                 resumed = self._resumes(level, place, index)
                 if resumed is not None:
                     self._forget(level.height, level.begin if level.begin >= 0 else index, place)
-                    self._resume(level)
+                    self._resume(level, index)
                     return resumed
         if levels:
             self._forget(levels[0].height, index, len(self._lexemes) - 1)
-            self._resume(levels[0])
+            self._resume(levels[0], index)
             return self._end_after_giving_up()
         return None
 
@@ -601,7 +575,7 @@ class _Run:
             return None
         level_column = self._column(self._lexemes[begin])
         if accepted != "NAME":
-            elsewhere = lexeme.bracketed or f"`{lexeme.value}`" in _VALUES
+            elsewhere = lexeme.bracketed or lexeme.value in VALUE_WORDS
             if lexeme.braces == depth and place > begin and not elsewhere:
                 return place
             starts_line = first_on_line(self._source, lexeme.start)
@@ -637,11 +611,11 @@ class _Run:
         if begin >= 0:
             self.lost.update(one.value for one in self._lexemes[begin:end] if one.kind == "NAME")
 
-    def _resume(self, level: _Level) -> None:
+    def _resume(self, level: _Level, index: int) -> None:
         """Takes the rule of the level as read; the stack is cut to its height."""
         self._states.append(level.states[-1])
         self._values.append(Tree(ERROR, []))
-        self._begins.append(max(level.begin, 0))
+        self._begins.append(level.begin if level.begin >= 0 else index)
 
     def _open_brace(self, place: int) -> Lexeme | None:
         """The innermost `{` that is open before a lexeme."""
@@ -703,16 +677,7 @@ class _Run:
 
     def _expectation(self, states: list[int] | None = None) -> str:
         """What may come next, in plain words."""
-        expected = self._grammar.expected(self._states if states is None else states)
-        spelt = list(dict.fromkeys(self._grammar.spelling[terminal] for terminal in expected))
-        if {"NAME", "STRING", "INT"} <= set(expected):
-            spelt = ["a value", *(one for one in spelt if one not in _VALUES)]
-        if sum(one in _OPERATORS for one in spelt) > 4:
-            spelt = ["an operator", *(one for one in spelt if one not in _OPERATORS)]
-        spelt.sort(key=lambda one: (one.startswith("`") and one[1].isalpha(), not one.startswith("`"), one))
-        if len(spelt) > 9:
-            spelt = [*spelt[:8], "another statement"]
-        return "expected " + (" or ".join([", ".join(spelt[:-1]), spelt[-1]]) if len(spelt) > 1 else spelt[0])
+        return expectation(self._grammar, self._states if states is None else states)
 
     def _report(
         self, code: str, message: str, lexeme: Lexeme, hint: str | None, notes: tuple[Note, ...] = ()

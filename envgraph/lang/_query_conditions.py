@@ -183,6 +183,11 @@ def _comparison(reading: Reading, tree: Tree[Token]) -> Comparison | Check | Non
 
 
 def _right_side(reading: Reading, tree: Tree[Token]) -> Term:
+    if tree.data == "bare_call":
+        call = pattern_call_of(reading, trees(tree.children)[0])
+        hint = f"write `count {reading.text(tree)}` for the number of its matches"
+        reading.error("misplaced-call", "a call is no value", tree, hint)
+        return Aggregate("count", call, reading.span(tree))
     if tree.data != "bare_arithmetic":
         return term_of(reading, tree)
     hint = f"write `eval({reading.text(tree)})`"

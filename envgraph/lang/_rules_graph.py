@@ -80,7 +80,7 @@ def _without_values(reading: Reading, graph: Tree[Token]) -> None:
 def read_graph(reading: Reading, tree: Tree[Token], graph: Graph) -> None:
     """Adds the vertices and arrows of `a -ref-> b : T -ref2-> c` to a graph."""
     vertices = trees(tree.children, "vertex")
-    arrows = trees(tree.children, "arrow", "forward", "backward", "unnamed")
+    arrows = trees(tree.children, "forward", "backward", "half_arrow", "unnamed")
     for position, vertex in enumerate(vertices):
         node = _node(reading, vertex)
         joined = len(arrows[max(0, position - 1) : position + 1])
@@ -123,6 +123,10 @@ def _edge(reading: Reading, arrow: Tree[Token], left: Tree[Token], right: Tree[T
     if arrow.data == "backward":
         ends.reverse()
     reference = tokens(arrow.children, "NAME")[0]
+    if arrow.data == "half_arrow":
+        before = reading.span(reference)
+        hint = f"write `-{reading.text(arrow)}`"
+        reading.error("missing-token", "missing `-`", before.source.span(before.start, before.start), hint)
     source, target = ends
     return Edge(
         str(source),
