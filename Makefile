@@ -13,11 +13,13 @@ TEST_EXTRAS := test,fast,plot,emf
 DEMO_RUN := demo
 
 demo: $(VENV)/.demo
-	# 1. generate: evolve the model, keep the most diverse family
-	rm -rf runs/$(DEMO_RUN)
-	$(BIN)/envgraph generate burning_forest --seed 1 --name $(DEMO_RUN)
-	# 2. train: an agent on the curriculum
-	# 3. report: pictures, plots and tables on one page
+	@rm -rf runs/$(DEMO_RUN)
+	@echo "1. generate: evolve the model, keep the most diverse family"
+	@$(BIN)/envgraph generate burning_forest --name $(DEMO_RUN)
+	@echo "2. train: agents on the curriculum, and on the target alone"
+	@$(BIN)/envgraph train $(DEMO_RUN) --steps 10000 --curricula full,direct
+	@echo "3. report: everything on one page"
+	@$(BIN)/envgraph report $(DEMO_RUN)
 
 # --- checks ---
 

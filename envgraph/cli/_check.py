@@ -12,7 +12,7 @@ def check_files(files: list[str], format: OutputFormat) -> int:
 
     diagnostics: tuple[Diagnostic, ...]
     try:
-        diagnostics = tuple(load_workspace(*files).diagnostics)
+        diagnostics = tuple(load_workspace(files).diagnostics)
     except LoadError as error:
         diagnostics = error.diagnostics
     failed = has_errors(diagnostics)

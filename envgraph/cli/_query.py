@@ -90,7 +90,8 @@ def _told(application: Application) -> str:
 def _pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
     found = engine.library.resolve(pattern)
     if found is None:
-        hint = did_you_mean(pattern, engine.library.names())
+        simple = [one.name for one in engine.library.patterns if not one.private]
+        hint = did_you_mean(pattern, simple if "." not in pattern else engine.library.names())
         raise InvalidArgument(f"unknown pattern `{pattern}`" + (f"; {hint}" if hint else ""))
     types = engine.library.parameter_types(found.qualified_name)
     return {parameter.name: type_ for parameter, type_ in zip(found.parameters, types, strict=True)}

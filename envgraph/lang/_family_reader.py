@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any, get_args
 
@@ -69,12 +69,26 @@ def load_family(path: str, files: Files | None = None) -> FamilySpec:
     """
     files = files or DiskFiles()
     name = family_path(str(path), files)
-    text = parse_toml(read_source(files, name))
+    try:
+        source = read_source(files, name)
+    except LoadError as error:
+        raise LoadError([_no_family(str(path), one) for one in error.diagnostics]) from None
+    text = parse_toml(source)
     reader = _Reader(text, files, name)
     spec = reader.family()
     if reader.diagnostics:
         raise LoadError(sorted(reader.diagnostics, key=lambda one: one.span.start if one.span else 0))
     return spec
+
+
+def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
+    """A path without an extension was meant as a directory or a bundled domain."""
+    if problem.code != "missing-file" or problem.hint or "." in path.rpartition("/")[2]:
+        return problem
+    known = ", ".join(f"`{one}`" for one in bundled_domains())
+    hint = did_you_mean(path, bundled_domains()) or f"the bundled domains are {known}"
+    message = f"there is no directory and no bundled domain `{path}`"
+    return replace(problem, message=message, hint=hint)
 
 
 def family_path(path: str, files: Files) -> str:

@@ -214,10 +214,8 @@ def test_wrong_options_of_components_are_all_named_at_their_place(tmp_path: Path
 
 
 def test_termination_by_target_and_by_stagnation(tmp_path: Path) -> None:
-    target = copied(
-        tmp_path / "a" if (tmp_path / "a").mkdir() is None else tmp_path,
-        toml=("generations = 1000", "generations = 1000\ntarget = 1.0"),
-    )
+    (tmp_path / "a").mkdir()
+    target = copied(tmp_path / "a", toml=("generations = 1000", "generations = 1000\ntarget = 1.0"))
     family = generate(str(target), tmp_path / "a.sqlite")
     with RunStore.open(tmp_path / "a.sqlite") as store:
         history = store.history()

@@ -1,0 +1,260 @@
+"""The commands, as a person types them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli import main
+
+DATA = Path(__file__).parents[2] / "data" / "ga4cl"
+
+Envgraph = Callable[..., "Result"]
+
+
+class Result:
+    """What a command gave: exit code, output, messages."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+    @property
+    def json(self) -> object:
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def envgraph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Envgraph:
+    """Runs a command in an empty directory."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments: object) -> Result:
+        monkeypatch.setattr(sys, "argv", ["envgraph", *map(str, arguments)])
+        try:
+            code = main()
+        except SystemExit as stop:
+            code = stop.code if isinstance(stop.code, int) else 0
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return Result(code, out, err)
+
+    return run
+
+
+def ok(result: Result) -> Result:
+    assert result.code == 0, result.err
+    return result
+
+
+COMMANDS = ("new", "check", "match", "apply", "generate", "show", "export", "import", "train", "report")
+
+
+def test_help_names_every_command_and_each_explains_itself(envgraph: Envgraph) -> None:
+    text = ok(envgraph("--help")).out
+    for command in COMMANDS:
+        assert command in text
+        assert "Usage: envgraph " + command in " ".join(ok(envgraph(command, "--help")).out.split())
+
+
+def test_version_is_printed(envgraph: Envgraph) -> None:
+    assert ok(envgraph("--version")).out.startswith("envgraph 0.")
+
+
+def test_a_new_domain_checks_generates_trains_and_reports(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("new", "maze"))
+    assert "no problems" in ok(envgraph("check", "maze")).out
+    ok(envgraph("generate", "maze", "--generations", 60, "--name", "m"))
+    ok(envgraph("train", "m", "--steps", 300, "--seeds", 2))
+    shown = ok(envgraph("report", "m")).out
+    assert "E5" in shown and "report.html" in shown
+    assert "<svg" in (tmp_path / "runs" / "m" / "report.html").read_text()
+
+
+def test_new_overwrites_nothing_and_wants_a_plain_name(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    again = envgraph("new", "maze")
+    assert again.code == 1 and "exists already" in again.err
+    bad = envgraph("new", "My Maze")
+    assert bad.code == 1 and "cannot name a domain" in bad.err
+
+
+def test_check_prints_position_line_caret_and_hint(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("new", "maze"))
+    rules = tmp_path / "maze" / "maze.rules"
+    rules.write_text(rules.read_text().replace("set robot.at = there", "set robot.att = there", 1))
+    result = envgraph("check", "maze/maze.rules")
+    assert result.code == 1
+    assert "maze/maze.rules:10:24: " in result.err
+    assert "did you mean `at`?" in result.err
+    source, caret = result.err.split("\n")[1:3]
+    assert source[caret.index("^") :].startswith("att")
+    found = envgraph("check", "maze/maze.rules", "--format", "json")
+    assert found.code == 1
+    assert found.json["diagnostics"][0]["start"] == {"line": 10, "column": 24}  # type: ignore[index]
+
+
+def test_check_of_what_is_not_there_is_no_traceback(envgraph: Envgraph) -> None:
+    for name in ("missing.query", "missing", "no_language.txt"):
+        result = envgraph("check", name)
+        assert result.code == 1 and name.split(".")[0] in result.err
+
+
+def test_match_prints_matches_for_people_and_programs(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    text = ok(envgraph("match", "maze/maze.model", "maze/maze.query", "solvable")).out
+    assert "1 match of solvable" in text and "Start {y = 0, x = 0}" in text
+    matches = ok(envgraph("match", "maze/maze.model", "maze/maze.query", "solvable", "--format", "json")).json
+    assert matches[0]["goal"]["class"] == "Goal"  # type: ignore[index]
+    assert matches[0]["goal"]["attributes"] == {"x": 4, "y": 4}  # type: ignore[index]
+    assert "no match" in ok(envgraph("match", "maze/maze.model", "maze/maze.query", "onGoal")).out
+
+
+def test_match_can_fix_a_parameter(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    arguments = ("match", "maze/maze.model", "maze/maze.query", "neighbour", "--format", "json")
+    every = ok(envgraph(*arguments)).json
+    some = ok(envgraph(*arguments, "--where", "from=1")).json
+    assert len(every) == 80 and 2 <= len(some) <= 3  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [("form=1", "did you mean `from`?"), ("from", "NAME=VALUE"), ("from=nobody", "no object `nobody`")],
+)
+def test_match_names_what_is_wrong_with_a_parameter(envgraph: Envgraph, where: str, message: str) -> None:
+    ok(envgraph("new", "maze"))
+    result = envgraph("match", "maze/maze.model", "maze/maze.query", "neighbour", "--where", where)
+    assert result.code == 1 and message in result.err
+
+
+def test_an_unknown_pattern_or_rule_has_a_hint(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    result = envgraph("match", "maze/maze.model", "maze/maze.query", "solvabel")
+    assert result.code == 1 and "did you mean `solvable`?" in result.err
+    result = envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveRigth")
+    assert result.code == 1 and "did you mean `moveRight`?" in result.err
+
+
+def test_apply_tells_what_it_did_and_writes_the_model(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("new", "maze"))
+    arguments = (
+        "apply",
+        "maze/maze.model",
+        "maze/maze.rules",
+        "moveRight",
+        "--times",
+        3,
+        "-o",
+        "out/moved.json",
+    )
+    out = ok(envgraph(*arguments)).out
+    assert "1: maze.moveRight(robot=Robot robot" in out and "3: " in out
+    model = json.loads((tmp_path / "out" / "moved.json").read_text())
+    (robot,) = [one for one in model["objects"] if one["class"] == "Robot"]
+    (cell,) = [one for one in model["objects"] if one["id"] == robot["features"]["at"]]
+    assert (cell["features"]["x"], cell["features"].get("y", 0)) == (3, 0)
+    assert "no match of moveUp" in ok(envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveUp")).out
+
+
+def test_generate_show_and_export_agree(envgraph: Envgraph, tmp_path: Path) -> None:
+    small = ("--generations", 8, "--population", 3, "--seed", 1)
+    generated = ok(envgraph("generate", "burning_forest", *small, "--name", "a", "--format", "json")).json
+    shown = ok(envgraph("show", "a", "--format", "json")).json
+    assert [m["measures"] for m in generated["members"]] == [m["measures"] for m in shown["members"]]  # type: ignore[index]
+    ok(envgraph("export", "a", "--format", "ga4cl", "-o", "a.json"))
+    maps = json.loads((tmp_path / "a.json").read_text())["environments"]
+    assert [m["complexity"] for m in maps] == [m["measures"]["complexity"] for m in shown["members"]]  # type: ignore[index]
+    ok(envgraph("export", "a", "-o", "family.json"))
+    assert ok(envgraph("show", "family.json", "--format", "json")).json == shown
+    assert ok(envgraph("export", "a", "--format", "svg")).out.count("<tspan") == 3
+    assert "E2" in ok(envgraph("show", "a", "--variant", "E2")).out
+
+
+def test_generate_does_not_overwrite_a_run(envgraph: Envgraph) -> None:
+    small = ("generate", "burning_forest", "--generations", 1, "--name", "a")
+    ok(envgraph(*small))
+    result = envgraph(*small)
+    assert result.code == 1 and "--resume" in result.err
+
+
+def test_import_keeps_a_published_family(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("import", DATA / "environment-config.json", "--name", "published"))
+    ok(envgraph("export", "published", "--format", "ga4cl", "-o", "again.json"))
+    original = json.loads((DATA / "environment-config.json").read_text())
+    assert json.loads((tmp_path / "again.json").read_text()) == original
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("generate", "burning_forst"), "did you mean"),
+        (("show", "nothing"), "there is no run `nothing`"),
+        (("export", "nothing"), "there is no run"),
+        (("import", "missing.json"), "missing.json"),
+        (("report", "nothing"), "there is no run"),
+        (("train", "nothing"), "there is no run"),
+        (("generate", "burning_forest", "--resume", "--name", "x"), "no run store"),
+    ],
+)
+def test_what_is_missing_is_named(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:
+    result = envgraph(*arguments)
+    assert result.code == 1 and message in result.err
+
+
+def test_wrong_words_on_the_command_line_give_exit_code_2(envgraph: Envgraph) -> None:
+    assert envgraph("generate").code == 2
+    assert envgraph("genrate", "x").code == 2
+
+
+def test_unknown_formats_and_curricula_have_hints(envgraph: Envgraph) -> None:
+    ok(envgraph("generate", "burning_forest", "--generations", 1, "--population", 2, "--name", "a"))
+    result = envgraph("export", "a", "--format", "ga4c")
+    assert result.code == 1 and "did you mean `ga4cl`?" in result.err
+    result = envgraph("train", "a", "--curricula", "suffix")
+    assert result.code == 1 and "did you mean `suffixes`?" in result.err
+    assert envgraph("show", "a", "--variant", "E7").code == 1
+
+
+def test_training_is_the_same_for_any_number_of_workers(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("import", DATA / "environment-config.json", "--name", "p"))
+    files = []
+    for workers in (1, 2):
+        ok(envgraph("train", "p", "--steps", 500, "--seeds", 3, "--workers", workers))
+        files.append({p.name: p.read_bytes() for p in (tmp_path / "runs" / "p" / "training").rglob("*.csv")})
+    assert files[0] == files[1] and len(files[0]) == 3
+
+
+def test_a_run_killed_in_the_middle_resumes_to_the_same_family(envgraph: Envgraph, tmp_path: Path) -> None:
+    arguments = ["generate", "burning_forest", "--generations", "120", "--seed", "3"]
+    ok(envgraph(*arguments, "--name", "whole"))
+    command = [sys.executable, "-m", "envgraph", *arguments, "--name", "killed"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    store = tmp_path / "runs" / "killed" / "run.sqlite"
+    while generations(store) < 20 and process.poll() is None:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL, "the run was over before it could be killed"
+    assert 20 <= generations(store) < 120
+    ok(envgraph("generate", "burning_forest", "--resume", "--name", "killed"))
+    exported = [ok(envgraph("export", name, "--format", "ga4cl")).out for name in ("whole", "killed")]
+    assert exported[0] == exported[1]
+
+
+def generations(store: Path) -> int:
+    """How many generations a store has that another process may be writing."""
+    if not store.is_file():
+        return 0
+    with closing(sqlite3.connect(f"file:{store}?mode=ro", uri=True, timeout=30)) as connection:
+        (count,) = connection.execute("SELECT count(*) FROM generation").fetchone()
+    return int(count)

@@ -1,0 +1,123 @@
+"""Families as Gymnasium environments, against the published semantics."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import envgraph.env  # noqa: F401, registers the environments
+from envgraph.errors import InvalidArgument, Source
+from envgraph.learn import FamilyMember, TrainingSettings, greedy_return, run_experiment, sequences
+from envgraph.search import Family, import_ga4cl, write_family
+from tests.unit.learn.forest_tables import forest
+
+ID = "envgraph/BurningForest-v0"
+
+
+@pytest.fixture(scope="module")
+def imported(published: Path, tmp_path_factory: pytest.TempPathFactory) -> Family:
+    source = Source("published.json", published.read_text())
+    family, _ = import_ga4cl(source, "burning_forest", tmp_path_factory.mktemp("p") / "run.sqlite")
+    return family
+
+
+@pytest.fixture(scope="module")
+def family_file(imported: Family, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("f") / "family.json"
+    path.write_text(write_family(imported))
+    return path
+
+
+def test_every_published_map_steps_as_published(imported: Family, published: Path) -> None:
+    """Walks both tables in parallel from the start, over every state that can be reached."""
+    for member, entry in zip(
+        imported.members, json.loads(published.read_text())["environments"], strict=True
+    ):
+        ours, theirs = imported.explored(member).tabular, forest(entry["desc"])
+        assert ours.action_names == ("left", "down", "right", "up")
+        assert ours.n_observations == theirs.n_observations == 128
+        queue = [(int(ours.start_states[0]), int(theirs.start_states[0]))]
+        seen = set(queue)
+        for mine, other in queue:
+            assert ours.observation[mine] == theirs.observation[other]
+            for action in range(4):
+                assert ours.reward[mine, action, 0] == pytest.approx(
+                    theirs.reward[other, action, 0], abs=1e-12
+                )
+                outcome = ours.terminated[mine, action, 0]
+                assert outcome == theirs.terminated[other, action, 0]
+                after = (int(ours.next_state[mine, action, 0]), int(theirs.next_state[other, action, 0]))
+                if not outcome and after not in seen:
+                    seen.add(after)
+                    queue.append(after)
+        # The states in which an episode goes on are the same ones.
+        assert len(seen) == len({mine for mine, _ in seen}) == len({other for _, other in seen})
+
+
+def test_the_best_policy_on_the_published_target_returns_10_2(imported: Family) -> None:
+    assert greedy_return(imported.explored(imported.members[-1]).tabular) == pytest.approx(10.2, abs=1e-9)
+
+
+def test_the_published_curriculum_succeeds_and_direct_training_does_not(imported: Family) -> None:
+    members = [FamilyMember(one.name, imported.explored(one).tabular) for one in imported.members]
+    names = [one.name for one in members]
+    curricula = [*sequences(names, "full"), *sequences(names, "direct")]
+    found = run_experiment(members, TrainingSettings(), curricula, seeds=range(3)).summaries()
+    assert [(one.label, one.success_rate) for one in found] == [("E1-E6", 1.0), ("E6", 0.0)]
+    assert found[0].mean_return == pytest.approx(10.2, abs=1e-9)
+
+
+@pytest.mark.parametrize("render_mode", [None, "ansi", "rgb_array"])
+def test_the_environment_checker_has_nothing_to_say(family_file: Path, render_mode: str | None) -> None:
+    env = gymnasium.make(ID, family=family_file, variant=3, render_mode=render_mode)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped, skip_render_check=render_mode is None)
+    env.close()
+
+
+def test_a_variant_is_chosen_by_number_or_name_and_the_target_is_the_default(family_file: Path) -> None:
+    def states(**options: object) -> int:
+        return int(gymnasium.make(ID, family=family_file, **options).unwrapped.tabular.n_states)  # type: ignore[attr-defined]
+
+    assert states(variant=2) == states(variant="E2") != states(variant="E6")
+    assert states() == states(variant=6)
+
+
+def test_without_a_family_it_is_the_domains_own_model() -> None:
+    env = gymnasium.make(ID)
+    observation, _ = env.reset(seed=0)
+    assert observation == 0
+    assert env.spec is not None and env.spec.max_episode_steps == 200
+
+
+def test_an_episode_is_truncated_after_200_steps(family_file: Path) -> None:
+    env = gymnasium.make(ID, family=family_file, variant="E1")
+    env.reset(seed=1)
+    for step in range(1, 201):
+        _, reward, terminated, truncated, _ = env.step(3)  # up, into the border
+        assert (reward, terminated) == (0.0, False)
+        assert truncated == (step == 200)
+
+
+def test_wrong_variants_and_families_are_named(family_file: Path) -> None:
+    with pytest.raises(InvalidArgument, match="no environment `E9`"):
+        gymnasium.make(ID, family=family_file, variant="E9")
+    with pytest.raises(InvalidArgument, match="there is no run"):
+        gymnasium.make(ID, family="nowhere")
+    with pytest.raises(InvalidArgument, match="family"):
+        gymnasium.make(ID, variant=2)
+
+
+def test_pictures_show_the_map(family_file: Path) -> None:
+    env = gymnasium.make(ID, family=family_file, variant="E6", render_mode="rgb_array")
+    env.reset(seed=0)
+    picture = env.render()
+    assert isinstance(picture, np.ndarray) and picture.dtype == np.uint8 and picture.ndim == 3
+    assert picture.shape[0] == picture.shape[1] and len(np.unique(picture.reshape(-1, 3), axis=0)) > 5
