@@ -1,8 +1,13 @@
 """An agent's behaviour over a model, and the environment that it makes: simulated, as arrays, in Gymnasium, drawn.
 
-`check_behaviour` says what is wrong with a behaviour, `Simulator` runs it on a live engine and defines what a step
-is, `explore` makes it a `Tabular` of all reachable states, with pictures; `EnvgraphEnv`, `EnvgraphLiveEnv` and
-`EnvgraphVectorEnv` are the Gymnasium environments over them. Importing the package registers the bundled environments.
+`check_behaviour` says what is wrong with a behaviour; `Simulator` runs it on a live engine, and its docstring defines
+what a step is; `explore` makes it a `Tabular` of all reachable states, with pictures. `EnvgraphEnv`, `EnvgraphLiveEnv`
+and `EnvgraphVectorEnv` are the Gymnasium environments over them. `KeyIndex` holds the indices of objects over a family.
+Importing the package registers the bundled environments (`envgraph/BurningForest-v0`).
+
+>>> import gymnasium
+>>> gymnasium.spec("envgraph/BurningForest-v0").max_episode_steps
+200
 """
 
 from envgraph.env._behaviour import (

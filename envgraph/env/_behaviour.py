@@ -1,6 +1,6 @@
 """An agent's behaviour over a model, as frozen data; what a `.environment` file says.
 
-The meaning of a step is given in the package docstring of `envgraph.env`.
+What a step is, exactly, says the docstring of `Simulator`.
 """
 
 from __future__ import annotations

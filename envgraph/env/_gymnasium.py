@@ -146,15 +146,7 @@ class EnvgraphEnv(_Environment):
         self.tabular = tabular
         self._pictures = pictures
         self._state = 0
-        # Memory views give Python numbers without a copy of the table and faster than NumPy's scalars.
-        self._outcomes = tabular.next_state.shape[2]
-        self._row = self._outcomes * tabular.n_actions
-        self._next = _flat(tabular.next_state)
-        self._reward = _flat(tabular.reward)
-        self._ended = _flat(tabular.terminated)
-        self._sums = _flat(cumulative(tabular.probability))
-        self._observation = _flat(tabular.observation)
-        self._start_sums = cumulative(tabular.start_probability)
+        self._flat = _Flat(tabular)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -163,11 +155,11 @@ class EnvgraphEnv(_Environment):
         super().reset(seed=seed)
         self._state = self._start((options or {}).get("state"))
         self._begin()
-        return self._observed(self._observation[self._state]), self._info(success=False)
+        return self._observed(self._flat.observation[self._state]), self._info(success=False)
 
     def _start(self, wanted: Any) -> int:
         if wanted is None:
-            place = int(np.searchsorted(self._start_sums, self.np_random.random(), side="right"))
+            place = bisect_right(self._flat.start_sums, self.np_random.random())
             return int(self.tabular.start_states[place])
         if not 0 <= int(wanted) < self.tabular.n_states:
             raise InvalidArgument(f"there is no state {wanted!r}")
@@ -176,16 +168,17 @@ class EnvgraphEnv(_Environment):
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
         number = self._check_step(action)
-        place = self._state * self._row + number * self._outcomes
-        uniform = self.np_random.random()
-        if self._outcomes > 1:
-            place = bisect_right(self._sums, uniform, place, place + self._outcomes)
-        self._state = self._next[place]
+        flat, outcomes = self._flat, self._flat.outcomes
+        place = self._state * flat.row + number * outcomes
+        uniform = self.np_random.random()  # drawn even where nothing is random, as the live environment does
+        if outcomes > 1:
+            place = bisect_right(flat.sums, uniform, place, place + outcomes)
+        self._state = flat.next_state[place]
         self._steps += 1
-        ended = self._ended[place]
+        ended = flat.terminated[place]
         self._running = not ended
-        observed = self._observed(self._observation[self._state])
-        return observed, self._reward[place], ended > 0, False, self._info(success=ended == SUCCESS)
+        observed = self._observed(flat.observation[self._state])
+        return observed, flat.reward[place], ended > 0, False, self._info(success=ended == SUCCESS)
 
     def _info(self, success: bool) -> dict[str, Any]:
         return {"state": self._state, "step": self._steps, "success": success}
@@ -194,7 +187,31 @@ class EnvgraphEnv(_Environment):
         return self._pictures[self._state]
 
 
-def _flat(array: NDArray[Any]) -> Any:
+class _Flat:
+    """The arrays of a table as flat memory views: they give Python numbers, without a copy, faster than NumPy's.
+
+    Immutable, so that copies of an environment share it.
+    """
+
+    def __init__(self, tabular: Tabular) -> None:
+        self._tabular = tabular
+        self.outcomes = int(tabular.next_state.shape[2])
+        self.row = self.outcomes * tabular.n_actions
+        self.next_state = _view(tabular.next_state)
+        self.reward = _view(tabular.reward)
+        self.terminated = _view(tabular.terminated)
+        self.sums = _view(cumulative(tabular.probability))
+        self.observation = _view(tabular.observation)
+        self.start_sums = _view(cumulative(tabular.start_probability))
+
+    def __deepcopy__(self, _: object) -> _Flat:
+        return self
+
+    def __reduce__(self) -> tuple[type[_Flat], tuple[Tabular]]:
+        return _Flat, (self._tabular,)
+
+
+def _view(array: NDArray[Any]) -> Any:
     return np.ascontiguousarray(array).reshape(-1).data
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 
 import gymnasium
 import numpy as np
@@ -136,6 +139,16 @@ def test_a_seed_decides_the_episode() -> None:
 
     assert episode(3) == episode(3)
     assert len({tuple(episode(seed)) for seed in range(20)}) > 1
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_goes_on_by_itself(copied: Callable[[EnvgraphEnv], EnvgraphEnv]) -> None:
+    env = EnvgraphEnv(explore(*loaded(RANDOM)).tabular)
+    env.reset(seed=2)
+    env.step(1)
+    other = copied(env)
+    one = [env.step(0)[:3] for _ in range(2)]
+    assert [other.step(0)[:3] for _ in range(2)] == one
 
 
 def test_rendering_shows_the_present_state() -> None:
