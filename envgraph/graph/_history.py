@@ -315,18 +315,26 @@ class History:
             vertex = parent
 
     def check_integrity(self) -> None:
-        """Assert that the tree hangs together."""
-        vertex = self._current
-        seen = 0
-        while vertex is not None:
-            assert vertex.upwards or vertex.parent is None
-            assert vertex.parent is None or vertex in vertex.parent.children
-            assert vertex.parent is None or vertex.parent.depth < vertex.depth
-            assert seen == 0 or vertex.held or len(vertex.children) > 1 or self._released
-            seen += 1
-            vertex = vertex.parent
-        assert self._store.recording or not self._store.journal
+        """Assert that the tree hangs together, and holds nothing that could have been freed."""
+        assert self._store.recording or not (self._store.journal or self._held or self._stack)
         assert len(self._store.journal) % 4 == 0
+        path = []
+        vertex = self._current
+        while vertex is not None:
+            path.append(vertex)
+            vertex = vertex.parent
+        held = self._check_vertex(path[-1], path) if path else 0
+        assert held <= self._held <= held + len(self._released)
+
+    def _check_vertex(self, vertex: Vertex, path: list[Vertex]) -> int:
+        assert vertex.upwards == (vertex in path) or vertex.parent is None
+        assert len(vertex.segment) % 4 == 0
+        needed = vertex.held or len(vertex.children) > 1 or vertex is self._current
+        assert needed or self._released, "a vertex that nobody needs"
+        for child in vertex.children:
+            assert child.parent is vertex
+            assert child.depth > vertex.depth
+        return vertex.held + sum(self._check_vertex(child, path) for child in vertex.children)
 
 
 def _path(start: Vertex, goal: Vertex) -> tuple[list[Vertex], list[Vertex]]:

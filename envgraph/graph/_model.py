@@ -434,18 +434,18 @@ class Model:
 
     def _replace(self, relation: Relation, source: int, targets: Sequence[int]) -> None:
         disconnect = self.store.disconnect
-        kept = [target for target in relation.forward[source] if target in targets]
-        for target in tuple(relation.forward[source]):
-            # Keep a prefix that is in place already: fewer changes, and the order comes out as asked.
-            if target not in kept or kept != list(targets[: len(kept)]):
+        old = tuple(relation.forward[source])
+        kept = [target for target in old if target in targets]
+        in_place = kept == list(targets[: len(kept)])
+        for target in old:
+            # Fewer changes if those that stay come first in the new order; else the order needs all of them anew.
+            if not in_place or target not in kept:
                 disconnect(relation, source, target)
-        for target in targets:
-            if relation.opposite_upper == 1 and relation.backward[target]:
-                holder = relation.backward[target][0]
-                if holder != source:
-                    if relation.containment:
-                        continue  # `link` moves it
-                    disconnect(relation, holder, target)
+        if relation.opposite_upper == 1:
+            for target in targets:
+                holders = relation.backward[target]
+                if holders and holders[0] != source:
+                    disconnect(relation, holders[0], target)
         for target in targets:
             self.link(source, relation.reference, target)
 

@@ -93,6 +93,13 @@ class Node:
             names.update(self.model.metamodel.features(self.cls))
         return sorted(names)
 
+    def __copy__(self) -> Node:
+        return self
+
+    def __deepcopy__(self, _: object) -> Node:
+        """The same handle: it stands for an object, which has no copy in its model."""
+        return self
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Node) and self.model is other.model and self.id == other.id
 

@@ -1,0 +1,165 @@
+"""All hypothesis strategies. Everything is small, so that coincidences are frequent."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+from hypothesis import strategies as st
+
+from envgraph.errors import RuleError
+from envgraph.graph import Model
+from envgraph.metamodel import (
+    Attribute,
+    AttributeType,
+    Class,
+    EnumType,
+    Metamodel,
+    Reference,
+    Scalar,
+    Value,
+)
+
+# --- metamodels
+
+COLOUR = EnumType("Colour", ("red", "green", "blue"))
+
+_MULTIPLICITIES = [(0, 1), (1, 1), (0, None), (1, None), (0, 2), (0, 40)]
+
+
+@st.composite
+def metamodels(draw: st.DrawFn) -> Metamodel:
+    """Two to five classes with inheritance, attributes of every type, and references of every kind."""
+    names = [f"C{i}" for i in range(draw(st.integers(2, 5)))]
+    abstract = [draw(st.booleans()) and draw(st.booleans()) for _ in names[1:]] + [False]
+    supertypes = [
+        tuple(draw(st.lists(st.sampled_from(names[:i]), unique=True, max_size=2)) if i else ())
+        for i in range(len(names))
+    ]
+    features: dict[str, list[Attribute | Reference]] = {name: [] for name in names}
+    for number in range(draw(st.integers(0, 4))):
+        features[draw(st.sampled_from(names))].append(draw(_attributes(f"a{number}")))
+    for number in range(draw(st.integers(1, 4))):
+        owner, target = draw(st.sampled_from(names)), draw(st.sampled_from(names))
+        for name, reference in zip(
+            (owner, target), draw(_relations(f"r{number}", owner, target)), strict=False
+        ):
+            features[name].append(reference)
+    classes = [
+        Class(name, is_abstract, above, tuple(features[name]))
+        for name, is_abstract, above in zip(names, abstract, supertypes, strict=True)
+    ]
+    return Metamodel("random", classes, (COLOUR,))
+
+
+@st.composite
+def _attributes(draw: st.DrawFn, name: str) -> Attribute:
+    type_ = draw(st.sampled_from([*Scalar, COLOUR]))
+    return Attribute(name, type_, draw(st.none() | values_of(type_)))
+
+
+@st.composite
+def _relations(draw: st.DrawFn, name: str, owner: str, target: str) -> list[Reference]:
+    """A reference, and perhaps its opposite; or one that is its own."""
+    lower, upper = draw(st.sampled_from(_MULTIPLICITIES))
+    kind = draw(st.sampled_from(["plain", "containment", "opposite", "container", "symmetric"]))
+    contains = kind in ("containment", "container")
+    if kind == "symmetric":
+        return [Reference(name, owner, lower, upper, opposite=name)]
+    if kind in ("plain", "containment"):
+        return [Reference(name, target, lower, upper, contains)]
+    back_lower, back_upper = (0, 1) if contains else draw(st.sampled_from(_MULTIPLICITIES))
+    pair = [
+        Reference(name, target, lower, upper, contains, opposite=f"{name}b"),
+        Reference(f"{name}b", owner, back_lower, back_upper, opposite=name),
+    ]
+    return pair
+
+
+def values_of(type_: AttributeType) -> st.SearchStrategy[Value]:
+    """Few values of a type, the extreme ones among them."""
+    if isinstance(type_, EnumType):
+        return st.sampled_from(type_.literals)
+    match type_:
+        case Scalar.INT:
+            return st.sampled_from([0, 1, 2, -1, 2**70])
+        case Scalar.FLOAT:
+            return st.sampled_from([0.0, -0.0, 1.0, 0.1, -2.5, float("inf"), float("-inf"), 1])
+        case Scalar.BOOL:
+            return st.booleans()
+        case Scalar.STRING:
+            return st.sampled_from(["", "a", "b", "Ä", "\ud800"])
+
+
+# --- models
+
+EDITS = ("new", "delete", "retype", "set_value", "link", "unlink", "set_target", "set_targets", "rename")
+
+
+def edit(draw: Any, model: Model, kind: str) -> None:
+    """One random change to a model; a change that is refused with a `RuleError` is none.
+
+    Args:
+        draw: takes a strategy and gives an example.
+        model: changed in place.
+        kind: one of `EDITS`.
+    """
+    nodes = list(model.store.nodes())
+    if kind == "new" or not nodes:
+        cls = draw(st.sampled_from([cls.name for cls in model.metamodel.class_list if not cls.abstract]))
+        for _ in range(draw(st.sampled_from([1, 1, 1, 40]))):
+            model.new(cls)
+        return
+    node = draw(st.sampled_from(nodes))
+    with suppress(RuleError):
+        _edit_object(draw, model, kind, node)
+
+
+def _edit_object(draw: Any, model: Model, kind: str, node: int) -> None:
+    features = list(model.metamodel.features(model.class_of(node)).values())
+    attributes = [feature for feature in features if isinstance(feature, Attribute)]
+    references = [feature for feature in features if isinstance(feature, Reference)]
+    if kind == "delete":
+        model.delete(node, draw(st.sampled_from(["dpo", "spo"])))
+    elif kind == "retype":
+        concrete = [cls.name for cls in model.metamodel.class_list if not cls.abstract]
+        model.retype(node, draw(st.sampled_from(concrete)), draw(st.booleans()))
+    elif kind == "rename":
+        name = draw(st.sampled_from([None, "n1", "n2"]))
+        if name is None or model.find_object(name) is None:
+            model.set_object_name(node, name)
+    elif kind == "set_value" and attributes:
+        attribute = draw(st.sampled_from(attributes))
+        model.set_value(node, attribute, draw(st.none() | values_of(attribute.type)))
+    elif kind in ("link", "unlink", "set_target", "set_targets") and references:
+        _edit_links(draw, model, kind, node, draw(st.sampled_from(references)))
+
+
+def _edit_links(draw: Any, model: Model, kind: str, node: int, reference: Reference) -> None:
+    candidates = list(model.extent(reference.target))
+    if not candidates:
+        return
+    if kind == "link":
+        # Several at once: crowded ends are stored in another way than others.
+        for target in draw(st.sampled_from([candidates, [draw(st.sampled_from(candidates))]])):
+            if model.alive(target):
+                model.link(node, reference, target)
+    elif kind == "unlink":
+        targets = list(model.targets(node, reference))
+        if targets:
+            model.unlink(node, reference, draw(st.sampled_from(targets)))
+    elif kind == "set_target":
+        model.set_target(node, reference, draw(st.none() | st.sampled_from(candidates)))
+    else:
+        model.set_targets(
+            node, reference, draw(st.lists(st.sampled_from(candidates), unique=True, max_size=3))
+        )
+
+
+@st.composite
+def models(draw: st.DrawFn) -> Model:
+    """A random metamodel, and a model of it after some edits."""
+    model = Model(draw(metamodels()))
+    for kind in draw(st.lists(st.sampled_from((*EDITS, "new", "link")), max_size=25)):
+        edit(draw, model, kind)
+    return model

@@ -1,0 +1,150 @@
+"""Undo and redo of the journal's own sequences."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
+from envgraph.graph._journal import Extent, Journal, invert, invert_net, revert
+
+
+class Register:
+    """The smallest structure that exchanges."""
+
+    def __init__(self) -> None:
+        self.state: dict[str, int] = {}
+
+    def exchange(self, key: str, state: int) -> int:
+        """As the protocol says."""
+        before = self.state.get(key, 0)
+        self.state[key] = state
+        return before
+
+
+class World:
+    """A dict, a set, two extents that share their columns, and a register; changed at random, with a journal."""
+
+    def __init__(self) -> None:
+        self.journal: Journal = []
+        self.values = dict.fromkeys(range(4), 0)
+        self.set: IndexedSet[int] = IndexedSet((0, 1, 2))
+        classes, place = [-1] * 12, [0] * 12
+        self.extents = [Extent(number, classes, place) for number in range(2)]
+        self.register = Register()
+        self.classes = classes
+
+    def change(self, kind: str, key: int, value: int) -> None:
+        """One change; `key` and `value` are below 12."""
+        if kind == "set":
+            self.journal.extend((self.values, key % 4, self.values[key % 4], SET))
+            self.values[key % 4] = value
+        elif kind == "exchange":
+            self.journal.extend((self.register, "r", self.register.exchange("r", value), EXCHANGE))
+        elif kind == "set member":
+            self._toggle(self.set, key)
+        else:
+            held = self.classes[key]
+            if held >= 0:
+                self._toggle(self.extents[held], key)
+            if value % 3:
+                self._toggle(self.extents[value % 2], key) if held != value % 2 else None
+
+    def _toggle(self, sequence: IndexedSet[int] | Extent, key: int) -> None:
+        if key in sequence:
+            self.journal.extend((sequence, key, sequence.take(key), IN))
+        else:
+            sequence.add(key)
+            self.journal.extend((sequence, key, None, OUT))
+
+    def snapshot(self) -> object:
+        """Everything, order included."""
+        return (
+            dict(self.values),
+            list(self.set),
+            dict(self.set.position),
+            [list(extent) for extent in self.extents],
+            [(node, extent.where(node)) for extent in self.extents for node in extent],
+            list(self.classes),
+            dict(self.register.state) or {"r": 0},
+        )
+
+
+CHANGES = st.lists(
+    st.tuples(
+        st.sampled_from(["set", "exchange", "set member", "extent member", "extent member"]),
+        st.integers(0, 11),
+        st.integers(0, 11),
+    ),
+    max_size=30,
+)
+
+
+def make(changes: list[tuple[str, int, int]], world: World) -> Journal:
+    """The journal of some more changes."""
+    world.journal = []
+    for change in changes:
+        world.change(*change)
+    return world.journal
+
+
+@given(CHANGES, CHANGES)
+def test_reverting_to_a_mark_restores_everything(first: list, second: list) -> None:
+    world = World()
+    journal = make(first, world)
+    mark, before = len(journal), world.snapshot()
+    for change in second:
+        world.change(*change)
+    revert(journal, mark)
+    assert world.snapshot() == before
+    assert len(journal) == mark
+
+
+@given(CHANGES, st.lists(st.booleans(), min_size=1, max_size=6))
+def test_inverse_segments_go_back_and_forth(changes: list, nets: list[bool]) -> None:
+    world = World()
+    ends = [world.snapshot()]
+    segment = make(changes, world)
+    ends.append(world.snapshot())
+    for step, net in enumerate(nets):
+        segment = invert_net(segment) if net else invert(segment)
+        assert world.snapshot() == ends[step % 2]
+
+
+@given(st.lists(CHANGES, min_size=2, max_size=5), st.data())
+def test_reduced_segments_can_be_joined_and_reduced_again(parts: list[list], data: st.DataObject) -> None:
+    world = World()
+    start = world.snapshot()
+    joined: Journal = []
+    for changes in parts:
+        segment = make(changes, world)
+        if data.draw(st.booleans()):
+            segment = invert_net(invert_net(segment))
+        joined += segment
+    end = world.snapshot()
+    back = invert_net(joined)
+    assert world.snapshot() == start
+    again = invert(back) if data.draw(st.booleans()) else invert_net(back)
+    assert world.snapshot() == end
+    invert(again)
+    assert world.snapshot() == start
+
+
+@given(CHANGES)
+def test_a_reduced_segment_names_every_place_once(changes: list) -> None:
+    world = World()
+    segment = invert_net(make(changes, world))
+    places = list(zip(map(id, segment[::4]), segment[1::4], strict=True))
+    assert len(places) == len(set(places))
+
+
+@given(CHANGES)
+def test_a_segment_without_net_change_reduces_to_nothing(changes: list) -> None:
+    world = World()
+    there = make([change for change in changes if change[0] != "exchange"], world)
+    before = world.snapshot()
+    back = invert(there)
+    # Undoing `back` leads to the end, undoing `there` from the end to the start.
+    assert invert_net(there + back) == []
+    invert(back)
+    assert world.snapshot() == before
