@@ -82,6 +82,18 @@ def test_every_transition_is_the_published_one(rows: list[str]) -> None:
     assert_is_published(table, rows)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_random_maps_of_any_shape_step_like_the_published_ones(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    height, width = rng.integers(1, 7, size=2)
+    letters = rng.choice(list("RVBG"), size=(height, width), p=[0.4, 0.4, 0.15, 0.05])
+    letters[rng.integers(height), rng.integers(width)] = "W"
+    rows = ["".join(row) for row in letters]
+    if letters[0, 0] == "W":
+        rows[0] = "S" + rows[0][1:]
+    assert_is_published(enumerate_states(forest.engine(rows), forest.behaviour()), rows)
+
+
 def test_states_are_numbered_breadth_first() -> None:
     table = enumerate_states(forest.engine(forest.published_maps()[5]), forest.behaviour())
     first = [int(s) for state in range(table.n_states) for s in table.next_state[state, :, 0]]

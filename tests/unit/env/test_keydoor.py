@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
-from envgraph.env import Behaviour, Tabular, explore
+from envgraph.env import Action, Behaviour, Branch, Domain, RuleCall, Simulator, Tabular, explore
 from envgraph.lang import TextFiles, load_workspace
+from envgraph.pattern import Constant, LeftSide, Modification, Node, Parameter, Rule, Set, Variable
 from envgraph.rewrite import Engine
 
 FILES = Path(__file__).parents[2] / "golden" / "shared"
@@ -119,3 +121,32 @@ def test_equal_keys_are_different_objects() -> None:
     assert table.next_state.shape[2] == 2
     halves = table.probability[(table.probability > 0.0) & (table.probability < 1.0)]
     assert set(halves.tolist()) == {0.5}
+
+
+@pytest.mark.parametrize("matcher", ["compiled", "naive"])
+def test_an_argument_of_a_superclass_matches_only_where_it_is_the_right_object(
+    matcher: Literal["compiled", "naive"],
+) -> None:
+    engine, _ = loaded(MAZES[0])
+    other = Engine(engine.model, matcher=matcher)
+    swing = Rule(
+        "swing",
+        (Parameter("door", "Door"),),
+        LeftSide((Node("door", "Door"),)),
+        right=Modification((Set(Variable("door"), "open", "=", Constant(True)),)),
+    )
+    other.add(swing)
+    push = Action(
+        "push",
+        (Branch(1.0, RuleCall("swing", (Variable("cell"),))),),
+        (("cell", Domain("Cell")),),
+        Constant(1.0),
+    )
+    simulator = Simulator(other, Behaviour("Pushing", actions=(push,)))
+    rewarded = [
+        name
+        for number, name in enumerate(simulator.action_names)
+        for _, outcome in simulator.outcomes(number)
+        if outcome.reward
+    ]
+    assert rewarded == ["push(3, 3)"]
