@@ -13,7 +13,7 @@ from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
-from envgraph.rewrite import Application, Engine, Match
+from envgraph.rewrite import Application, Engine, Firing, Match
 
 
 def print_matches(model: str, queries: str, pattern: str, where: list[str], format: OutputFormat) -> None:
@@ -75,9 +75,18 @@ def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> list[str] |
         with engine.recording() as trace:
             if not engine.run(rule, **bound):
                 return None
-        return [f"{firing.rule}({', '.join(map(str, firing.values))})" for firing in trace]
+        return [_traced(engine, firing) for firing in trace]
     application = engine.apply(rule, **bound)
     return None if application is None else [_told(application)]
+
+
+def _traced(engine: Engine, firing: Firing) -> str:
+    """A step of a trace; an object that a later step deleted is shown by its id."""
+    shape, model, shown = engine.prepare(firing.rule).shape, engine.model, []
+    for position, (name, value) in enumerate(zip(shape.names, firing.values, strict=True)):
+        alive = shape.is_object(position) and isinstance(value, int) and model.alive(value)
+        shown.append(f"{name}={_shown(model.node(int(value)) if alive else value)}")
+    return f"{firing.rule}({', '.join(shown)})"
 
 
 def _told(application: Application) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from envgraph.cli import main
+from envgraph.lang import bundled_domain
 
 DATA = Path(__file__).parents[2] / "data" / "ga4cl"
 
@@ -165,6 +166,13 @@ def test_apply_tells_what_it_did_and_writes_the_model(envgraph: Envgraph, tmp_pa
     (cell,) = [one for one in model["objects"] if one["id"] == robot["features"]["at"]]
     assert (cell["features"]["x"], cell["features"].get("y", 0)) == (3, 0)
     assert "no match of moveUp" in ok(envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveUp")).out
+
+
+def test_apply_runs_a_unit_and_tells_each_step(envgraph: Envgraph) -> None:
+    domain = bundled_domain("burning_forest")
+    model = domain / "running_4x4.model"
+    lines = ok(envgraph("apply", model, domain / "burning_forest.rules", "burnDown")).out.splitlines()
+    assert lines and all("1: burning_forest.spread(fire=BurningTile {y = " in line for line in lines)
 
 
 def test_generate_show_and_export_agree(envgraph: Envgraph, tmp_path: Path) -> None:
