@@ -5,8 +5,8 @@ from envgraph.rewrite._derive import check_derivation, derived_rules
 from envgraph.rewrite._engine import Engine
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
+from envgraph.rewrite._run import STEP_LIMIT
 from envgraph.rewrite._runner import Randomness, RuleRunner
-from envgraph.rewrite._units import STEP_LIMIT
 
 __all__ = [
     "STEP_LIMIT",

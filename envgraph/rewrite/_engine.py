@@ -23,8 +23,9 @@ from envgraph.pattern import Derivation, Library, ObjectType, Pattern, Rule, Uni
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._register import Registration
+from envgraph.rewrite._run import STEP_LIMIT, Run, apply_one_of, draw_weighted
 from envgraph.rewrite._runner import PythonRule, Randomness, RuleRunner, graph_rule
-from envgraph.rewrite._units import STEP_LIMIT, Run, UnitBuilder, UnitProgram, apply_one_of, draw_weighted
+from envgraph.rewrite._units import UnitBuilder, UnitProgram
 
 if TYPE_CHECKING:
     import numpy
@@ -38,6 +39,16 @@ class Engine:
 
     Names of patterns, rules, units and groups may be qualified (`package.name`), or simple where only one definition
     has that name.
+
+    >>> from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
+    >>> from envgraph.pattern import Constant, LeftSide, Modification, Node, Rule, Set, Variable
+    >>> model = Model(Metamodel("lamps", [Class("Lamp", features=(Attribute("lit", Scalar.BOOL),))]))
+    >>> lamp = model.create("Lamp")
+    >>> light = Modification((Set(Variable("lamp"), "lit", "=", Constant(True)),))
+    >>> engine = Engine(model)
+    >>> engine.add(Rule("light", left=LeftSide((Node("lamp", "Lamp"),)), right=light))
+    >>> engine.apply("light").match.names, lamp.lit
+    (('lamp',), True)
 
     Args:
         model: the model; it may also be changed directly.
@@ -278,6 +289,17 @@ class Engine:
         """The number of matches."""
         _, pattern, arguments = self._question(name, bound)
         return self.matcher.count(pattern, arguments)
+
+    def explain(self, name: str, *bound: str) -> str:
+        """How matches are found when the `bound` variables have values: the plan and the generated source.
+
+        Raises:
+            InvalidArgument: an unknown name or variable, or a matcher that has no plans.
+        """
+        shape, pattern = self._asked(name)
+        if not isinstance(self.matcher, CompiledMatcher):
+            raise InvalidArgument("the naive matcher tries everything, and has no plans")
+        return self.matcher.explain(pattern, tuple(sorted(shape.position(variable) for variable in bound)))
 
     def _question(self, name: str, bound: Mapping[str, object]) -> tuple[Shape, str, tuple[object, ...]]:
         shape, pattern = self._asked(name)

@@ -25,11 +25,10 @@ the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass
 
 from envgraph.errors import EvaluationError, RuleError
-from envgraph.graph import Model, Savepoint
+from envgraph.graph import Model
 from envgraph.match import Matcher
 from envgraph.metamodel import Attribute, Value
 from envgraph.pattern import (
@@ -50,74 +49,12 @@ from envgraph.pattern import (
 from envgraph.pattern import (
     Sequence as Steps,
 )
-from envgraph.rewrite._match import Firing, Row
+from envgraph.rewrite._control import alap, attempt, branch, choice, every, repeat, sequence
+from envgraph.rewrite._match import Firing
 from envgraph.rewrite._names import Signature
-from envgraph.rewrite._runner import GraphRule, Randomness, RuleRunner, draw
+from envgraph.rewrite._run import MOST_LEVELS, Action, Environment, Run, apply_one, apply_one_of, note_refusal
+from envgraph.rewrite._runner import GraphRule, RuleRunner
 from envgraph.rewrite._unit_check import CheckedUnit, depth
-
-STEP_LIMIT: Final = 100_000
-"""How many calls and rounds one run may take, unless told otherwise."""
-
-MOST_LEVELS: Final = 200
-"""How deep the steps of a run may nest, those of called units included; Python's own stack ends beyond it."""
-
-REFUSALS: Final = frozenset(
-    {"containment", "dangling", "full", "identification", "lost-link", "multiplicity"}
-)
-"""Reasons for which a step fails; any other `RuleError` ends the run."""
-
-Environment = dict[str, Value]
-Action = Callable[["Run", Environment], "bool | None"]
-"""Runs a step: None if it fails, else whether it changed anything."""
-
-
-@dataclass(slots=True)
-class Run:
-    """The state of one run of a unit.
-
-    Attributes:
-        steps: how many are left.
-        trace: what was applied, in order.
-        refusal: why the model refused the last application that failed, if that is why the last step failed.
-    """
-
-    model: Model
-    rng: Randomness
-    steps: int
-    limit: int
-    trace: list[Firing] = field(default_factory=list)
-    refusal: RuleError | None = None
-    levels: int = 0
-    _open: list[Savepoint] = field(default_factory=list)
-
-    def count(self) -> None:
-        """One more step.
-
-        Raises:
-            EvaluationError: that is one too many.
-        """
-        self.steps -= 1
-        if self.steps < 0:
-            raise EvaluationError(f"the run took more than {self.limit} steps; `alap` may never end")
-
-    def whole(self, action: Action, environment: Environment) -> bool | None:
-        """Run a step that leaves nothing behind if it fails."""
-        savepoint, length = self.model.savepoint(), len(self.trace)
-        self._open.append(savepoint)
-        outcome = action(self, environment)
-        # Not in a `finally`: what an exception leaves open is closed by `abandon`, where the stack is not exhausted.
-        self._open.pop()
-        if outcome is None:
-            self.model.rollback(savepoint)
-            del self.trace[length:]
-        else:
-            self.model.release(savepoint)
-        return outcome
-
-    def abandon(self) -> None:
-        """Take back what every open step has done, after an exception."""
-        while self._open:
-            self.model.rollback(self._open.pop())
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,19 +117,19 @@ class UnitBuilder:
             case Call():
                 return self._call(step)
             case Steps(steps):
-                return _sequence([self._action(inner) for inner in steps])
+                return sequence([self._action(inner) for inner in steps])
             case Choice(alternatives):
                 weights = [self._preference(inner) for inner in alternatives]
-                return _choice([self._whole(inner) for inner in alternatives], weights)
+                return choice([self._whole(inner) for inner in alternatives], weights)
             case Alap(body):
-                return _alap(self._whole(body))
+                return alap(self._whole(body))
             case Repeat(lower, upper, body):
-                return _repeat(lower, upper, self._whole(body))
+                return repeat(lower, upper, self._whole(body))
             case Try(body, otherwise):
-                return _try(self._whole(body), self._action(otherwise) if otherwise else None)
+                return attempt(self._whole(body), self._action(otherwise) if otherwise else None)
             case If(_, then, otherwise):
                 test = self._test(step)
-                return _if(test, self._action(then), self._action(otherwise) if otherwise else None)
+                return branch(test, self._action(then), self._action(otherwise) if otherwise else None)
             case Atomic(body):
                 return self._whole(body)
 
@@ -223,7 +160,7 @@ class UnitBuilder:
         if callee.kind == "group":
             members = [self.rules[name] for name in self.group(callee.name)]
             if call.every:
-                return _sequence_of_all([_every(rule, {}) for rule in members])
+                return every([_every(rule, {}) for rule in members])
             return lambda run, environment: apply_one_of(run, members)
         rule = self.rules[callee.name]
         return _every(rule, arguments) if call.every else _apply(rule, arguments, outputs)
@@ -294,58 +231,6 @@ def _evaluated(arguments: Mapping[str, _Evaluate], environment: Environment) -> 
     return values
 
 
-# --- applying rules
-
-
-def apply_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequence[object]] | None:
-    """Apply a rule at one of the rows, drawn uniformly; if that is refused, at one of the others."""
-    left = list(rows) if len(rows) > 1 else rows
-    while left:
-        number = draw(run.rng, len(left))
-        row = left[number]
-        try:
-            result = rule.fire(row)
-        except RuleError as error:
-            _note_refusal(run, error)
-            left = [*left[:number], *left[number + 1 :]]
-            continue
-        run.refusal = None
-        run.trace.append(Firing(rule.name, row))
-        return row, result
-    return None
-
-
-def _note_refusal(run: Run, error: RuleError) -> None:
-    if error.reason not in REFUSALS:
-        raise error
-    run.refusal = error
-
-
-def apply_one_of(run: Run, rules: Sequence[RuleRunner]) -> bool | None:
-    """Draw a rule by weight among those that match, and apply it at one of its matches; go on if that is refused."""
-    run.count()
-    run.refusal = None
-    left = [rule for rule in rules if rule.exists()]
-    while left:
-        rule = left[draw_weighted(run.rng, [rule.weight for rule in left])]
-        if apply_one(run, rule, rule.all_rows()) is not None:
-            return True
-        left = [other for other in left if other is not rule]
-    return None
-
-
-def draw_weighted(rng: Randomness, weights: Sequence[float]) -> int:
-    """A number from 0, with probabilities in proportion to the weights; without a choice nothing is drawn."""
-    if len(weights) == 1:
-        return 0
-    point = rng.random() * sum(weights)
-    for number, weight in enumerate(weights):
-        point -= weight
-        if point < 0:
-            return number
-    return len(weights) - 1  # rounding
-
-
 def _apply(rule: RuleRunner, arguments: Mapping[str, _Evaluate], outputs: Mapping[str, str]) -> Action:
     slots = dict(rule.plan.outputs) if isinstance(rule, GraphRule) else {}
     names = tuple(arguments)
@@ -399,7 +284,7 @@ def _every(rule: RuleRunner, arguments: Mapping[str, _Evaluate]) -> Action:
                 try:
                     rule.fire(row)
                 except RuleError as error:
-                    _note_refusal(run, error)
+                    note_refusal(run, error)
                     continue
                 run.trace.append(Firing(rule.name, row))
                 changed = True
@@ -408,94 +293,3 @@ def _every(rule: RuleRunner, arguments: Mapping[str, _Evaluate]) -> Action:
         return changed
 
     return apply
-
-
-# --- control
-
-
-def _sequence(actions: Sequence[Action]) -> Action:
-    if len(actions) == 1:
-        return actions[0]
-
-    def sequence(run: Run, environment: Environment) -> bool | None:
-        changed = False
-        for action in actions:
-            outcome = action(run, environment)
-            if outcome is None:
-                return None
-            changed |= outcome
-        return changed
-
-    return sequence
-
-
-def _sequence_of_all(actions: Sequence[Action]) -> Action:
-    def every(run: Run, environment: Environment) -> bool | None:
-        outcomes = [action(run, environment) for action in actions]
-        return True if any(outcomes) else None
-
-    return every
-
-
-def _choice(actions: Sequence[Action], preferences: Sequence[tuple[int, float]]) -> Action:
-    def choice(run: Run, environment: Environment) -> bool | None:
-        left = list(range(len(actions)))
-        while left:
-            highest = max(preferences[number][0] for number in left)
-            best = [number for number in left if preferences[number][0] == highest]
-            chosen = best[draw_weighted(run.rng, [preferences[number][1] for number in best])]
-            outcome = actions[chosen](run, dict(environment))
-            if outcome is not None:
-                return outcome
-            left.remove(chosen)
-        return None
-
-    return choice
-
-
-def _alap(action: Action) -> Action:
-    def alap(run: Run, environment: Environment) -> bool | None:
-        changed = False
-        while True:
-            run.count()
-            outcome = action(run, dict(environment))
-            if not outcome:
-                run.refusal = None
-                return changed
-            changed = True
-
-    return alap
-
-
-def _repeat(lower: int, upper: int, action: Action) -> Action:
-    def repeat(run: Run, environment: Environment) -> bool | None:
-        changed = False
-        for done in range(lower + draw(run.rng, upper - lower + 1)):
-            run.count()
-            outcome = action(run, dict(environment))
-            if outcome is None:
-                return None if done < lower else changed
-            changed |= outcome
-        return changed
-
-    return repeat
-
-
-def _try(action: Action, otherwise: Action | None) -> Action:
-    def attempt(run: Run, environment: Environment) -> bool | None:
-        outcome = action(run, dict(environment))
-        if outcome is not None:
-            return outcome
-        run.refusal = None
-        return False if otherwise is None else otherwise(run, dict(environment))
-
-    return attempt
-
-
-def _if(test: Callable[[Environment], bool], then: Action, otherwise: Action | None) -> Action:
-    def branch(run: Run, environment: Environment) -> bool | None:
-        if test(environment):
-            return then(run, dict(environment))
-        return False if otherwise is None else otherwise(run, dict(environment))
-
-    return branch

@@ -321,6 +321,19 @@ def test_versions_can_be_visited() -> None:
 # --- the rest
 
 
+def test_plans_can_be_explained() -> None:
+    made = engine("rule r { lhs { find following(a, b, v); } }", NEXT)
+    assert "following" in made.explain("following") and made.explain("r", "b", "a") == made.explain(
+        "r", "a", "b"
+    )
+    with pytest.raises(InvalidArgument, match="has no variable `c`"):
+        made.explain("r", "c")
+    naive = Engine(chain(1), matcher="naive")
+    naive.add(*patterns(NEXT))
+    with pytest.raises(InvalidArgument, match="no plans"):
+        naive.explain("following")
+
+
 def test_the_naive_matcher_can_stand_in() -> None:
     made = Engine(chain(3), matcher="naive")
     assert isinstance(made.matcher, NaiveMatcher)
