@@ -1,4 +1,25 @@
-"""Rules applied to a model, control units, derived rules; `Engine`, the facade over them and over queries."""
+"""Rules applied to a model, control units, derived rules; `Engine`, the facade over them and over queries.
+
+How a rule is applied, once a match of its left side is chosen:
+
+1. `forall` and `optional` blocks are matched, and all values are computed, on the state before the rule. The blocks of
+   an `optional` take the least match, by ids.
+2. For the rule and all matches of its blocks together: links and objects are deleted, objects retyped, objects created,
+   merges, moves and links made, values and references set.
+3. An existing link that is created again, and a missing one that is deleted, change nothing. `set x.n += ..` of several
+   matches adds up.
+
+It is refused, and the model left as it was, with a `RuleError` whose `reason` is
+
+- "stale-match": the match is none any more;
+- "identification": a deleted object or link is matched as something else, too (homomorphic rules);
+- "ambiguous": two matches of blocks, or two variables for one object, want different things; `details` names both;
+- "dangling": under DPO, a deleted object has links that the left side does not mention (its container's excepted);
+- "lost-link": under DPO, a retyped or merged object has links that its class does not allow;
+- "full": a new link finds no room at one of its ends; "containment": it would close a cycle of containers.
+
+What the steps of a unit mean is said in `_units`.
+"""
 
 from envgraph.rewrite._check import check_rule
 from envgraph.rewrite._derive import check_derivation, derived_rules

@@ -73,6 +73,7 @@ class BlockBuilder:
         self._moves: list[Rehome] = []
         self._absorbs: list[Absorb] = []
         self._wanted: dict[LinkKey, ResolvedEdge] = {}
+        self._removed: dict[LinkKey, Edge] = {}
         self._read_left()
 
     def _clashes(self, outer: Sight) -> None:
@@ -96,6 +97,7 @@ class BlockBuilder:
                 self._modification(self.right)
             case RightSide():
                 self._right_side(self.right)
+        self._contradictions()
         self._clear_deleted()
         nested = tuple(
             BlockBuilder(self.rule, block, self.sight, self.types_of).build() for block in self.lowered.nested
@@ -296,10 +298,16 @@ class BlockBuilder:
         if resolved is None:
             return
         key = self.sight.key(resolved)
-        if key in self._wanted:
-            message = f"`{edge.source} -{edge.reference}-> {edge.target}` stays in the right side"
-            self.sight.error("duplicate-action", message, edge.span)
         self._unlinks[key] = resolved
+        self._removed[key] = edge
+
+    def _contradictions(self) -> None:
+        for key, edge in self._removed.items():
+            if key in self._wanted or key in self._links:
+                message = (
+                    f"`{edge.source} -{edge.reference}-> {edge.target}` is both deleted and there afterwards"
+                )
+                self.sight.error("duplicate-action", message, edge.span)
 
     def _clear_deleted(self) -> None:
         """Links of the left side at a deleted node go with it, whoever wrote them."""

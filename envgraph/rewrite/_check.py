@@ -27,6 +27,7 @@ from envgraph.rewrite._header import (
     check_annotations,
     check_weight,
     duplicate_parameters,
+    left_problems,
     type_names,
 )
 from envgraph.rewrite._left import LeftLowering, LoweredBlock
@@ -73,7 +74,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     problems += lowering.problems
     known = None
     if not lowering.problems and not has_errors(problems):
-        left = [problem for problem in library.check(*patterns) if problem.severity is Severity.ERROR]
+        left = [p for p in left_problems(library, *patterns) if p.severity is Severity.ERROR]
         problems += left
         if not left:
             known = copy(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import isfinite
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
 from envgraph.metamodel import Annotation, Metamodel, Scalar
-from envgraph.pattern import Parameter
+from envgraph.pattern import Library, Parameter, Pattern
 
 
 def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | None) -> Iterable[Diagnostic]:
@@ -41,6 +42,19 @@ def duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diagnostic
             message = f"parameter `{parameter.name}` is declared twice"
             yield Diagnostic("duplicate-definition", message, parameter.span, notes=notes)
         first.setdefault(parameter.name, parameter.span)
+
+
+def left_problems(library: Library, *patterns: Pattern) -> list[Diagnostic]:
+    """What the library says about patterns, without the names of generated ones in its hints."""
+    return [_plain(problem, library) for problem in library.check(*patterns)]
+
+
+def _plain(problem: Diagnostic, library: Library) -> Diagnostic:
+    if problem.hint is None or "#" not in problem.hint:
+        return problem
+    quoted = problem.message.split("`")
+    known = [pattern.name for pattern in library.patterns if "#" not in pattern.name]
+    return replace(problem, hint=did_you_mean(quoted[1], known) if len(quoted) > 1 else None)
 
 
 def type_names(metamodel: Metamodel) -> list[str]:

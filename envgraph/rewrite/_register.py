@@ -11,6 +11,7 @@ from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, h
 from envgraph.pattern import Derivation, Library, Pattern, Rule, Unit, static_type
 from envgraph.rewrite._check import CheckedRule, examine
 from envgraph.rewrite._derive import check_derivation, derived_rules
+from envgraph.rewrite._header import left_problems
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._plan import RulePlan
 from envgraph.rewrite._unit_check import CheckedUnit, check_unit, unit_signature
@@ -41,7 +42,7 @@ class Registration:
         self.groups: dict[str, tuple[str, ...]] = {}
         self._rules: list[CheckedRule] = []
         self._broken: set[str] = set()
-        found = [*library.check(*self._patterns), *self._duplicates(directory)]
+        found = [*left_problems(library, *self._patterns), *self._duplicates(directory)]
         known = self._with_patterns(found)
         found += self._check(known)
         self.problems = sort_diagnostics(found)

@@ -58,7 +58,7 @@ class Sight:
             self.problems,
             [*self.names, *(name for name in names if name not in self.types)],
             {**self.types, **names},
-            dict(self.created),
+            {name: cls for name, cls in self.created.items() if name not in names},
             dict(self.retyped),
             dict(self.deleted),
             dict(self.absorbed),

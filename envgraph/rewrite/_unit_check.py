@@ -38,7 +38,13 @@ from envgraph.pattern import (
 from envgraph.pattern import (
     Sequence as Steps,
 )
-from envgraph.rewrite._header import check_annotations, check_weight, duplicate_parameters, type_names
+from envgraph.rewrite._header import (
+    check_annotations,
+    check_weight,
+    duplicate_parameters,
+    left_problems,
+    type_names,
+)
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._variables import is_named, mentioned
 
@@ -291,7 +297,7 @@ class _Checker:
             return
         relation: Relation = condition.relation if isinstance(condition, Negation) else condition
         lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
-        problems = [p for p in self.library.check(lowered.pattern) if p.severity is Severity.ERROR]
+        problems = [p for p in left_problems(self.library, lowered.pattern) if p.severity is Severity.ERROR]
         self.result.problems.extend(problems)
         self.result.conditions[id(step)] = lowered
 
