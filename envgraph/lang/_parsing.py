@@ -707,12 +707,11 @@ def _tidy(root: Tree[Token]) -> Tree[Token] | None:
         for tree in level:
             if "__" in tree.data:
                 tree.data = tree.data.rpartition("__")[2]
-            for child in tree.children:
-                if isinstance(child, Tree):
-                    below.append(child)
-            if any(child.data == ERROR for child in below):
+            children = [child for child in tree.children if isinstance(child, Tree)]
+            if any(child.data == ERROR for child in children):
                 tree.children = [c for c in tree.children if not (isinstance(c, Tree) and c.data == ERROR)]
-        level = [tree for tree in below if tree.data != ERROR]
+            below += [child for child in children if child.data != ERROR]
+        level = below
         if not level:
             return None
     return level[0]
