@@ -246,8 +246,11 @@ def import_(
 def train(
     run: Run,
     steps: Annotated[
-        int | None,
-        typer.Option(min=1, help="Training steps for each environment.", show_default="as in family.toml"),
+        str | None,
+        typer.Option(
+            help="Training steps for each environment; several budgets are separated by commas.",
+            show_default="as in family.toml",
+        ),
     ] = None,
     seeds: Annotated[
         int | None,

@@ -13,7 +13,6 @@ from envgraph.cli._output import OutputFormat, print_json, print_table, progress
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn import (
     Curriculum,
-    Experiment,
     FamilyMember,
     TrainingSettings,
     read_csv,
@@ -22,8 +21,11 @@ from envgraph.learn import (
     sequences,
     write_csv,
 )
-from envgraph.report import family_report, render_html, stage_table
+from envgraph.report import Trained, family_report, render_html, stage_table
 from envgraph.search import Family, RunStore, open_family, run_file
+
+TRAINING = "training"
+"""Name of the directory of results, below that of the run; one directory a budget inside."""
 
 _KINDS = ("suffixes", "full", "baselines", "direct")
 
@@ -32,58 +34,68 @@ def train_agents(
     run: str,
     directory: Path,
     *,
-    steps: int | None,
+    steps: str | None,
     seeds: int | None,
     curricula: str,
     workers: int,
     format: OutputFormat,
 ) -> None:
-    """Train, evaluate, write CSV files, and print a summary."""
+    """Train with each budget, evaluate, write CSV files, and print a summary."""
     family = open_family(run, directory)
     chosen = _curricula(family, curricula)
-    settings = _settings(family, steps, seeds)
+    budgets = [_settings(family, budget, seeds) for budget in _budgets(steps)]
     members = _members(family)
-    with progress_bar("agents", None) as advance:
-        experiment = run_experiment(
-            members,
-            settings,
-            chosen,
-            workers=workers,
-            progress=lambda done, total: advance(done, f"of {total}"),
-        )
-    with progress_bar("agents along the curriculum", None) as advance:
-        stages = run_stages(
-            members, settings, workers=workers, progress=lambda done, total: advance(done, f"of {total}")
-        )
-    target = run_directory(run, directory) / "training"
-    write_csv(experiment, target)
-    write_csv(stages, target / "stages")
-    _print_summary(family, experiment, target, format)
+    base = run_directory(run, directory) / TRAINING
+    trained = []
+    for settings in budgets:
+        label = f"agents, {settings.steps_per_environment} steps"
+        with progress_bar(label, len(chosen) * settings.seeds) as advance:
+            experiment = run_experiment(
+                members, settings, chosen, workers=workers, progress=lambda done, _: advance(done)
+            )
+        with progress_bar(f"{label}, stage by stage", len(members) * settings.seeds) as advance:
+            stages = run_stages(members, settings, workers=workers, progress=lambda done, _: advance(done))
+        write_csv(experiment, base / str(settings.steps_per_environment))
+        write_csv(stages, base / str(settings.steps_per_environment) / "stages")
+        trained.append(Trained(settings.steps_per_environment, experiment, stages))
+    _print_summary(family, trained, base, format)
 
 
 def write_report(run: str, directory: Path, output: Path | None) -> None:
     """Write the page, and print the short table."""
     family = open_family(run, directory)
     base = run_directory(run, directory)
-    experiment, stages = _read(base / "training"), _read(base / "training" / "stages")
+    trained = _read(base / TRAINING)
     history: list[tuple[int, float, int, int]] = []
     if Path(run).suffix != ".json":
         with RunStore.open(run_file(run, directory)) as store:
             history = store.history()
-    page = family_report(
-        family, history=history, experiment=experiment, stages=stages, facts=_facts(family, experiment)
-    )
+    page = family_report(family, history=history, trained=trained, facts=_facts(family, trained))
     path = output or base / "report.html"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(render_html(page), encoding="utf-8")
-    table = stage_table(family, stages, experiment)
+    table = stage_table(family, trained)
     print_table(family.name, table.columns, table.rows, table.numeric)
     print(f"report: {path}")
 
 
-def _read(directory: Path) -> Experiment | None:
-    """The results in a directory, or None where nothing has been trained."""
-    return read_csv(directory) if (directory / "runs.csv").is_file() else None
+def _read(directory: Path) -> list[Trained]:
+    """The results of every budget, the smallest first."""
+    budgets = sorted(int(path.name) for path in directory.glob("*") if path.name.isdecimal())
+    return [
+        Trained(steps, read_csv(directory / str(steps)), read_csv(directory / str(steps) / "stages"))
+        for steps in budgets
+    ]
+
+
+def _budgets(steps: str | None) -> list[int | None]:
+    """Numbers separated by commas; None stands for the number in the family file."""
+    if steps is None:
+        return [None]
+    words = [word.strip() for word in steps.split(",")]
+    if not all(word.isascii() and word.isdecimal() and int(word) > 0 for word in words):
+        raise InvalidArgument(f"`--steps {steps}` is no list of whole numbers such as `10000,50000`")
+    return [*sorted({int(word) for word in words})]
 
 
 def _members(family: Family) -> list[FamilyMember]:
@@ -119,11 +131,12 @@ def _curricula(family: Family, kinds: str) -> list[Curriculum]:
     return list(chosen.values())
 
 
-def _print_summary(family: Family, experiment: Experiment, directory: Path, format: OutputFormat) -> None:
-    summaries = experiment.summaries()
+def _print_summary(family: Family, trained: list[Trained], directory: Path, format: OutputFormat) -> None:
+    found = [(budget.steps, one) for budget in trained for one in budget.experiment.summaries()]
     if format is OutputFormat.JSON:
         results = [
             {
+                "steps_per_environment": steps,
                 "kind": one.kind,
                 "label": one.label,
                 "seeds": one.runs,
@@ -131,26 +144,27 @@ def _print_summary(family: Family, experiment: Experiment, directory: Path, form
                 "success_interval": list(one.success_interval),
                 "mean_return": one.mean_return,
             }
-            for one in summaries
+            for steps, one in found
         ]
         print_json({"name": family.name, "directory": str(directory), "results": results})
         return
     rows = [
         (
             f"{one.kind} {one.label}",
+            str(steps),
             str(one.runs),
             f"{one.success_rate:.0%}",
             f"{one.success_interval[0]:.0%} to {one.success_interval[1]:.0%}",
             f"{one.mean_return:.2f}",
         )
-        for one in summaries
+        for steps, one in found
     ]
-    columns = ("trained on", "seeds", "success", "95 % interval", "return")
-    print_table(f"{family.name}: agents on {family.members[-1].name}", columns, rows, (1, 2, 3, 4))
+    columns = ("trained on", "steps", "seeds", "success", "95 % interval", "return")
+    print_table(f"{family.name}: agents on {family.members[-1].name}", columns, rows, (1, 2, 3, 4, 5))
     print(f"results: {directory}")
 
 
-def _facts(family: Family, experiment: Experiment | None) -> dict[str, str]:
+def _facts(family: Family, trained: list[Trained]) -> dict[str, str]:
     spec = family.domain.spec
     facts = {
         "family file": spec.path,
@@ -161,10 +175,7 @@ def _facts(family: Family, experiment: Experiment | None) -> dict[str, str]:
         "Python": platform.python_version(),
         "NumPy": version("numpy"),
     }
-    if experiment is not None:
-        runs = experiment.runs
-        facts["training steps"] = (
-            f"{min(run.steps for run in runs)} to {max(run.steps for run in runs)} an agent"
-        )
-        facts["training seeds"] = f"{min(run.seed for run in runs)} to {max(run.seed for run in runs)}"
+    for budget in trained:
+        seeds = sorted({run.seed for run in budget.experiment.runs})
+        facts[f"training, {budget.steps} steps an environment"] = f"seeds {seeds[0]} to {seeds[-1]}"
     return facts

@@ -54,7 +54,9 @@ def print_table(
         title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
     )
     for place, column in enumerate(columns):
-        table.add_column(column, justify="right" if place in set(right) else "left", no_wrap=True)
+        table.add_column(
+            column, justify="right" if place in set(right) else "left", no_wrap=not place, overflow="fold"
+        )
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     # Piped output is cut at 80 columns by default; a table must not lose its last columns there.
@@ -93,7 +95,8 @@ def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[remark]}"),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(label, total=total, remark="")
 
         def advance(done: int, remark: str = "") -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from statistics import fmean, pstdev
 from typing import TypeVar
 
@@ -18,6 +19,22 @@ T = TypeVar("T")
 History = Sequence[tuple[int, float, int, int]]
 """Number, diversity, accepted and rejected children of each generation."""
 
+
+@dataclass(frozen=True, slots=True)
+class Trained:
+    """What agents learned with one budget.
+
+    Attributes:
+        steps: training steps an environment.
+        experiment: curricula and baselines, evaluated on the target.
+        stages: the curriculum up to each environment, evaluated there.
+    """
+
+    steps: int
+    experiment: Experiment
+    stages: Experiment
+
+
 _MOST_POINTS = 400
 """A line of more points than pixels only makes the page large."""
 
@@ -26,8 +43,7 @@ def family_report(
     family: Family,
     *,
     history: History = (),
-    experiment: Experiment | None = None,
-    stages: Experiment | None = None,
+    trained: Sequence[Trained] = (),
     facts: Mapping[str, str] | None = None,
 ) -> Report:
     """The report of a family, of the search that made it, and of what agents learned on it.
@@ -35,17 +51,15 @@ def family_report(
     Args:
         family: the environments.
         history: of the search, if there was one.
-        experiment: training on curricula and baselines, evaluated on the target.
-        stages: training on the curriculum up to each environment, evaluated there.
+        trained: what agents learned, by rising budget.
         facts: how to make the same again.
     """
     sections = []
     if len(history) > 1:
         sections.append(_search(family, history))
-    if stages is not None:
-        sections.append(_stages(family, stages))
-    if experiment is not None:
-        sections.append(_training(family, experiment))
+    if trained:
+        sections.append(_stages(family, trained))
+    sections += [_training(family, one) for one in trained]
     count, target = len(family.members), family.members[-1].name
     return Report(
         title=f"{family.name}: a family of {count} environments",
@@ -58,7 +72,7 @@ def family_report(
     )
 
 
-def stage_table(family: Family, stages: Experiment | None, experiment: Experiment | None = None) -> Table:
+def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
     """One row an environment: its measures, how many objects of each class that varies, and what agents reach.
 
     Success and return are those of agents that were trained on the curriculum up to the environment, on that
@@ -66,21 +80,40 @@ def stage_table(family: Family, stages: Experiment | None, experiment: Experimen
     """
     measures = list(family.members[0].measures)
     varying = family.class_counts()
-    results = {one.label: one for one in stages.summaries()} if stages else {}
-    first = family.members[0].name
+    reached = [{one.label: one for one in budget.stages.summaries()} for budget in trained]
+    first, target = family.members[0].name, family.members[-1].name
     rows = []
     for place, member in enumerate(family.members):
         label = member.name if member.name == first else f"{first}-{member.name}"
         cells = [f"{member.measures[measure]:.3f}" for measure in measures]
-        counts = [str(numbers[place]) for numbers in varying.values()]
-        rows.append((member.name, *cells, *counts, *_result(results.get(label))))
-    direct = [one for one in experiment.summaries() if one.kind == "baseline"] if experiment else []
-    target = family.members[-1].name
-    blank = [""] * (len(measures) + len(varying))
-    rows += [(f"{target} alone", *blank, *_result(one)) for one in direct if one.label == target]
-    columns = ("environment", *measures, *varying, "success", "return")
-    caption = "Success and return: agents trained on the curriculum up to each environment, evaluated there."
+        cells += [str(numbers[place]) for numbers in varying.values()]
+        cells += [text for summaries in reached for text in _result(summaries.get(label))]
+        rows.append((member.name, *cells))
+    alone = [_baseline(budget.experiment, target) for budget in trained]
+    if any(alone):
+        blank = [""] * (len(measures) + len(varying))
+        rows.append((f"{target} alone", *blank, *(text for one in alone for text in _result(one))))
+    several = len(trained) > 1
+    budgets = [f" at {_thousands(budget.steps)}" if several else "" for budget in trained]
+    heads = [f"{what}{budget}" for budget in budgets for what in ("success", "return")]
+    columns = ("environment", *measures, *varying, *heads)
+    caption = "Success and return: agents trained on the curriculum up to each environment, evaluated there"
+    caption += "; at so many training steps an environment." if several else "."
     return Table(caption, columns, tuple(rows), frozenset(range(1, len(columns))))
+
+
+def _baseline(experiment: Experiment, label: str) -> Summary | None:
+    found = [one for one in experiment.summaries() if (one.kind, one.label) == ("baseline", label)]
+    return found[0] if found else None
+
+
+def _thousands(number: int) -> str:
+    """Whole thousands in short, other numbers in full.
+
+    >>> _thousands(50_000), _thousands(2_500)
+    ('50k', '2500')
+    """
+    return f"{number // 1000}k" if number % 1000 == 0 else str(number)
 
 
 def _result(summary: Summary | None) -> tuple[str, str]:
@@ -124,11 +157,39 @@ def _search(family: Family, history: History) -> Section:
     return Section("Search", (text,), (chart,))
 
 
-def _stages(family: Family, stages: Experiment) -> Section:
-    return Section("Learning along the curriculum", tables=(stage_table(family, stages),))
+def _stages(family: Family, trained: Sequence[Trained]) -> Section:
+    charts = (_budgets(family, trained),) if len(trained) > 1 else ()
+    return Section("Learning along the curriculum", charts=charts, tables=(stage_table(family, trained),))
 
 
-def _training(family: Family, experiment: Experiment) -> Section:
+def _budgets(family: Family, trained: Sequence[Trained]) -> str:
+    """Success on the target over the budget: it need not rise with it."""
+    lines: dict[tuple[str, str], list[tuple[int, Summary]]] = {}
+    for budget in trained:
+        for one in budget.experiment.summaries():
+            lines.setdefault((one.kind, one.label), []).append((budget.steps, one))
+    series = [
+        Series(
+            f"{kind} {label}",
+            tuple(float(steps) for steps, _ in points),
+            tuple(one.success_rate for _, one in points),
+            tuple(one.success_interval[0] for _, one in points),
+            tuple(one.success_interval[1] for _, one in points),
+            dashed=kind == "baseline",
+        )
+        for (kind, label), points in lines.items()
+    ]
+    target = family.members[-1].name
+    return line_chart(
+        series,
+        x_label="training steps an environment",
+        y_label=f"success on {target}",
+        title=f"Success on {target} over the training budget, with Wilson intervals at 95 %",
+    )
+
+
+def _training(family: Family, trained: Trained) -> Section:
+    experiment = trained.experiment
     summaries = experiment.summaries()
     rows = tuple(
         (
@@ -153,7 +214,8 @@ def _training(family: Family, experiment: Experiment) -> Section:
         title="Cumulative reward during training",
     )
     text = "Cumulative reward during training: mean over the seeds, and one standard deviation around it."
-    return Section(f"Training for {family.members[-1].name}", (text,), (chart,), (table,))
+    title = f"Training for {family.members[-1].name}, {_thousands(trained.steps)} steps an environment"
+    return Section(title, (text,), (chart,), (table,))
 
 
 def _runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
