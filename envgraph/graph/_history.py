@@ -233,9 +233,7 @@ class History:
         handle = self._handle(self._current)
         if before is not None:
             self._prune(before)
-            if self._current.overgrown:
-                self._current.turn()
-                self._current.turn()
+            self._reduce(self._current)
         return handle
 
     def checkout(self, version: Version, discard: bool) -> None:
@@ -299,6 +297,14 @@ class History:
             self._store.recording = False
             self._store.journal.clear()
             self._current = None
+
+    def _reduce(self, current: Vertex) -> None:
+        """Shorten the last two segments, if long, by walking them there and back."""
+        path = [current] if current.parent is None else [current, current.parent]
+        while path and not path[-1].overgrown:
+            path.pop()
+        for vertex in (*path, *reversed(path)):
+            vertex.turn()
 
     def _prune(self, vertex: Vertex | None) -> None:
         """Drop a vertex that is neither held nor current nor a fork, and what it alone kept."""

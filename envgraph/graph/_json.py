@@ -245,7 +245,7 @@ class _Reader:
             if not self._is_mapping(path, entry, ("node", "reference", "sources")):
                 continue
             node, sources, reference = entry.get("node"), entry.get("sources"), entry.get("reference")
-            if reference not in names:
+            if not isinstance(reference, str) or reference not in names:
                 self._problem(f"{path}.reference", "unknown-reference", f"unknown reference {reference!r}")
             elif type(node) is not int or not self.model.alive(node):
                 self._problem(f"{path}.node", "unknown-object", f"there is no object {node!r}")

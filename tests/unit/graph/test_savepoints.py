@@ -1,0 +1,138 @@
+"""Savepoints and transactions."""
+
+import pytest
+
+from envgraph.errors import RuleError, TransactionError
+from envgraph.graph import Model
+from tests.property.snapshots import snapshot
+from tests.unit.graph.domain import FOREST, feature, forest, people
+
+
+def test_rollback_restores_ids_order_and_hash():
+    model = forest()
+    before = snapshot(model)
+    savepoint = model.savepoint()
+    model["t11"].delete("spo")
+    model.create("WaterTile", object_name="lake", x=9)
+    model["t00"].retype("BurningTile")
+    model["truck"].currentState = model["t22"]
+    model.rollback(savepoint)
+    assert snapshot(model) == before
+    assert model.new("RoadTile") == before["next_id"]
+
+
+def test_savepoints_nest():
+    model = forest()
+    states = [snapshot(model)]
+    outer = model.savepoint()
+    model["t00"].x = 5
+    states.append(snapshot(model))
+    inner = model.savepoint()
+    model["t00"].x = 6
+    model.rollback(inner)
+    assert snapshot(model) == states[1]
+    model.rollback(outer)
+    assert snapshot(model) == states[0]
+
+
+def test_released_changes_go_with_the_outer_savepoint():
+    model = forest()
+    before = snapshot(model)
+    outer = model.savepoint()
+    inner = model.savepoint()
+    model["t00"].x = 6
+    model.release(inner)
+    assert model["t00"].x == 6
+    model.rollback(outer)
+    assert snapshot(model) == before
+
+
+@pytest.mark.parametrize("close", [Model.rollback, Model.release])
+def test_closing_out_of_order_is_an_error(close):
+    model = forest()
+    outer = model.savepoint()
+    inner = model.savepoint()
+    with pytest.raises(TransactionError, match="inside this one is still open"):
+        close(model, outer)
+    close(model, inner)
+    with pytest.raises(TransactionError, match="closed already"):
+        close(model, inner)
+    with pytest.raises(TransactionError, match="another model"):
+        close(forest(), outer)
+    close(model, outer)
+    assert not model.in_transaction
+
+
+def test_a_transaction_keeps_its_changes():
+    model = forest()
+    with model.transaction():
+        assert model.in_transaction
+        model["t00"].x = 5
+    assert not model.in_transaction
+    assert model["t00"].x == 5
+
+
+def test_an_exception_rolls_a_transaction_back():
+    model = forest()
+    before = snapshot(model)
+    with pytest.raises(RuleError), model.transaction():
+        model["t00"].x = 5
+        with model.transaction():
+            model["t10"].x = 5
+        model["t11"].delete()
+    assert snapshot(model) == before
+
+
+def test_a_refused_write_leaves_the_model_as_it_was():
+    model, (ann, ben) = people("ann", "ben")
+    groups = [model.create("Group") for _ in range(3)]
+    ann.groups = groups[:2]
+    before = snapshot(model)
+    with pytest.raises(RuleError):
+        model.set_targets(groups[2].id, feature(model, "Group", "members"), [ben.id, ann.id])
+    assert snapshot(model) == before
+
+
+def test_nothing_is_recorded_while_nobody_can_go_back():
+    model = forest()
+    assert model.store.journal == []
+    savepoint = model.savepoint()
+    model["t00"].x = 5
+    assert len(model.store.journal) == 4
+    model.release(savepoint)
+    assert model.store.journal == []
+
+
+def test_loading_is_refused_where_it_could_not_be_undone():
+    model = forest()
+    savepoint = model.savepoint()
+    with pytest.raises(TransactionError, match="cannot load inside a transaction"), model.loading():
+        pass
+    model.release(savepoint)
+    version = model.commit()
+    with pytest.raises(TransactionError, match="load before the first commit"), model.loading():
+        pass
+    assert version is model.version
+
+
+def test_savepoints_and_versions_are_refused_while_loading():
+    model = Model(FOREST)
+    with model.loading():
+        with pytest.raises(TransactionError, match="loading"):
+            model.savepoint()
+        with pytest.raises(TransactionError, match="cannot commit while the model is loading"):
+            model.commit()
+        with pytest.raises(TransactionError, match="cannot load"), model.loading():
+            pass
+        model.new("RoadTile")
+    with model.transaction():
+        model.new("RoadTile")
+    assert len(model) == 2
+
+
+def test_loading_ends_with_an_exception_too():
+    model = Model(FOREST)
+    with pytest.raises(KeyError), model.loading():
+        raise KeyError
+    with model.transaction():
+        pass

@@ -1,0 +1,48 @@
+"""Sequences with exact undo."""
+
+from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
+from envgraph.graph._journal import invert, revert
+
+
+def test_a_removal_moves_the_last_element_into_the_gap():
+    items = IndexedSet("abcd")
+    assert items.take("b") == 1
+    assert items == ["a", "d", "c"]
+    assert "b" not in items
+    assert items.where("d") == 1
+
+
+def test_putting_back_is_exact():
+    for letter in "abcd":
+        items = IndexedSet("abcd")
+        items.put(letter, items.take(letter))
+        assert items == list("abcd")
+        assert items.position == {"a": 0, "b": 1, "c": 2, "d": 3}
+
+
+def test_other_structures_can_use_the_journal():
+    # As a view above the model would: its own entries between those of the model.
+    class Counter:
+        def __init__(self):
+            self.counts = {}
+
+        def exchange(self, key, state):
+            before = self.counts.get(key)
+            self.counts[key] = state
+            return before
+
+    matches, counter, index = IndexedSet(()), Counter(), {}
+    journal = []
+    journal.extend((matches, (1, 2), None, OUT))
+    matches.add((1, 2))
+    journal.extend((counter, "p", counter.exchange("p", 1), EXCHANGE))
+    journal.extend((index, 1, index.get(1), SET))
+    index[1] = (1, 2)
+    mark = len(journal)
+    journal.extend((matches, (1, 2), matches.take((1, 2)), IN))
+    revert(journal, mark)
+    assert matches == [(1, 2)]
+    back = invert(journal)
+    assert (matches, counter.counts, index) == ([], {"p": None}, {1: None})
+    invert(back)
+    assert (matches, counter.counts, index) == ([(1, 2)], {"p": 1}, {1: (1, 2)})

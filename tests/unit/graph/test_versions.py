@@ -1,0 +1,268 @@
+"""Commits, checkouts, and what is freed."""
+
+import gc
+
+import pytest
+
+from envgraph.errors import TransactionError
+from envgraph.graph import Version
+from envgraph.graph._history import Vertex
+from tests.property.snapshots import snapshot
+from tests.unit.graph.domain import forest
+
+
+def burn(model, name):
+    """Commit one more burning tile."""
+    model[name].retype("BurningTile")
+    return model.commit()
+
+
+def vertices(model):
+    """Every vertex of the model's version tree."""
+    top = model._history._current
+    while top.parent is not None:
+        top = top.parent
+    found = [top]
+    for vertex in found:
+        found.extend(vertex.children)
+    return found
+
+
+def test_checkout_moves_between_branches():
+    model = forest()
+    root = model.commit()
+    states = {root: snapshot(model)}
+    for names in (["t00", "t10", "t20"], ["t11", "t21"], ["t02"]):
+        model.checkout(root)
+        for name in names:
+            version = burn(model, name)
+            states[version] = snapshot(model)
+    versions = list(states)
+    for version in versions[::2] + versions[::-1] + versions[1::2]:
+        model.checkout(version)
+        assert snapshot(model) == states[version]
+        model.check_integrity()
+
+
+def test_siblings_can_use_the_same_ids():
+    model = forest()
+    root = model.commit()
+    first = model.create("RoadTile", x=1).id
+    one = model.commit()
+    model.checkout(root)
+    assert model.create("WaterTile", x=2).id == first
+    two = model.commit()
+    model.checkout(one)
+    assert model.node(first).cls == "RoadTile"
+    model.checkout(two)
+    assert model.node(first).cls == "WaterTile"
+
+
+def test_commit_without_changes_is_the_same_version():
+    model = forest()
+    version = model.commit()
+    assert model.commit() is version
+    with model.transaction():
+        pass
+    savepoint = model.savepoint()
+    model["t00"].x = 9
+    model.rollback(savepoint)
+    assert model.commit() is version is model.version
+
+
+def test_version_is_none_after_changes():
+    model = forest()
+    assert model.version is None
+    version = model.commit()
+    model["t00"].x = 9
+    assert model.version is None
+    model.checkout(version, discard=True)
+    assert model.version is version
+    savepoint = model.savepoint()
+    assert model.version is None
+    model.release(savepoint)
+
+
+def test_versions_are_numbered():
+    model = forest()
+    versions = [burn(model, name) for name in ("t00", "t10")]
+    assert [version.number for version in versions] == [1, 2]
+    assert repr(versions[1]) == "<Version 2 of square>"
+
+
+def test_uncommitted_changes_are_not_lost_by_accident():
+    model = forest()
+    root = model.commit()
+    later = burn(model, "t00")
+    model["t00"].x = 9
+    for version in (root, later):
+        with pytest.raises(TransactionError, match="uncommitted changes"):
+            model.checkout(version)
+        assert model["t00"].x == 9
+    model.checkout(later, discard=True)
+    assert (model["t00"].x, model["t00"].cls) == (0, "BurningTile")
+
+
+def test_versions_belong_to_one_model():
+    with pytest.raises(TransactionError, match="version of another model"):
+        forest().checkout(forest().commit())
+
+
+def test_versions_wait_for_the_end_of_the_transaction():
+    model = forest()
+    version = model.commit()
+    with model.transaction():
+        with pytest.raises(TransactionError, match="cannot commit inside a transaction"):
+            model.commit()
+        with pytest.raises(TransactionError, match="cannot check out inside a transaction"):
+            model.checkout(version)
+
+
+def test_a_version_keeps_its_model_alive():
+    version = forest().commit()
+    gc.collect()
+    version.model.checkout(version)
+    assert len(version.model) == 11
+
+
+def test_versions_that_nobody_holds_are_freed():
+    model = forest()
+    root = model.commit()
+    for _ in range(10):
+        burn(model, "t00")
+        model.checkout(root)
+        model["t00"].x = 3
+        model.checkout(root, discard=True)
+    assert len(vertices(model)) == 1
+
+
+def test_a_chain_of_versions_that_nobody_holds_is_one_step():
+    model = forest()
+    root = model.commit()
+    before = snapshot(model)
+    for x in range(50):
+        model["t00"].x = x + 1
+        last = model.commit()
+    assert model.commit() is last
+    assert len(vertices(model)) == 2
+    after = snapshot(model)
+    model.checkout(root)
+    assert snapshot(model) == before
+    model.checkout(last)
+    assert snapshot(model) == after
+
+
+def test_versions_dropped_off_the_path_leave_the_rest_reachable():
+    model = forest()
+    root = model.commit()
+    chain = [burn(model, name) for name in ("t00", "t10", "t20", "t01")]
+    model["t20"].delete("spo")
+    chain.append(model.commit())
+    expected = snapshot(model)
+    model.checkout(root)
+    before = snapshot(model)
+    del chain[:-1]
+    other = burn(model, "t22")
+    assert len(vertices(model)) == 3
+    for _ in range(2):
+        model.checkout(chain[0])
+        assert snapshot(model) == expected
+        model.checkout(root)
+        assert snapshot(model) == before
+    assert other.number == 7
+
+
+def test_forks_stay_while_both_branches_are_held():
+    model = forest()
+    root = model.commit()
+    fork = burn(model, "t00")
+    one = burn(model, "t10")
+    model.checkout(fork)
+    two = burn(model, "t20")
+    del fork, root
+    model.commit()
+    assert len(vertices(model)) == 3
+    model.checkout(one)
+    assert (model["t00"].cls, model["t20"].cls) == ("BurningTile", "RoadTile")
+    model.checkout(two)
+    assert (model["t10"].cls, model["t20"].cls) == ("RoadTile", "BurningTile")
+    del one
+    model.commit()
+    assert len(vertices(model)) == 1
+
+
+def test_without_versions_nothing_is_recorded_any_more():
+    model = forest()
+    version = model.commit()
+    model["t00"].x = 9
+    assert model.store.journal
+    del version
+    with model.transaction():
+        pass
+    assert not model.store.recording
+    model["t00"].x = 10
+    assert model.store.journal == []
+    assert model.version is None
+    version = model.commit()
+    model["t00"].x = 11
+    model.checkout(version, discard=True)
+    assert model["t00"].x == 10
+
+
+def test_a_version_can_be_asked_for_again_after_its_handle_is_gone():
+    model = forest()
+    root = model.commit()
+    number = burn(model, "t00").number
+    again = model.version
+    assert isinstance(again, Version)
+    assert again.number == number
+    model.checkout(root)
+    model.checkout(again)
+    assert model["t00"].cls == "BurningTile"
+
+
+def test_long_runs_do_not_grow_the_tree_or_the_paths():
+    # A genetic algorithm in small: six versions, the first one pinned, the others replaced all the time.
+    model = forest()
+    pinned = model.commit()
+    population = [pinned]
+    names = [f"t{x}{y}" for x in range(3) for y in range(3)]
+    for generation in range(1000):
+        model.checkout(population[generation % len(population)])
+        tile = model[names[generation % 9]]
+        tile.retype("BurningTile" if tile.cls == "RoadTile" else "RoadTile")
+        population.append(model.commit())
+        if len(population) > 6:
+            del population[1 + generation % 3]
+    model.commit()
+    assert len(vertices(model)) <= 2 * len(population)
+    assert sum(len(vertex.segment) for vertex in vertices(model)) < 20_000
+    model.checkout(pinned)
+    assert all(model[name].cls == "RoadTile" for name in names)
+
+
+def test_a_long_walk_away_from_a_held_version_stays_short():
+    model = forest()
+    root = model.commit()
+    before = snapshot(model)
+    for step in range(5_000):
+        model["t00"].x = step
+        model[f"t{step % 3}{step % 2}"].retype("BurningTile" if step % 4 < 2 else "RoadTile")
+        last = model.commit()
+    after = snapshot(model)
+    assert sum(len(vertex.segment) for vertex in vertices(model)) < 10_000
+    model.checkout(root)
+    assert snapshot(model) == before
+    model.checkout(last)
+    assert snapshot(model) == after
+    model.check_integrity()
+
+
+def test_dropping_a_model_frees_its_versions():
+    model = forest()
+    versions = [burn(model, name) for name in ("t00", "t10")]
+    gc.collect()
+    before = sum(isinstance(item, Vertex) for item in gc.get_objects())
+    del model, versions
+    gc.collect()
+    assert sum(isinstance(item, Vertex) for item in gc.get_objects()) <= before - 2
