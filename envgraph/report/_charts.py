@@ -13,7 +13,7 @@ from envgraph.errors import InvalidArgument
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#555555")
 
 _WIDTH, _HEIGHT = 720, 300
-_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 26, 14, 44
+_LEFT, _RIGHT, _TOP, _BOTTOM = 74, 26, 14, 44
 
 
 @dataclass(frozen=True, slots=True)
