@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from envgraph.env._clauses import Question
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, has_errors
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, has_errors, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     Expression,
@@ -94,8 +94,7 @@ def type_names(scope: Mapping[str, StaticType | None]) -> dict[str, str]:
 
 def a_type(type_: StaticType) -> str:
     """A type with its article, for messages."""
-    text = type_text(type_)
-    return f"{'an' if text[0] in 'aeiouAEIO' else 'a'} `{text}`"
+    return with_article(type_text(type_))
 
 
 def _is_path(expression: Expression) -> bool:

@@ -18,7 +18,7 @@ from envgraph.errors._exceptions import (
     TypeMismatch,
 )
 from envgraph.errors._source import Source, Span
-from envgraph.errors._suggest import did_you_mean
+from envgraph.errors._suggest import did_you_mean, with_article
 
 __all__ = [
     "Diagnostic",
@@ -38,4 +38,5 @@ __all__ = [
     "did_you_mean",
     "has_errors",
     "sort_diagnostics",
+    "with_article",
 ]

@@ -1,9 +1,18 @@
-"""The nearest known name, for hints."""
+"""Names in messages and hints."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+
+
+def with_article(name: str) -> str:
+    """A name in backquotes with its article, for messages.
+
+    >>> with_article("int"), with_article("Tile")
+    ('an `int`', 'a `Tile`')
+    """
+    return f"{'an' if name[:1] in tuple('aeiouAEIO') else 'a'} `{name}`"
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str | None:

@@ -191,9 +191,9 @@ class _Checker:
 
 
 def _named(names: Iterable[tuple[str, str]]) -> dict[str, int]:
-    """How many definitions each simple and each qualified name has."""
+    """How many qualified names each name may mean; one, if it is a qualified name itself."""
     counts: dict[str, int] = {}
-    for simple, qualified in names:
-        for name in dict.fromkeys((simple, qualified)):
-            counts[name] = counts.get(name, 0) + 1
-    return counts
+    distinct = dict.fromkeys(names)  # a second definition of a name is reported where it stands
+    for simple, _ in distinct:
+        counts[simple] = counts.get(simple, 0) + 1
+    return counts | {qualified: 1 for _, qualified in distinct}

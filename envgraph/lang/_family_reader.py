@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
+from pathlib import Path
 from typing import Any, get_args
 
 from envgraph.errors import Diagnostic, LoadError, Span, did_you_mean
@@ -72,7 +74,8 @@ def load_family(path: str, files: Files | None = None) -> FamilySpec:
     try:
         source = read_source(files, name)
     except LoadError as error:
-        raise LoadError([_no_family(str(path), one) for one in error.diagnostics]) from None
+        inside = files.is_directory(files.name(str(path)))
+        raise LoadError([one if inside else _no_family(str(path), one) for one in error.diagnostics]) from None
     text = parse_toml(source)
     reader = _Reader(text, files, name)
     spec = reader.family()
@@ -285,7 +288,8 @@ class _Reader:
         return name and Name(self._files.name(str(name), beside=self._name), name.span)
 
     def _directory(self) -> str:
-        return self._name.replace("\\", "/").rpartition("/")[0].rpartition("/")[2] or "family"
+        name = os.path.abspath(self._name) if isinstance(self._files, DiskFiles) else self._name
+        return Path(name).parent.name or "family"
 
     def _missing(self, section: _Section, key: str, hint: str) -> None:
         where = f"`[{'.'.join(section.path)}]`" if section.path else "the file"

@@ -44,7 +44,7 @@ class DiskFiles:
             return path
         full = os.path.realpath(os.path.join(os.path.dirname(beside), path) if beside else path)
         here = os.path.realpath(os.curdir)
-        inside = full.startswith(here.rstrip(os.sep) + os.sep)
+        inside = full == here or full.startswith(here.rstrip(os.sep) + os.sep)
         return Path(os.path.relpath(full, here) if inside else full).as_posix()
 
     def read(self, name: str) -> bytes:
@@ -160,6 +160,15 @@ def _refuse(name: str, code: str, message: str, hint: str | None) -> NoReturn:
 
 def _reason(error: Exception) -> str:
     return (error.strerror or "") if isinstance(error, OSError) else str(error)
+
+
+def in_directory(directory: str, entry: str) -> str:
+    """The name of a file in a directory of this name; the working directory is left out, as names of files do.
+
+    >>> in_directory(".", "family.toml"), in_directory("a", "family.toml")
+    ('family.toml', 'a/family.toml')
+    """
+    return posixpath.normpath(posixpath.join(directory, entry))
 
 
 def _near(files: Files, name: str) -> str | None:

@@ -8,14 +8,23 @@ from os import PathLike, fspath
 from typing import NoReturn
 
 from envgraph.env import Behaviour
-from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Note, Source, did_you_mean
-from envgraph.lang._checking import check
+from envgraph.errors import (
+    Diagnostic,
+    InvalidArgument,
+    LoadError,
+    Note,
+    Severity,
+    Source,
+    did_you_mean,
+    has_errors,
+)
+from envgraph.lang._checking import check, conformance
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._environment import read_environment, with_enums
 from envgraph.lang._family import FamilySpec
 from envgraph.lang._family_check import check_family
 from envgraph.lang._family_reader import FAMILY_FILE, load_family
-from envgraph.lang._files import DiskFiles, Files, read_source
+from envgraph.lang._files import DiskFiles, Files, in_directory, read_source
 from envgraph.lang._imports import Import, without_consequences
 from envgraph.lang._metamodel import MetamodelFile, read_metamodel
 from envgraph.lang._model import ModelText, imports_of, read_models
@@ -105,7 +114,7 @@ def _family_first(paths: Sequence[StrPath]) -> list[str]:
     chosen = []
     for path in (fspath(one) for one in paths):
         directory = _directory(files, path)
-        family = f"{directory}/{FAMILY_FILE}" if directory else None
+        family = in_directory(directory, FAMILY_FILE) if directory else None
         chosen.append(family if family and family in files.entries(directory or "") else path)
     return chosen
 
@@ -154,12 +163,8 @@ class _Loader:
             self.roots.append(name)
             self._read(name)
             return
-        found = [name for name in self._known_files(directory) if not name.endswith(".toml")]
-        found += (
-            [f"{directory}/{FAMILY_FILE}"]
-            if f"{directory}/{FAMILY_FILE}" in self._known_files(directory)
-            else []
-        )
+        family, known = in_directory(directory, FAMILY_FILE), self._known_files(directory)
+        found = [name for name in known if not name.endswith(".toml")] + [family] * (family in known)
         if not found:
             self.order.setdefault(directory, len(self.order))
             place = Source(directory, "").span(0, 0)
@@ -278,10 +283,22 @@ class _Loader:
         found = check(workspace, lost)
         for spec in self.families:
             found += without_consequences(check_family(spec, workspace), lost)
+        found += self._conformance(models)
         self.diagnostics.extend(
             one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)
         )
         return replace(workspace, diagnostics=self._sorted())
+
+    def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
+        """What models lack; the model of a family has to conform, others may still be worked on."""
+        if any(has_errors(file.diagnostics) for file, _ in self.metamodels.values()):
+            return []  # a feature that is wrong is missing in every object
+        initial = {spec.model.text for spec in self.families}
+        return [
+            replace(one, severity=Severity.ERROR) if text.span.source.name in initial else one
+            for text in models
+            for one in conformance(text)
+        ]
 
     def _metamodel(self) -> Metamodel | None:
         for file, _ in self.metamodels.values():

@@ -7,7 +7,16 @@ from dataclasses import dataclass, field
 
 from lark import Token, Tree
 
-from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, did_you_mean, has_errors
+from envgraph.errors import (
+    Diagnostic,
+    Note,
+    ResolutionError,
+    Severity,
+    Span,
+    did_you_mean,
+    has_errors,
+    with_article,
+)
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.metamodel import (
@@ -226,7 +235,12 @@ class _Reader:
             return None
         if enum and enum[0] != type_.name:
             hint = f"write `{type_.name}::` or `::`"
-            self._error("wrong-type", f"`{name}` is a `{type_.name}`, not a `{enum[0]}`", enum[0], hint)
+            self._error(
+                "wrong-type",
+                f"`{name}` is {with_article(type_.name)}, not {with_article(enum[0])}",
+                enum[0],
+                hint,
+            )
             return None
         return str(literal)
 

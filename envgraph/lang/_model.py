@@ -11,7 +11,16 @@ from dataclasses import dataclass, field
 
 from lark import Token, Tree
 
-from envgraph.errors import Diagnostic, Note, RuleError, Span, TypeMismatch, did_you_mean, has_errors
+from envgraph.errors import (
+    Diagnostic,
+    Note,
+    RuleError,
+    Span,
+    TypeMismatch,
+    did_you_mean,
+    has_errors,
+    with_article,
+)
 from envgraph.graph import Model
 from envgraph.lang._grid import Cell, Entry, GridText, read_grid
 from envgraph.lang._imports import Import, without_consequences
@@ -354,7 +363,12 @@ class _Reader:
             self._error("wrong-type", f"`{attribute}` takes `{type_name(type_)}`, not an enum literal", tree)
         elif enum and enum[0] != type_.name:
             hint = f"write `{type_.name}::` or `::`"
-            self._error("wrong-type", f"`{attribute}` is a `{type_.name}`, not a `{enum[0]}`", enum[0], hint)
+            self._error(
+                "wrong-type",
+                f"`{attribute}` is {with_article(type_.name)}, not {with_article(enum[0])}",
+                enum[0],
+                hint,
+            )
         elif literal not in type_.literals:
             hint = did_you_mean(literal, type_.literals) or f"its literals are {_listed(type_.literals)}"
             self._error("unknown-literal", f"`{type_.name}` has no literal `{literal}`", literal, hint)
@@ -441,7 +455,9 @@ class _Reader:
         cls = self._model.class_of(target)
         if self.metamodel.is_a(cls, reference.target):
             return True
-        self._report("wrong-type", f"`{reference}` takes {_of_class(reference)}, not a `{cls}`", where)
+        self._report(
+            "wrong-type", f"`{reference}` takes {_of_class(reference)}, not {with_article(cls)}", where
+        )
         return False
 
     def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from envgraph.errors import Diagnostic, Severity, did_you_mean, has_errors, sort_diagnostics
+from envgraph.errors import Diagnostic, Severity, did_you_mean, has_errors, sort_diagnostics, with_article
 from envgraph.pattern._analysis import Analysis, calls_of
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (
@@ -54,7 +54,9 @@ def _unused(patterns: Sequence[Pattern], analysis: Analysis) -> Iterator[Diagnos
         if analysis.entries[pattern.qualified_name].calls.get(site.call.pattern) != pattern.qualified_name
     }
     for pattern in patterns:
-        if pattern.private and pattern.qualified_name not in called:
+        # A search asks for the patterns that are annotated as constraints.
+        annotated = any(annotation.name == "Constraint" for annotation in pattern.annotations)
+        if pattern.private and not annotated and pattern.qualified_name not in called:
             message = f"private pattern `{pattern.name}` is never called"
             yield Diagnostic("unused-private-pattern", message, pattern.span, severity=Severity.WARNING)
 
@@ -108,9 +110,8 @@ class _PatternCheck:
         above = joins(inferred, self._metamodel) if len(inferred) == len(bodies) and inferred else []
         if len(above) == 1 and above[0] != declared and is_subtype(above[0], declared, self._metamodel):
             narrower = type_text(above[0])
-            message = (
-                f"`{parameter.name}` is declared a `{type_text(declared)}`, but is always a `{narrower}`"
-            )
+            first, second = with_article(type_text(declared)), with_article(narrower)
+            message = f"`{parameter.name}` is declared {first}, but is always {second}"
             where, hint = parameter.type_span or span, f"write `{parameter.name} : {narrower}`"
             yield Diagnostic("less-specific-type", message, where, hint, Severity.WARNING)
 

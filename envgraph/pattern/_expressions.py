@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from envgraph.errors import Diagnostic, Span, did_you_mean
+from envgraph.errors import Diagnostic, Span, did_you_mean, with_article
 from envgraph.metamodel import EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern._bodies import depth, none_test
 from envgraph.pattern._lowered import ObjectType, StaticType
@@ -142,7 +142,7 @@ class ExpressionChecker:
             return None
         type_ = self.scope[node.name]
         if isinstance(type_, ObjectType) and not self.bare_objects:
-            message = f"`{node.name}` is an object, a `{type_.cls}`, where only data can stand"
+            message = f"`{node.name}` is an object, {with_article(type_.cls)}, where only data can stand"
             self._report("bare-object", message, node, self._bare_hint(node.name, type_))
             return None
         return type_
@@ -196,7 +196,7 @@ class ExpressionChecker:
             return None
         span = node.feature_span or node.span
         if not isinstance(owner, ObjectType):
-            message = f"a `{type_text(owner)}` has no features"
+            message = f"{with_article(type_text(owner))} has no features"
             self._at("unknown-feature", message, span, None)
             return None
         feature = self.metamodel.feature(owner.cls, node.feature)

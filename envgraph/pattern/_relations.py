@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, with_article
 from envgraph.metamodel import Metamodel, Reference, Scalar
 from envgraph.pattern._analysis import Names
 from envgraph.pattern._bodies import Reading, terms_of
@@ -123,7 +123,7 @@ class RelationCheck:
         name, type_ = path.source.name, self._types.of_term(path.source)
         span = path.source.span or path.span
         if type_ is not None:
-            message = f"`{name}` is a `{type_text(type_)}`, which has no features"
+            message = f"`{name}` is {with_article(type_text(type_))}, which has no features"
             return Diagnostic("unknown-feature", message, span)
         hint = f"write `{name} : Class`"
         return Diagnostic("untyped-source", f"nothing says of what class `{name}` is", span, hint)

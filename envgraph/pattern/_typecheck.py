@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from envgraph.errors import Diagnostic, Note, Severity, Span
+from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
 from envgraph.metamodel import EnumType, Scalar
 from envgraph.pattern._bodies import terms_of
 from envgraph.pattern._expressions import ExpressionChecker, enum_hint
@@ -77,12 +77,11 @@ class TypeCheck:
                 "an int variable and a float variable are never the same; `eval(toFloat(..))` makes a float"
             )
         notes = (Note(f"`{type_text(type_)}` because of {earlier.what}", earlier.span),)
+        earlier_type, later_type = with_article(type_text(type_)), with_article(type_text(fact.type))
         if fact.origin == "call":
-            message = (
-                f"{fact.what} takes a `{type_text(fact.type)}` here, and `{name}` is a `{type_text(type_)}`"
-            )
+            message = f"{fact.what} takes {later_type} here, and `{name}` is {earlier_type}"
             return Diagnostic("argument-type", message, fact.span, hint, notes=notes)
-        message = f"`{name}` cannot be both a `{type_text(type_)}` and a `{type_text(fact.type)}`"
+        message = f"`{name}` cannot be both {earlier_type} and {later_type}"
         return Diagnostic("type-conflict", message, fact.span, hint, notes=notes)
 
     def ambiguous(self, name: str) -> list[StaticType]:
@@ -128,7 +127,8 @@ class TypeCheck:
         actual = self._types.of_term(term)
         if actual is None or comparable(actual, type_, self._metamodel):
             return
-        message = f"{what} takes a `{type_text(type_)}` here, so a `{type_text(actual)}` never matches"
+        wanted, found = with_article(type_text(type_)), with_article(type_text(actual))
+        message = f"{what} takes {wanted} here, so {found} never matches"
         yield Diagnostic("never-matches", message, span, severity=Severity.WARNING)
 
     def literal(
@@ -143,8 +143,8 @@ class TypeCheck:
         hint = None
         if isinstance(type_, EnumType) and isinstance(term.value, str):
             hint = enum_hint(term.value, type_)
-        article = "a `{}` object" if isinstance(type_, ObjectType) else "`{}`"
-        expected = article.format(type_text(type_))
+        text = type_text(type_)
+        expected = f"{with_article(text)} object" if isinstance(type_, ObjectType) else f"`{text}`"
         message = f"expected {expected}, found `{type_text(value_type(term.value))}`"
         yield Diagnostic("wrong-type", message, span, hint)
 
@@ -207,7 +207,7 @@ class TypeCheck:
                 message = f"`==` cannot compare `{type_text(one)}` with `{type_text(other)}`"
                 yield Diagnostic("type-conflict", message, comparison.span)
             elif not comparable(one, other, self._metamodel):
-                message = f"a `{type_text(one)}` is never a `{type_text(other)}`"
+                message = f"{with_article(type_text(one))} is never {with_article(type_text(other))}"
                 yield Diagnostic("always-different", message, comparison.span, severity=Severity.WARNING)
 
     def _is_tainted(self, term: Term) -> bool:

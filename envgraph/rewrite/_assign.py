@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from envgraph.errors import Diagnostic, Note, Span
+from envgraph.errors import Diagnostic, Note, Span, with_article
 from envgraph.metamodel import Attribute, Reference, Scalar
 from envgraph.pattern import (
     Assignment,
@@ -86,7 +86,9 @@ class AssignmentReader:
         if isinstance(value, tuple):
             self.sight.error("wrong-type", f"`{attribute}` has one value, not a list", span)
         elif operator != "=" and not _can_increase(attribute, operator):
-            message = f"`{operator}` does not apply to `{attribute}`, a `{type_text(attribute.type)}`"
+            message = (
+                f"`{operator}` does not apply to `{attribute}`, {with_article(type_text(attribute.type))}"
+            )
             self.sight.error("wrong-type", message, span, "write `=`")
         elif operator == "=" and _is_none(value):
             self.sets.append(SetValue(self.sight.slot(name), attribute, None))

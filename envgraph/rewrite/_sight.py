@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, with_article
 from envgraph.metamodel import Attribute, Metamodel, Reference
 from envgraph.pattern import Edge, ObjectType, StaticType
 
@@ -180,7 +180,7 @@ class Sight:
         cls = self.after(name)
         if cls is None or self.metamodel.is_a(cls, reference.target):
             return cls is not None
-        message = f"`{reference}` leads to `{reference.target}`, and `{name}` is a `{cls}`"
+        message = f"`{reference}` leads to `{reference.target}`, and `{name}` is {with_article(cls)}"
         self.error("wrong-type", message, span)
         return False
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     Alap,
@@ -269,8 +269,8 @@ class _Checker:
         type_, problems = check_expression(argument, scope, self.metamodel, expected=_data(parameter.type))
         self.result.problems.extend(problems)
         if not problems and type_ and parameter.type and not self._may_be(type_, parameter.type):
-            message = f"`{parameter.name}` of `{callee.simple}` is a `{type_text(parameter.type)}`"
-            self._error("wrong-type", f"{message}, not a `{type_text(type_)}`", argument.span)
+            message = f"`{parameter.name}` of `{callee.simple}` is {with_article(type_text(parameter.type))}"
+            self._error("wrong-type", f"{message}, not {with_article(type_text(type_))}", argument.span)
 
     def _may_be(self, type_: StaticType, wanted: StaticType) -> bool:
         """An object may turn out to be of the wanted class; if it is not, the rule has no match."""

@@ -1,0 +1,139 @@
+"""Mistakes that people make: each is reported where it stands, once."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from envgraph.errors import Diagnostic
+from envgraph.lang import TextFiles, bundled_domain, load_family, load_workspace
+
+DOMAIN = bundled_domain("burning_forest")
+TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.iterdir())}
+METAMODEL = "metamodel m class A { int i refers A[1] next contains A[0..*] parts }"
+
+
+def said(root: str, **changed: str) -> list[Diagnostic]:
+    """What is said about a file, with other texts beside it; `_` in a name stands for `.`."""
+    texts = {name.replace("_", "."): text for name, text in changed.items()}
+    return list(load_workspace([root], files=TextFiles(texts)).diagnostics)
+
+
+def changed(name: str, old: str, new: str) -> list[Diagnostic]:
+    """What is said about the bundled family with one stretch of one file replaced."""
+    assert old in TEXTS[name]
+    texts = TEXTS | {name: TEXTS[name].replace(old, new, 1)}
+    return list(load_workspace(["family.toml"], files=TextFiles(texts)).diagnostics)
+
+
+def place(one: Diagnostic) -> tuple[str, str]:
+    assert one.span is not None
+    return one.span.source.name, one.span.text
+
+
+# --- directories
+
+
+@pytest.fixture
+def forest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    directory = tmp_path / "forest"
+    shutil.copytree(DOMAIN, directory)
+    monkeypatch.chdir(directory)
+    return directory
+
+
+@pytest.mark.parametrize("path", [".", "../forest", "./", "family.toml"])
+def test_the_working_directory_is_read_once(forest: Path, path: str) -> None:
+    workspace = load_workspace([path])
+    assert workspace.diagnostics == ()
+    assert all("/" not in name for name in workspace.sources)
+
+
+def test_a_family_without_a_name_is_called_after_its_directory(forest: Path) -> None:
+    text = (forest / "family.toml").read_text().replace('name = "BurningForest"', "")
+    (forest / "family.toml").write_text(text)
+    assert load_family(".").name == load_family("family.toml").name == "forest"
+
+
+# --- conformance
+
+
+def test_a_model_that_does_not_conform_is_warned_about() -> None:
+    (found,) = said(
+        "a.model", a_model='import "m.metamodel" model a : m { a : A { } }', m_metamodel=METAMODEL
+    )
+    assert (found.code, str(found.severity), place(found)) == ("conformance", "warning", ("a.model", "a"))
+    assert "`next`, which needs 1" in found.message
+
+
+def test_the_model_of_a_family_has_to_conform() -> None:
+    (found,) = changed("target_8x8.model", "FireTruck { currentState = tile[0, 0] }", "FireTruck { }")
+    assert (found.code, str(found.severity), place(found)) == (
+        "conformance",
+        "error",
+        ("target_8x8.model", "truck"),
+    )
+
+
+def test_conformance_is_not_asked_of_a_metamodel_with_errors() -> None:
+    found = said(
+        "a.model",
+        a_model='import "m.metamodel" model a : m { a : A { } }',
+        m_metamodel="metamodel m class A { refers B[1] next }",
+    )
+    assert [one.code for one in found] == ["unknown-class"]
+
+
+# --- names
+
+
+def test_an_ambiguous_pattern_of_a_family_comes_with_the_names_to_choose_from() -> None:
+    texts = TEXTS | {
+        "other.query": 'package other import "burning_forest.metamodel" pattern solvable(t : Tile) { Tile(t); }',
+        "family.toml": 'imports = ["other.query"]\n' + TEXTS["family.toml"],
+    }
+    (found,) = load_workspace(["family.toml"], files=TextFiles(texts)).diagnostics
+    assert found.code == "ambiguous-pattern"
+    assert found.hint == "write one of `other.solvable`, `burning_forest.solvable`"
+
+
+def test_a_second_definition_is_not_an_ambiguous_name_too() -> None:
+    twice = "pattern collectedWater(water : WaterTile) { WaterTile(water); }\n"
+    found = changed("burning_forest.query", "/** The truck waits", twice + twice + "/** The truck waits")
+    assert {one.code for one in found} == {"duplicate-definition"}
+    found = changed("family.toml", '"solvable"', '"collectedWater"')
+    assert found == []
+
+
+def test_a_pattern_without_a_package_is_known_by_its_name() -> None:
+    texts = TEXTS | {
+        "other.query": 'import "burning_forest.metamodel" pattern solvable(t : Tile) { Tile(t); }',
+        "family.toml": 'imports = ["other.query"]\n' + TEXTS["family.toml"],
+    }
+    assert load_workspace(["family.toml"], files=TextFiles(texts)).diagnostics == ()
+
+
+def test_a_private_pattern_that_is_a_constraint_is_used_by_the_search() -> None:
+    private = "private pattern alone(t : Tile) { neg find neighbour(t, _); }\n"
+    annotated = '@Constraint(key = t, severity = "error", message = "alone")\n' + private
+    mark = "/** The goal can be reached"
+    assert [one.code for one in changed("burning_forest.query", mark, private + mark)] == [
+        "unused-private-pattern"
+    ]
+    assert changed("burning_forest.query", mark, annotated + mark) == []
+
+
+# --- words
+
+
+def test_types_have_their_article() -> None:
+    (found,) = changed(
+        "burning_forest.environment", "observe find collectedWater(_)", "observe truck.currentState"
+    )
+    assert found.message.startswith("a `State`")
+    (found,) = changed(
+        "burning_forest.query", "Tile.y(tile, 5);", "Tile.y(tile, 5); Tile.y(tile, t); Tile(t);"
+    )
+    assert "both an `int` and a `Tile`" in found.message
