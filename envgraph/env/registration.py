@@ -19,6 +19,7 @@ from envgraph.errors import InvalidArgument
 NAMESPACE = "envgraph"
 
 MAKE_ENVIRONMENT = "envgraph.search:make_environment"
+MAKE_VECTOR_ENVIRONMENT = "envgraph.search:make_vector_environment"
 
 BUNDLED = (("BurningForest", "burning_forest", 200),)
 """Name, folder under `rules/`, and time limit of every bundled environment."""
@@ -76,4 +77,4 @@ def register(
 def register_entry_point() -> None:
     """Register the bundled environments."""
     for name, domain, limit in BUNDLED:
-        register(name, limit=limit, domain=domain)
+        register(name, limit=limit, vector_entry_point=MAKE_VECTOR_ENVIRONMENT, domain=domain)

@@ -7,7 +7,7 @@
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Swaps, Variance
 from envgraph.search._domain import Domain, Reachable
-from envgraph.search._environment import make_environment
+from envgraph.search._environment import make_environment, make_vector_environment
 from envgraph.search._evolution import Evolution, Settings
 from envgraph.search._family import (
     Family,
@@ -86,6 +86,7 @@ __all__ = [
     "grid_rows",
     "import_ga4cl",
     "make_environment",
+    "make_vector_environment",
     "open_family",
     "read_family",
     "read_ga4cl",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
-from envgraph.env import EnvgraphEnv, explore
+from envgraph.env import EnvgraphEnv, EnvgraphVectorEnv, Explored, explore
 from envgraph.errors import InvalidArgument
 from envgraph.search._domain import Domain
 from envgraph.search._family import open_family
@@ -36,19 +37,52 @@ def make_environment(
         InvalidArgument: no such family or member, or neither a domain nor a family is given.
         LoadError: the files have errors.
     """
-    if family is not None:
-        opened = open_family(Path(family))
-        found = opened.explored(opened.member(variant), pictures=True)
-    elif domain is not None:
-        if variant is not None:
-            raise InvalidArgument("`variant` names a member of a family: give `family` as well")
-        loaded = Domain.load(domain)
-        behaviour = loaded.behaviour
-        if behaviour is None:
-            raise InvalidArgument(f"`{domain}` has no environment: its family file names none")
-        found = explore(loaded.engine(), behaviour, loaded.keys(), pictures=True)
-    else:
-        raise InvalidArgument("give a `family`, or a `domain`")
+    (found,) = _explored(domain, family, () if variant is None else (variant,))
     return EnvgraphEnv(
         found.tabular, pictures=found.pictures, render_mode=render_mode, observation=observation, **options
     )
+
+
+def make_vector_environment(
+    num_envs: int = 1,
+    domain: str | None = None,
+    family: str | PathLike[str] | None = None,
+    variant: int | str | Sequence[int | str] | None = None,
+    *,
+    render_mode: str | None = None,
+    observation: Literal["index", "multi"] = "index",
+    max_episode_steps: int | None = None,
+) -> EnvgraphVectorEnv:
+    """The vector environment that `gymnasium.make_vec` makes: `num_envs` environments, stepped by array indexing.
+
+    The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
+    `num_envs=60, variant=["E1", "E2"]` gives thirty of each.
+    """
+    variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
+    found = _explored(domain, family, variants)
+    return EnvgraphVectorEnv(
+        [one.tabular for one in found],
+        num_envs,
+        pictures=[one.pictures for one in found],
+        render_mode=render_mode,
+        observation=observation,
+        max_episode_steps=max_episode_steps,
+    )
+
+
+def _explored(
+    domain: str | None, family: str | PathLike[str] | None, variants: Sequence[int | str]
+) -> list[Explored]:
+    """The members of these names or numbers; the target of a family, or the domain's own model, for none."""
+    if family is not None:
+        opened = open_family(Path(family))
+        return [opened.explored(opened.member(one), pictures=True) for one in variants or (None,)]
+    if variants:
+        raise InvalidArgument("`variant` names a member of a family: give `family` as well")
+    if domain is None:
+        raise InvalidArgument("give a `family`, or a `domain`")
+    loaded = Domain.load(domain)
+    behaviour = loaded.behaviour
+    if behaviour is None:
+        raise InvalidArgument(f"`{domain}` has no environment: its family file names none")
+    return [explore(loaded.engine(), behaviour, loaded.keys(), pictures=True)]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import envgraph.env  # noqa: F401, registers the environments
+import envgraph.env
 from envgraph.errors import InvalidArgument, Source
 from envgraph.learn import FamilyMember, TrainingSettings, greedy_return, run_experiment, sequences
 from envgraph.search import Family, import_ga4cl, write_family
@@ -113,6 +113,35 @@ def test_wrong_variants_and_families_are_named(family_file: Path) -> None:
         gymnasium.make(ID, family="nowhere")
     with pytest.raises(InvalidArgument, match="family"):
         gymnasium.make(ID, variant=2)
+
+
+def test_a_vector_environment_steps_like_its_parts(family_file: Path) -> None:
+    vector = gymnasium.make_vec(
+        ID, num_envs=4, family=family_file, variant=["E2", "E6"], vectorization_mode="vector_entry_point"
+    )
+    assert isinstance(vector, envgraph.env.EnvgraphVectorEnv)
+    single = [gymnasium.make(ID, family=family_file, variant=name) for name in ("E2", "E6", "E2", "E6")]
+    observations, _ = vector.reset(seed=0)
+    assert observations.tolist() == [env.reset(seed=0)[0] for env in single]
+    actions = np.random.default_rng(0).integers(4, size=(40, 4))
+    running = [True] * 4
+    for row in actions:
+        observations, rewards, terminated, truncated, _ = vector.step(row)
+        for place, env in enumerate(single):
+            if running[place]:
+                observation, reward, ended, cut, _ = env.step(int(row[place]))
+                assert observation == observations[place] and reward == pytest.approx(rewards[place])
+                assert (ended, cut) == (terminated[place], truncated[place])
+                running[place] = not ended
+
+
+def test_a_vector_environment_truncates_after_the_registered_limit(family_file: Path) -> None:
+    vector = gymnasium.make_vec(
+        ID, num_envs=2, family=family_file, variant="E1", vectorization_mode="vector_entry_point"
+    )
+    vector.reset(seed=0)
+    cut = [vector.step(np.array([3, 3]))[3].tolist() for _ in range(200)]
+    assert cut == [[False, False]] * 199 + [[True, True]]
 
 
 def test_pictures_show_the_map(family_file: Path) -> None:
