@@ -16,8 +16,9 @@ _VALUES = frozenset(
     + [f"`{word}`" for word in VALUE_WORDS]
 )
 _OPERATORS = frozenset(
-    ["`.`", "`+`", "`-`", "`*`", "`/`", "`%`", "`<`", "`>`", "`<=`", "`>=`", "`==`", "`===`", "`!=`", "`=`"]
-    + ["`&&`", "`||`", "`?`", "`and`", "`or`"]
+    f"`{sign}`"
+    for group in (".?+-*/%<>=", ("<=", ">=", "==", "===", "!=", "&&", "||", "and", "or"))
+    for sign in group
 )
 _MOST_SHOWN = 9
 
