@@ -135,7 +135,10 @@ def _run(stack: ParseStack, recovery: Recovery) -> Tree[Token] | None:
         if terminal is None:
             # Counted, and not the diagnostics: what follows from a misspelt token is not reported.
             errors += 1
-            resumed = recovery.recover(index) if errors <= _MOST_ERRORS else recovery.stop(index)
+            if errors > _MOST_ERRORS:
+                recovery.stop(index)
+                return None
+            resumed = recovery.recover(index)
             if resumed is None:
                 return None
             index = resumed
