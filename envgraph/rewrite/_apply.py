@@ -6,7 +6,7 @@ is carried out phase by phase over the matches of all its blocks, after looking 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,7 +17,7 @@ from envgraph.metamodel import Metamodel, Reference
 from envgraph.rewrite._conflicts import Conflicts
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, RulePlan, SetTargets, SetValue
-from envgraph.rewrite._source import Writer
+from envgraph.rewrite._source import Writer, check_kept
 
 Effect = Callable[[Row], Sequence[Any]]
 """Applies a rule at a row that is a match, and returns all slots of the rule, created objects among them.
@@ -43,9 +43,13 @@ def effect_of(plan: RulePlan, model: Model, matcher: Matcher) -> Effect:
 def _straight(plan: RulePlan, model: Model) -> Effect:
     body = plan.body
     writer = Writer(model, "e{}".format, lossy=plan.lossy)
-    changes = [line for phase in PHASES[1:] for line in getattr(writer, phase)(body)]
+    endangered = _endangered([body], model.metamodel)
+    kept = tuple(slot for slot in body.kept if body.classes[slot] in endangered)
+    changes = [*writer.unlink(body), *writer.delete(body)]
+    changes += [writer.keep(kept, body)] if kept else []
+    changes += [line for phase in PHASES[3:] for line in getattr(writer, phase)(body)]
     lines = writer.compute(body)
-    if _needs_savepoint(body, model.metamodel):
+    if kept or _needs_savepoint(body, model.metamodel):
         writer.namespace.update(
             savepoint=model.savepoint,
             rollback=model.rollback,
@@ -68,6 +72,20 @@ def _straight(plan: RulePlan, model: Model) -> Effect:
         return result
 
     return apply
+
+
+def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:
+    """Classes of variables whose objects may go along with an object that one of the blocks deletes."""
+    classes = dict.fromkeys(b.classes[d.node] for b in blocks for d in b.deletes)
+    queue = [sub for cls in classes if cls is not None for sub in metamodel.concrete(cls)]
+    inside: dict[str, None] = {}
+    for cls in queue:
+        for feature in metamodel.features(cls).values():
+            if isinstance(feature, Reference) and feature.containment:
+                new = [sub for sub in metamodel.concrete(feature.target) if sub not in inside]
+                inside.update(dict.fromkeys(new))
+                queue.extend(new)
+    return {above for cls in inside for above in metamodel.supertypes(cls)}
 
 
 def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
@@ -193,10 +211,12 @@ class _Staged:
         self.block.collect(list(row), None, instances)
         try:
             self._run(instances, "compute")
-            self._check(instances)
+            deleted = self._check(instances)
             with self.model.transaction():
                 for phase in PHASES[1:]:
                     self._run(instances, phase)
+                    if phase == "delete":
+                        self._check_kept(instances, deleted)
         except RuleError as error:
             raise refusal(self.plan.name, error) from None
         return instances[0].slots
@@ -210,7 +230,18 @@ class _Staged:
             if function is not None:
                 function(instance.slots)
 
-    def _check(self, instances: Sequence[Instance]) -> None:
+    def _check(self, instances: Sequence[Instance]) -> Collection[int]:
+        """Look for conflicts; returns what is to be deleted."""
         conflicts = Conflicts(self.model)
         for instance in instances:
             conflicts.add(instance.block.plan, instance.slots)
+        return conflicts.deleted
+
+    def _check_kept(self, instances: Sequence[Instance], deleted: Collection[int]) -> None:
+        if deleted:
+            for instance in instances:
+                plan, slots = instance.block.plan, instance.slots
+                kept = tuple(slot for slot in plan.kept if slots[slot] not in deleted)
+                check_kept(
+                    self.model, tuple(slots[slot] for slot in kept), tuple(plan.names[slot] for slot in kept)
+                )

@@ -362,6 +362,7 @@ class BlockBuilder:
             arguments=tuple(slot(name) for name in self.lowered.inherited),
             inherited=self.inherited,
             names=tuple(self.sight.names),
+            classes=tuple(self.sight.before(name) for name in self.sight.names),
             variables=len(self.lowered.own),
             coinciding=any(self._may_coincide(*pair) for pair in combinations(self.sight.types, 2)),
             identified=self._identified(),

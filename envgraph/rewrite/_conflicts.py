@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from envgraph.errors import RuleError
@@ -49,6 +49,11 @@ class Conflicts:
         self._links(plan, slots, where)
         for change in plan.sets:
             self._set(change, slots, where)
+
+    @property
+    def deleted(self) -> Collection[int]:
+        """The objects that a match deletes."""
+        return self._deleted.keys()
 
     def _identification(self, plan: BlockPlan, slots: Sequence[Any]) -> None:
         for gone, other in plan.identified:

@@ -132,6 +132,7 @@ class BlockPlan:
         arguments: slots of the enclosing block that the pattern takes as its leading arguments.
         inherited: number of slots of the enclosing block.
         names: name of every slot, for messages; computed values have the name "".
+        classes: class on the left side of every slot that is an object then, else None.
         variables: number of slots that the match adds.
         coinciding: two variables may stand for one object.
         identified: pairs of slots where the first is deleted, and which may stand for one object; then the rule is
@@ -144,6 +145,7 @@ class BlockPlan:
     arguments: tuple[int, ...]
     inherited: int
     names: tuple[str, ...]
+    classes: tuple[str | None, ...]
     variables: int
     coinciding: bool
     identified: tuple[tuple[int, int], ...]
@@ -158,6 +160,12 @@ class BlockPlan:
     links: tuple[Link, ...]
     sets: tuple[Assign, ...]
     nested: tuple[BlockPlan, ...]
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """Slots of the objects that the block finds and does not delete."""
+        gone = {delete.node for delete in self.deletes} | {absorb.absorbed for absorb in self.absorbs}
+        return tuple(slot for slot, cls in enumerate(self.classes) if cls is not None and slot not in gone)
 
     @property
     def slots(self) -> int:

@@ -73,6 +73,7 @@ class Writer:
             "value": model.value,
             "_absorb": lambda kept, absorbed: absorb(model, kept, absorbed, lossy=lossy),
             "_leave": lambda node, container, reference: leave(model, node, container, reference),
+            "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
             "_need": need,
             "_present": present,
         }
@@ -100,6 +101,11 @@ class Writer:
     def delete(self, plan: BlockPlan) -> list[str]:
         """Objects that go."""
         return [self._delete(d) for d in plan.deletes]
+
+    def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> str:
+        """Makes sure that what the rule keeps has not gone with its container."""
+        names = tuple(plan.names[slot] for slot in slots)
+        return f"_check_kept({self.slots(slots)}, {self.constant(names)})"
 
     def retype(self, plan: BlockPlan) -> list[str]:
         """Objects that change their class."""
@@ -270,6 +276,18 @@ def need(value: Value | int | None, feature: str) -> Value | int:
     if value is None:
         raise EvaluationError(f"`{feature}` has no value")
     return value
+
+
+def check_kept(model: Model, nodes: tuple[int, ...], names: tuple[str, ...]) -> None:
+    """Check that objects are still there.
+
+    Raises:
+        RuleError: one went with its container ("containment").
+    """
+    for node, name in zip(nodes, names, strict=True):
+        if not model.alive(node):
+            message = f"`{name}` is kept, and goes with a container that is deleted"
+            raise RuleError(message, reason="containment", details=[f"`{name}` is object {node}"])
 
 
 def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:

@@ -399,6 +399,40 @@ def test_container_and_contents_may_both_be_deleted() -> None:
     assert len(model) == 0
 
 
+@pytest.mark.parametrize("header", ["", "@semantics(spo)", "@match(homomorphic)"])
+def test_what_is_kept_does_not_go_with_a_container(header: str) -> None:
+    model = Model(METAMODEL)
+    inner = model.create("Item")
+    outer = model.create("Item", kids=[model.create("Item", kids=[inner])])
+    made = engine(
+        f"{header} rule r(a : Item, b : Item) {{ lhs {{ }} modify {{ delete a; set b.n += 1; }} }}",
+        model=model,
+    )
+    error = refused(made, "containment", a=outer, b=inner)
+    assert "`b` is kept, and goes with a container that is deleted" in str(error)
+    made.apply("r", a=inner, b=outer)
+    assert outer.n == 1
+
+
+def test_a_block_may_not_keep_what_goes_with_a_container() -> None:
+    model = Model(METAMODEL)
+    model.create("Item", kids=[model.create("Item")])
+    text = "rule r(a : Item) { lhs { } forall { lhs { find inside(a, b); } %s } modify { delete a; } }"
+    inside = "pattern inside(a : Item, b : Item) { Item.kids(a, b); }"
+    refused(engine(text % "", inside, model=model), "containment", a=1)
+    made = engine(text % "modify { delete b; }", inside, model=model)
+    made.apply("r", a=1)
+    assert len(model) == 0
+
+
+def test_the_arrow_of_the_left_side_takes_the_contents_out_of_a_deleted_container() -> None:
+    model = Model(METAMODEL)
+    model.create("Box", content=[model.create("Item")])
+    made = engine("rule r { lhs { a : Box -content-> b : Item; } modify { delete a; } }", model=model)
+    made.apply("r")
+    assert [node.cls for node in model.nodes()] == ["Item"]
+
+
 def test_retyping_that_would_lose_links_is_refused_under_dpo_and_loses_them_under_spo() -> None:
     for semantics in ("dpo", "spo"):
         model = chain(1)
