@@ -105,20 +105,26 @@ def edit(draw: Any, model: Model, kind: str) -> None:
         kind: one of `EDITS`.
     """
     nodes = list(model.store.nodes())
-    if kind == "new" or not nodes:
-        cls = draw(st.sampled_from([cls.name for cls in model.metamodel.class_list if not cls.abstract]))
-        for _ in range(draw(st.sampled_from([1, 1, 1, 40]))):
-            model.new(cls)
-        return
-    node = draw(st.sampled_from(nodes))
     with suppress(RuleError):
-        _edit_object(draw, model, kind, node)
+        if kind == "new" or not nodes:
+            _create(draw, model)
+        elif kind == "unlink":
+            _unlink(draw, model, nodes)
+        elif kind in ("link", "set_target", "set_targets"):
+            _link(draw, model, kind)
+        else:
+            _edit_object(draw, model, kind, draw(st.sampled_from(nodes)))
+
+
+def _create(draw: Any, model: Model) -> None:
+    cls = draw(st.sampled_from([cls.name for cls in model.metamodel.class_list if not cls.abstract]))
+    for _ in range(draw(st.sampled_from([1, 1, 3, 3, 3, 40]))):
+        model.new(cls)
 
 
 def _edit_object(draw: Any, model: Model, kind: str, node: int) -> None:
-    features = list(model.metamodel.features(model.class_of(node)).values())
+    features = model.metamodel.features(model.class_of(node)).values()
     attributes = [feature for feature in features if isinstance(feature, Attribute)]
-    references = [feature for feature in features if isinstance(feature, Reference)]
     if kind == "delete":
         model.delete(node, draw(st.sampled_from(["dpo", "spo"])))
     elif kind == "retype":
@@ -128,32 +134,37 @@ def _edit_object(draw: Any, model: Model, kind: str, node: int) -> None:
         name = draw(st.sampled_from([None, "n1", "n2"]))
         if name is None or model.find_object(name) is None:
             model.set_object_name(node, name)
-    elif kind == "set_value" and attributes:
+    elif attributes:
         attribute = draw(st.sampled_from(attributes))
         model.set_value(node, attribute, draw(st.none() | values_of(attribute.type)))
-    elif kind in ("link", "unlink", "set_target", "set_targets") and references:
-        _edit_links(draw, model, kind, node, draw(st.sampled_from(references)))
 
 
-def _edit_links(draw: Any, model: Model, kind: str, node: int, reference: Reference) -> None:
-    candidates = list(model.extent(reference.target))
-    if not candidates:
+def _link(draw: Any, model: Model, kind: str) -> None:
+    reference = draw(st.sampled_from(model.metamodel.references))
+    sources, candidates = list(model.extent(reference.owner)), list(model.extent(reference.target))
+    if not (sources and candidates):
         return
+    node = draw(st.sampled_from(sources))
     if kind == "link":
         # Several at once: crowded ends are stored in another way than others.
-        for target in draw(st.sampled_from([candidates, [draw(st.sampled_from(candidates))]])):
-            if model.alive(target):
-                model.link(node, reference, target)
-    elif kind == "unlink":
-        targets = list(model.targets(node, reference))
-        if targets:
-            model.unlink(node, reference, draw(st.sampled_from(targets)))
+        for target in candidates[draw(st.sampled_from([0, 1, 2, -1, -5])) :][
+            : draw(st.sampled_from([1, 4, 99]))
+        ]:
+            model.link(node, reference, target)
     elif kind == "set_target":
         model.set_target(node, reference, draw(st.none() | st.sampled_from(candidates)))
     else:
-        model.set_targets(
-            node, reference, draw(st.lists(st.sampled_from(candidates), unique=True, max_size=3))
-        )
+        targets = draw(st.lists(st.sampled_from(candidates), unique=True, max_size=3))
+        model.set_targets(node, reference, targets)
+
+
+def _unlink(draw: Any, model: Model, nodes: list[int]) -> None:
+    linked = [(node, r) for r in model.metamodel.references for node in nodes if model.targets(node, r)]
+    if linked:
+        node, reference = draw(st.sampled_from(linked))
+        targets = list(model.targets(node, reference))
+        for target in targets[: draw(st.sampled_from([1, 2, len(targets) // 2]))]:
+            model.unlink(node, reference, target)
 
 
 @st.composite
