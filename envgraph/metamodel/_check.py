@@ -191,7 +191,7 @@ def _check_reference(reference: Reference, cls: Class, table: Mapping[str, Class
     if reference.lower < 0 or (upper is not None and (upper < 1 or upper < reference.lower)):
         yield Diagnostic(
             "bad-multiplicity",
-            f"`{reference.name}` cannot have {reference.lower}..{upper} targets",
+            f"`{reference.name}` cannot have {reference.lower}..{'*' if upper is None else upper} targets",
             place(reference, "multiplicity") or cls.span,
             "the lower bound comes first, and the upper bound is at least 1",
         )
@@ -240,6 +240,10 @@ def _check_opposite(reference: Reference, cls: Class, table: Mapping[str, Class]
         )
 
 
+def _listed(names: Sequence[str]) -> str | None:
+    return "it has " + ", ".join(f"`{name}`" for name in names) if names else None
+
+
 def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
     known = {f.name: f for above in linearise(cls.name, table) for f in table[above].features}
     if len(set(cls.key)) != len(cls.key):
@@ -253,7 +257,7 @@ def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
                 "unknown-attribute",
                 f"`@key` names `{name}`, which is no attribute of `{cls.name}`",
                 place(cls, f"key {name}"),
-                did_you_mean(name, attributes),
+                did_you_mean(name, attributes) or _listed(attributes),
             )
 
 

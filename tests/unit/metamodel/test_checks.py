@@ -1,0 +1,273 @@
+"""What is wrong with a metamodel is said at once, with a code and a hint."""
+
+import pytest
+
+from envgraph.errors import ResolutionError, Source
+from envgraph.metamodel import Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar
+
+INT = Scalar.INT
+WAY = EnumType("Way", ("west", "east"))
+
+
+def problems(*classes, enums=()):
+    """Diagnostics of a metamodel that must have some."""
+    with pytest.raises(ResolutionError) as caught:
+        Metamodel("m", classes, enums)
+    return caught.value.diagnostics
+
+
+def cls(name, *features, **more):
+    return Class(name, features=features, **more)
+
+
+@pytest.mark.parametrize(
+    ("classes", "code", "message", "hint"),
+    [
+        ([cls("A"), cls("A")], "duplicate-definition", "`A` is defined twice", None),
+        ([cls("A", supertypes=("B",)), cls("C")], "unknown-class", "unknown class `B`", None),
+        (
+            [cls("Tile", supertypes=("Stat",)), cls("State")],
+            "unknown-class",
+            "unknown class `Stat`",
+            "did you mean `State`?",
+        ),
+        ([cls("A", supertypes=("A",))], "cyclic-inheritance", "`A` is its own supertype", None),
+        (
+            [cls("B"), cls("A", supertypes=("B", "B"))],
+            "duplicate-definition",
+            "`A` names a supertype twice",
+            None,
+        ),
+        (
+            [cls("A", Attribute("x", INT), Reference("x", "A"))],
+            "duplicate-definition",
+            "`A.x` is defined twice",
+            None,
+        ),
+        (
+            [cls("A", Attribute("x", INT)), cls("B", Attribute("x", INT), supertypes=("A",))],
+            "duplicate-definition",
+            "`B` inherits `x` from `A` already",
+            None,
+        ),
+        (
+            [cls("A", Attribute("x", INT)), cls("B", Attribute("x", INT)), cls("C", supertypes=("A", "B"))],
+            "duplicate-definition",
+            "`C` inherits `x` from both `A` and `B`",
+            "rename one of them, or move it to a common supertype",
+        ),
+        (
+            [cls("A", Attribute("x", INT, 1.5))],
+            "wrong-type",
+            "default of `x` is not of type `int`",
+            "write the type as `float`, or the default without a fraction",
+        ),
+        ([cls("A", Attribute("x", INT, True))], "wrong-type", "default of `x` is not of type `int`", None),
+        (
+            [cls("A", Attribute("x", Scalar.FLOAT, float("nan")))],
+            "wrong-type",
+            "default of `x` is not of type `float`",
+            None,
+        ),
+        (
+            [cls("A", Reference("r", "A", 2, 1))],
+            "bad-multiplicity",
+            "`r` cannot have 2..1 targets",
+            "the lower bound comes first, and the upper bound is at least 1",
+        ),
+        (
+            [cls("A", Reference("r", "A", 0, 0))],
+            "bad-multiplicity",
+            "`r` cannot have 0..0 targets",
+            "the lower bound comes first, and the upper bound is at least 1",
+        ),
+        (
+            [cls("A", Reference("r", "A", -1, None))],
+            "bad-multiplicity",
+            "`r` cannot have -1..* targets",
+            "the lower bound comes first, and the upper bound is at least 1",
+        ),
+        ([cls("A", Reference("r", "B"))], "unknown-class", "unknown class `B`", None),
+        (
+            [cls("A", Reference("r", "A", opposite="s"), Reference("t", "A"))],
+            "unknown-reference",
+            "`A` has no reference `s`",
+            None,
+        ),
+        (
+            [cls("A", Reference("r", "A", opposite="x"), Attribute("x", INT))],
+            "unknown-reference",
+            "`A` has no reference `x`",
+            None,
+        ),
+        (
+            [cls("A", Reference("r", "B", opposite="s")), cls("B", Reference("s", "A"))],
+            "opposite-mismatch",
+            "`A.r` and `B.s` are not each other's opposites",
+            "declare `refers A s opposite r` in `B`",
+        ),
+        (
+            [cls("A", Reference("r", "A", 0, None, containment=True, opposite="r"))],
+            "opposite-mismatch",
+            "both ends of an opposite pair contain the other",
+            None,
+        ),
+        (
+            [
+                cls("A", Reference("r", "B", 0, None, containment=True, opposite="s")),
+                cls("B", Reference("s", "A", 0, None, opposite="r")),
+            ],
+            "bad-multiplicity",
+            "`s` leads to the one container: at most 1",
+            None,
+        ),
+        (
+            [cls("A", Attribute("column", INT), key=("colum",))],
+            "unknown-attribute",
+            "`@key` names `colum`, which is no attribute of `A`",
+            "did you mean `column`?",
+        ),
+        (
+            [cls("A", Reference("r", "A"), key=("r",))],
+            "unknown-attribute",
+            "`@key` names `r`, which is no attribute of `A`",
+            None,
+        ),
+        (
+            [cls("A", Attribute("x", INT), key=("x", "x"))],
+            "duplicate-definition",
+            "`@key` of `A` names `x` twice",
+            None,
+        ),
+        ([cls("A", glyph=Glyph("AB"))], "bad-glyph", "the glyph of `A` is not a single letter", None),
+        (
+            [cls("A", glyph=Glyph("A", "red"))],
+            "bad-glyph",
+            "the glyph of `A` has no colour `red`",
+            "write `#rrggbb`",
+        ),
+        (
+            [cls("A", glyph=Glyph("x")), cls("B", glyph=Glyph("x"))],
+            "bad-glyph",
+            "`B` and `A` share the glyph `x`",
+            None,
+        ),
+        ([cls("A b")], "bad-name", "`A b` is not a name: write letters, digits and _", None),
+        ([cls("")], "bad-name", "`` is not a name: write letters, digits and _", None),
+        (
+            [cls("A", Attribute("x-y", INT))],
+            "bad-name",
+            "`x-y` is not a name: write letters, digits and _",
+            None,
+        ),
+        ([cls("int")], "bad-name", "`int` is the name of a built-in type", None),
+        ([cls("A", Attribute("x", WAY))], "unknown-enum", "unknown enum `Way`", None),
+    ],
+)
+def test_a_problem_has_a_code_a_message_and_a_hint(classes, code, message, hint):
+    found = {(problem.code, problem.message, problem.hint) for problem in problems(*classes)}
+    assert (code, message, hint) in found
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize(
+    ("enums", "code", "message"),
+    [
+        ([EnumType("E", ())], "empty-enum", "enum `E` has no literals"),
+        ([EnumType("E", ("a", "b", "a"))], "duplicate-definition", "literal `a` of `E` is defined twice"),
+        ([WAY, WAY], "duplicate-definition", "`Way` is defined twice"),
+        ([EnumType("A", ("a",))], "duplicate-definition", "`A` is defined twice"),
+        ([EnumType("E", ("a b",))], "bad-name", "`a b` is not a name: write letters, digits and _"),
+        ([EnumType("float", ("a",))], "bad-name", "`float` is the name of a built-in type"),
+    ],
+)
+def test_enums_are_checked(enums, code, message):
+    (problem,) = problems(cls("A"), enums=enums)
+    assert (problem.code, problem.message) == (code, message)
+
+
+def test_a_default_that_is_no_literal_names_the_nearest_one():
+    (problem,) = problems(cls("A", Attribute("way", WAY, "wst")), enums=[WAY])
+    assert (problem.code, problem.hint) == ("wrong-type", "did you mean `west`?")
+
+
+def test_an_attribute_of_another_enum_of_the_same_name_is_a_problem():
+    other = EnumType("Way", ("up", "down"))
+    (problem,) = problems(cls("A", Attribute("way", other)), enums=[WAY])
+    assert problem.message == "`way` is of another enum `Way` than the metamodel's"
+
+
+def test_an_opposite_is_declared_in_the_target_itself():
+    found = problems(
+        cls("A", Reference("r", "C", opposite="s")),
+        cls("B", Reference("s", "A", opposite="r")),
+        cls("C", supertypes=("B",)),
+    )
+    assert [problem.hint for problem in found] == [
+        "declare `refers A s opposite r` in `C`",
+        "declare `refers B r opposite s` in `A`",
+    ]
+
+
+def test_cycles_of_supertypes_are_found_at_every_class_on_them():
+    found = problems(cls("A", supertypes=("B",)), cls("B", supertypes=("C",)), cls("C", supertypes=("A",)))
+    assert [problem.message for problem in found] == [f"`{name}` is its own supertype" for name in "ABC"]
+
+
+def test_what_a_class_inherits_twice_is_reported_once():
+    x = Attribute("x", INT)
+    found = problems(
+        cls("A", x),
+        cls("B", x, supertypes=("A",)),
+        cls("C", supertypes=("B",)),
+        cls("D", supertypes=("C",)),
+    )
+    assert [problem.message for problem in found] == ["`B` inherits `x` from `A` already"]
+
+
+def test_a_feature_inherited_on_two_ways_is_one_feature():
+    metamodel = Metamodel(
+        "m",
+        [
+            cls("A", Attribute("x", INT)),
+            cls("B", supertypes=("A",)),
+            cls("C", supertypes=("A",)),
+            cls("D", supertypes=("B", "C")),
+        ],
+    )
+    assert list(metamodel.features("D")) == ["x"]
+
+
+def test_all_problems_are_reported_at_once():
+    found = problems(
+        cls("A", Reference("r", "B"), supertypes=("C",)),
+        cls("D", Attribute("x", INT, "1")),
+        enums=[EnumType("E", ())],
+    )
+    assert [problem.code for problem in found] == [
+        "empty-enum",
+        "unknown-class",
+        "unknown-class",
+        "wrong-type",
+    ]
+
+
+def test_problems_point_at_the_text():
+    source = Source("m.metamodel", "class A extends B { int x = true }")
+    extends, default = source.span(16, 17), source.span(28, 32)
+    found = problems(
+        cls(
+            "A",
+            Attribute("x", INT, True, span=source.span(24, 25), places=(("default", default),)),
+            supertypes=("B",),
+            span=source.span(6, 7),
+            places=(("extends B", extends),),
+        )
+    )
+    assert [problem.span for problem in found] == [extends, default]
+
+
+def test_a_definition_without_places_points_at_its_name():
+    source = Source("m.metamodel", "class A { refers B r }")
+    (problem,) = problems(cls("A", Reference("r", "B", span=source.span(19, 20)), span=source.span(6, 7)))
+    assert problem.span == source.span(19, 20)
