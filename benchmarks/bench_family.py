@@ -1,0 +1,244 @@
+"""The paper's job: evolve a family of Burning Forest environments.
+
+    python -m benchmarks family
+
+1,000 generations at 8x8, simulated annealing of 500 rounds, through `envgraph.search.generate`, run store included,
+beside the same algorithm hand-written on strings of letters, which keeps no traces, versions or store. Times are CPU
+seconds, since other programs share the machine; wall time is printed next to them.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import wraps
+from math import exp, log2, sqrt
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from time import perf_counter, process_time
+from typing import Any
+from unittest.mock import patch
+
+from envgraph.graph import Model
+from envgraph.rewrite import Engine
+from envgraph.search import Evolution, Problem, RunStore, SimulatedAnnealing, generate
+
+GENERATIONS = 1000
+PUBLISHED = {6: 47, 10: 208, 20: 1594}
+"""Seconds in the paper's table of generation times, 8x8, by population."""
+
+TARGET = "SVVVRVRVBRRRRBVBBVBRRRBVRVRBVVVBVRRBBBRBBBVWRBVRVVRBBBVBVBRVRVVG"
+
+
+def main() -> None:
+    """Print the figures."""
+    print(f"{GENERATIONS} generations, 8x8: seconds of CPU (and of wall time), median of 3")
+    print(f"{'population':>10}{'envgraph':>20}{'hand-written':>20}{'ratio':>8}{'published':>12}")
+    for population, published in PUBLISHED.items():
+        ours = _median(lambda: _generate(population))  # noqa: B023
+        plain = _median(lambda: evolve(TARGET, population, GENERATIONS, seed=1))  # noqa: B023
+        print(
+            f"{population:10}{_seconds(ours):>20}{_seconds(plain):>20}{ours[0] / plain[0]:8.1f}{published:10} s"
+        )
+    start = _median(lambda: _generate(6, generations=0))
+    print(f"of which reading files, compiling patterns, making the store: {start[0]:.2f} s")
+    print_phases()
+
+
+def print_phases() -> None:
+    """CPU time of each step of the algorithm in one run; the clock itself costs about a microsecond a call."""
+    clock: dict[str, float] = {}
+    with _clocked(clock) as children, TemporaryDirectory() as folder:
+        generate("burning_forest", Path(folder) / "run.sqlite", generations=GENERATIONS)
+        born = len(children)
+    print(f"\npopulation 6, {born} children: microseconds a child")
+    for name, seconds in clock.items():
+        print(f"{name:34}{seconds / born * 1e6:10.1f}")
+
+
+_PHASES: list[tuple[str, object, tuple[str, ...]]] = [
+    ("choose and apply", Engine, ("choose", "fire")),
+    ("validate", Problem, ("valid",)),
+    ("measure", Problem, ("measure",)),
+    ("commit and check out", Engine, ("commit", "checkout")),
+    ("savepoints", Model, ("savepoint", "release", "rollback")),
+    ("random generators", Evolution, ("_generator",)),
+    ("survivor selection", SimulatedAnnealing, ("select",)),
+    ("store", RunStore, ("write_generation",)),
+]
+
+
+@contextmanager
+def _clocked(clock: dict[str, float]) -> Iterator[list[object]]:
+    """Add the time of every step to the clock; gives the list of children that were measured."""
+    children: list[object] = []
+    with ExitStack() as stack:
+        for phase, owner, names in _PHASES:
+            clock[phase] = 0.0
+            for name in names:
+                made = children if phase == "measure" else []
+                timed = _timed(clock, phase, getattr(owner, name), made)
+                stack.enter_context(patch.object(owner, name, timed))
+        whole = _timed(clock, "all of a generation", Evolution._step, [])
+        clock["all of a generation"] = 0.0
+        stack.enter_context(patch.object(Evolution, "_step", whole))
+        yield children
+
+
+def _timed(
+    clock: dict[str, float], phase: str, function: Callable[..., Any], calls: list[object]
+) -> Callable[..., Any]:
+    @wraps(function)
+    def timed(*arguments: Any, **options: Any) -> Any:
+        started = process_time()
+        result = function(*arguments, **options)
+        clock[phase] += process_time() - started
+        calls.append(None)
+        return result
+
+    return timed
+
+
+def _generate(population: int, generations: int = GENERATIONS) -> None:
+    with TemporaryDirectory() as folder:
+        generate(
+            "burning_forest", Path(folder) / "run.sqlite", population=population, generations=generations
+        )
+
+
+def _median(job: Callable[[], object]) -> tuple[float, float]:
+    """CPU and wall seconds of the median of three runs."""
+    times = []
+    for _ in range(3):
+        cpu, wall = process_time(), perf_counter()
+        job()
+        times.append((process_time() - cpu, perf_counter() - wall))
+    return median(cpu for cpu, _ in times), median(wall for _, wall in times)
+
+
+def _seconds(times: tuple[float, float]) -> str:
+    return f"{times[0]:.2f} ({times[1]:.2f})"
+
+
+# --- the same algorithm by hand: a map is a string of 64 letters, row by row
+
+SIZE = 8
+MUTABLE = "RVB"
+RETYPINGS = [(old, new) for old in MUTABLE for new in MUTABLE if old != new]
+
+
+def evolve(target: str, population: int, generations: int, seed: int) -> list[str]:
+    """The family after so many generations; the target is always its first member."""
+    rng = random.Random(seed)
+    members = [target]
+    while len(members) < population:
+        child = target
+        for _ in range(rng.randint(1, 5)):
+            child = mutate(child, rng)
+        if valid(child):
+            members.append(child)
+    values = {member: complexity(member) for member in members}
+    for _ in range(generations):
+        pool = list(dict.fromkeys(members))
+        for _ in range(population):
+            parent = rng.choice(members)
+            if rng.random() >= 0.85:
+                continue
+            for _ in range(50):
+                child = mutate(parent, rng)
+                if valid(child):
+                    break
+            else:
+                continue
+            if child not in pool:
+                pool.append(child)
+                values[child] = complexity(child)
+        members = survivors(pool, values, population, rng)
+        values = {member: values[member] for member in members}
+    return members
+
+
+def mutate(cells: str, rng: random.Random) -> str:
+    """Retype one tile: first the kind of retyping is drawn, then the tile."""
+    old, new = rng.choice([pair for pair in RETYPINGS if pair[0] in cells])
+    place = rng.choice([place for place, cell in enumerate(cells) if cell == old])
+    return cells[:place] + new + cells[place + 1 :]
+
+
+def neighbours(place: int) -> list[int]:
+    """The places beside a place."""
+    x, y = place % SIZE, place // SIZE
+    beside = [(x + 1, y), (x, y + 1), (x - 1, y), (x, y - 1)]
+    return [v * SIZE + u for u, v in beside if 0 <= u < SIZE and 0 <= v < SIZE]
+
+
+NEIGHBOURS = [neighbours(place) for place in range(SIZE * SIZE)]
+
+
+def valid(cells: str) -> bool:
+    """Start, goal and water are where they belong, and the goal can be reached without fire."""
+    if cells[0] != "S" or cells[63] != "G" or cells[5 * SIZE + 3] != "W":
+        return False
+    seen, queue = {0}, [0]
+    for place in queue:
+        for beside in NEIGHBOURS[place]:
+            if beside == 63:
+                return True
+            if beside not in seen and cells[beside] != "B":
+                seen.add(beside)
+                queue.append(beside)
+    return False
+
+
+def paths(cells: str) -> int:
+    """Number of paths from the first to the last cell, to the right and down, that avoid fire."""
+    ways = [0] * SIZE
+    ways[0] = 1
+    for row in range(0, SIZE * SIZE, SIZE):
+        left = 0
+        for x in range(SIZE):
+            left = ways[x] = 0 if cells[row + x] == "B" else ways[x] + left
+    return ways[-1]
+
+
+ALL_PATHS = paths("R" * SIZE * SIZE)
+
+
+def complexity(cells: str) -> float:
+    """Blocked share of the paths, as in the published data."""
+    return 1.0 - sqrt(paths(cells) / ALL_PATHS)
+
+
+def survivors(pool: list[str], values: dict[str, float], size: int, rng: random.Random) -> list[str]:
+    """Simulated annealing on the entropy of the complexities in `size` bins; the first of the pool stays."""
+    if len(pool) <= size:
+        return pool
+    bins = [min(int(values[cells] * size), size - 1) for cells in pool]
+    inside, outside = list(range(1, size)), list(range(size, len(pool)))
+    counts = [0] * size
+    for place in (0, *inside):
+        counts[bins[place]] += 1
+    term = [0.0] + [-(count / size) * log2(count / size) for count in range(1, size + 1)]
+    best, best_score, score, temperature = inside[:], 0.0, 0.0, 0.1
+    for _ in range(500):
+        i, j = int(rng.random() * len(inside)), int(rng.random() * len(outside))
+        out, into = bins[inside[i]], bins[outside[j]]
+        delta = 0.0
+        if out != into:
+            left, entered = counts[out], counts[into]
+            delta = term[left - 1] - term[left] + term[entered + 1] - term[entered]
+        if delta >= 0 or rng.random() < exp(delta / temperature):
+            counts[out] -= 1
+            counts[into] += 1
+            inside[i], outside[j] = outside[j], inside[i]
+            score += delta
+            if score > best_score - 1e-12:
+                best, best_score = inside[:], max(score, best_score)
+        temperature *= 0.95
+    return [pool[place] for place in sorted([0, *best])]
+
+
+if __name__ == "__main__":
+    main()
