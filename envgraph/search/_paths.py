@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import chain
 from math import sqrt
 from typing import Literal
 
@@ -11,29 +14,33 @@ from envgraph.errors import EvaluationError
 from envgraph.metamodel import Metamodel, Reference
 from envgraph.rewrite import Engine
 
+Steps = tuple[tuple[int, tuple[int, ...]], ...]
+"""Nodes with the targets of their links; every node comes after those that link to it."""
+
 
 def count_paths(
-    order: Sequence[int], links: dict[int, tuple[int, ...]], starts: set[int], goals: set[int]
+    steps: Steps, starts: Iterable[int], goals: Iterable[int], avoid: Collection[int] = frozenset()
 ) -> int:
-    """Number of paths from any start to any goal along `links`.
+    """Number of paths from any start to any goal.
 
     Args:
-        order: the nodes that may be visited, sources of links before their targets.
-        links: targets of each node; targets outside `order` are ignored.
-        starts, goals: subsets of the nodes; a node that is both is a path of its own.
+        steps: the links.
+        starts, goals: without repetition; a node that is both is a path of its own.
+        avoid: nodes that no path may visit.
+
+    >>> square = ((0, (1, 2)), (1, (3,)), (2, (3,)))
+    >>> count_paths(square, [0], [3]), count_paths(square, [0], [3], avoid={2})
+    (2, 1)
     """
-    reached = dict.fromkeys(order, 0)
-    total = 0
-    for node in order:
-        ways = reached[node] + (node in starts)
-        if not ways:
-            continue
-        if node in goals:
-            total += ways
-        for target in links[node]:
-            if target in reached:
-                reached[target] += ways
-    return total
+    ways: defaultdict[int, int] = defaultdict(int)
+    for start in starts:
+        ways[start] = 1
+    for node, targets in steps:
+        so_far = ways[node]
+        if so_far and node not in avoid:
+            for target in targets:
+                ways[target] += so_far
+    return sum(ways[goal] for goal in goals if goal not in avoid)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +62,14 @@ class PathComplexity:
     along: tuple[str, ...]
     avoid: str
     transform: Literal["sqrt", "linear"] = "linear"
+    _references: tuple[Reference, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        features = (
+            self.metamodel.feature(cls.name, name) for cls in self.metamodel.class_list for name in self.along
+        )
+        found = dict.fromkeys(feature for feature in features if isinstance(feature, Reference))
+        object.__setattr__(self, "_references", tuple(found))
 
     def evaluate(self, engine: Engine) -> float:
         """The complexity of the model at which the engine stands, in [0, 1]; 1.0 when there is no path at all.
@@ -63,47 +78,32 @@ class PathComplexity:
             EvaluationError: the references form a cycle.
         """
         model = engine.model
-        references = self._references()
-        links = {
-            node: tuple(target for ref in refs for target in model.targets(node, ref))
-            for cls, refs in references.items()
-            for node in model.exact_extent(cls)
-        }
-        order = _topological(links)
-        if order is None:
+        # Whole columns of the store: mutations seldom change a link, and then what follows from them is known.
+        links = tuple([tuple(map(tuple, model.store.forward[one.index])) for one in self._references])
+        starts, goals = tuple(model.extent(self.start)), tuple(model.extent(self.goal))
+        network = _network(links, starts, goals)
+        if network is None:
             raise EvaluationError(f"path_complexity: the links along {', '.join(self.along)} form a cycle")
-        starts, goals = set(model.extent(self.start)), set(model.extent(self.goal))
-        blocked = set(model.extent(self.avoid))
-        every = count_paths(order, links, starts, goals)
-        free = count_paths([node for node in order if node not in blocked], links, starts, goals)
+        steps, every = network
+        free = count_paths(steps, starts, goals, set(model.extent(self.avoid)))
         share = free / every if every else 0.0
         return 1.0 - (sqrt(share) if self.transform == "sqrt" else share)
 
-    def _references(self) -> dict[str, tuple[Reference, ...]]:
-        """For each instantiable class, those of the references that it has."""
-        found: dict[str, tuple[Reference, ...]] = {}
-        for cls in self.metamodel.class_list:
-            if cls.abstract:
-                continue
-            features = [self.metamodel.feature(cls.name, name) for name in self.along]
-            references = tuple(feature for feature in features if isinstance(feature, Reference))
-            if references:
-                found[cls.name] = references
-        return found
 
-
-def _topological(links: dict[int, tuple[int, ...]]) -> list[int] | None:
-    """The nodes with sources before targets (Kahn 1962), or None on a cycle."""
-    incoming = dict.fromkeys(links, 0)
-    for targets in links.values():
-        for target in targets:
-            if target in incoming:
-                incoming[target] += 1
-    order = [node for node, count in incoming.items() if not count]
+@lru_cache(maxsize=8)
+def _network(
+    columns: tuple[tuple[tuple[int, ...], ...], ...], starts: tuple[int, ...], goals: tuple[int, ...]
+) -> tuple[Steps, int] | None:
+    """The links in order (Kahn 1962), and the number of paths; None on a cycle. Columns list targets by node."""
+    links = [tuple(chain.from_iterable(targets)) for targets in zip(*columns, strict=True)]
+    incoming = Counter(chain.from_iterable(links))
+    order = [node for node in range(len(links)) if not incoming[node]]
     for node in order:
         for target in links[node]:
-            if target in incoming:
-                incoming[target] -= 1
-                if not incoming[target]:
-                    order.append(target)
-    return order if len(order) == len(links) else None
+            incoming[target] -= 1
+            if not incoming[target]:
+                order.append(target)
+    if len(order) < len(links):
+        return None
+    steps = tuple((node, links[node]) for node in order if links[node])
+    return steps, count_paths(steps, starts, goals)
