@@ -8,6 +8,7 @@ from itertools import combinations
 from math import comb, exp
 from typing import Protocol
 
+import numpy as np
 from numpy.random import Generator
 
 from envgraph.errors import InvalidArgument
@@ -131,19 +132,27 @@ class SimulatedAnnealing:
         swaps = measure.swaps(values, [*fixed, *free])
         leaving = rng.integers(len(free), size=self.rounds).tolist()
         entering = rng.integers(len(rest), size=self.rounds).tolist()
-        luck = rng.random(self.rounds).tolist()
         score = best_score = 0.0
-        temperature = self.initial_temperature
-        for out, into, chance in zip(leaving, entering, luck, strict=True):
-            delta = swaps.delta(free[out], rest[into])
-            if delta >= 0 or chance < acceptance(-delta, temperature):
-                swaps.swap(free[out], rest[into])
-                free[out], rest[into] = rest[into], free[out]
+        for place, other, lowest in zip(leaving, entering, self._lowest_accepted(rng), strict=True):
+            out, into = free[place], rest[other]
+            delta = swaps.delta(out, into)
+            if delta >= lowest:
+                swaps.swap(out, into)
+                free[place], rest[other] = into, out
                 score += delta
                 if score > best_score - _TIE:
-                    best, best_score = list(free), max(score, best_score)
-            temperature *= self.cooling_rate
+                    best, best_score = free[:], max(score, best_score)
         return sorted([*fixed, *best])
+
+    def _lowest_accepted(self, rng: Generator) -> list[float]:
+        """For each round the smallest change of the score, at most 0, that is accepted.
+
+        `luck < acceptance(-delta, temperature)` solved for delta: all logarithms together take no time.
+        """
+        temperatures = self.initial_temperature * self.cooling_rate ** np.arange(self.rounds)
+        with np.errstate(divide="ignore"):  # luck may be 0: then everything is accepted
+            lowest: list[float] = (temperatures * np.log(rng.random(self.rounds))).tolist()
+        return lowest
 
 
 @dataclass(frozen=True, slots=True)

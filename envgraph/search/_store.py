@@ -267,9 +267,12 @@ def _connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
+_ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"))  # `json.dumps` makes one for every call
+
+
 def dump_json(value: Any) -> str:
     """Compact JSON text; the same value gives the same text."""
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+    return _ENCODER.encode(value)
 
 
 def _row(individual: Individual) -> Sequence[object]:

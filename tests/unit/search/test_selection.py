@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import log2
 
 import pytest
@@ -89,6 +90,32 @@ def test_acceptance_follows_the_metropolis_rule() -> None:
     assert acceptance(0.0, 0.1) == 1.0
     assert acceptance(0.2, 0.1) == pytest.approx(0.1353352832366127)
     assert (acceptance(0.1, 0.0), acceptance(0.0, 0.0)) == (0.0, 1.0)
+
+
+class Downhill:
+    """A measure by which every exchange loses 0.1; it counts those that are made."""
+
+    made = 0
+
+    def score(self, values: Sequence[float]) -> float:
+        return 0.0
+
+    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Downhill:
+        return self
+
+    def delta(self, leaving: int, entering: int) -> float:
+        return -0.1
+
+    def swap(self, leaving: int, entering: int) -> None:
+        self.made += 1
+
+
+@pytest.mark.parametrize("temperature", [0.05, 0.1, 1.0])
+def test_annealing_accepts_worse_families_by_that_rule(temperature: float) -> None:
+    measure = Downhill()
+    constant = SimulatedAnnealing(rounds=10_000, initial_temperature=temperature, cooling_rate=1.0)
+    constant.select([0.1, 0.2], 1, [], [0], measure, default_rng(8))
+    assert measure.made / 10_000 == pytest.approx(acceptance(0.1, temperature), abs=0.02)
 
 
 @pytest.mark.parametrize("arguments", [{"rounds": -1}, {"initial_temperature": 0.0}, {"cooling_rate": 1.5}])
