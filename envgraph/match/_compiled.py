@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import cached_property, lru_cache
 from itertools import chain
 from math import inf
 from types import CodeType
 from typing import Any, Final
 
-from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.match._aggregates import least, mean, most, total
 from envgraph.match._calls import CallGraph
 from envgraph.match._closures import ClosureView, Meeting, Search
 from envgraph.match._explain import explain_view
 from envgraph.match._generate import reach_source, view_source
-from envgraph.match._matcher import FREE, Row, check_arguments, parameter_types
-from envgraph.match._order import Unplannable
+from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
+from envgraph.match._options import Unplannable
 from envgraph.match._plan import ViewKey
 from envgraph.match._planner import Planner
 from envgraph.match._recursion import Recursion
@@ -94,7 +92,6 @@ class CompiledMatcher:
 
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
         """The specialised function behind `rows`; arguments are not checked, see `Matcher.prepare`."""
-        self._types(pattern)
         return self._specialised(pattern, bound, Mode.ROWS)
 
     def explain(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
@@ -103,8 +100,8 @@ class CompiledMatcher:
         Raises:
             InvalidArgument: an unknown pattern, or one that needs values for other parameters.
         """
-        with self._asking(pattern):
-            return explain_view(self._planner, self._key(pattern, bound, Mode.ROWS))
+        check_bound(self.library, pattern, bound)
+        return explain_view(self._planner, self._key(pattern, bound, Mode.ROWS))
 
     def source(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
         """The generated source of `rows` for values at the bound positions.
@@ -112,14 +109,14 @@ class CompiledMatcher:
         Raises:
             InvalidArgument: an unknown pattern, or one that needs values for other parameters.
         """
-        with self._asking(pattern):
-            return view_source(self._planner, self._key(pattern, bound, Mode.ROWS), Mode.ROWS).text
+        check_bound(self.library, pattern, bound)
+        return view_source(self._planner, self._key(pattern, bound, Mode.ROWS), Mode.ROWS).text
 
     # --- from a question to a function
 
     def _types(self, pattern: str) -> tuple[StaticType, ...]:
         if pattern not in self._parameters:
-            self._parameters[pattern] = parameter_types(self.library, pattern)
+            self._parameters[pattern] = self.library.parameter_types(pattern)
         return self._parameters[pattern]
 
     def _values(self, pattern: str, arguments: tuple[object, ...]) -> list[object] | None:
@@ -133,27 +130,16 @@ class CompiledMatcher:
     def _specialised(self, pattern: str, bound: tuple[int, ...], mode: Mode) -> Function:
         question = (pattern, bound, mode)
         if question not in self._answers:
-            with self._asking(pattern):
-                if self._calls.recursive(pattern):
-                    self._answers[question] = _shaped(self._recursion.solver(pattern, bound), mode)
-                else:
-                    self._answers[question] = self._function(self._key(pattern, bound, mode), mode, _NOWHERE)
+            check_bound(self.library, pattern, bound)
+            if self._calls.recursive(pattern):
+                self._answers[question] = _shaped(self._recursion.solver(pattern, bound), mode)
+            else:
+                self._answers[question] = self._function(self._key(pattern, bound, mode), mode, _NOWHERE)
         return self._answers[question]
 
     def _key(self, pattern: str, bound: tuple[int, ...], mode: Mode) -> ViewKey:
         free = tuple(position for position in range(len(self._types(pattern))) if position not in bound)
         return ViewKey(pattern, bound, () if mode is Mode.EXISTS else free)
-
-    @contextmanager
-    def _asking(self, pattern: str) -> Iterator[None]:
-        """Say in the user's words what cannot be enumerated."""
-        try:
-            yield
-        except Unplannable:
-            parameters = self.library.get(pattern).parameters
-            names = ", ".join(f"`{parameters[position].name}`" for position in self.library.inputs(pattern))
-            message = f"pattern `{pattern}` can only be asked with values for {names}"
-            raise InvalidArgument(message) from None
 
     # --- from plans to functions
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from envgraph.match._order import call_key
+from envgraph.match._options import call_key
 from envgraph.match._plan import (
     Absence,
     Condition,
@@ -95,7 +95,7 @@ def reach_source(planner: Planner, step: str, forward: bool, goal: bool) -> Sour
         for line in sink.each(lambda _: "other"):
             block.line(line)
     else:
-        bodies = planner.view(ViewKey(step, (near,), (far,))).bodies
+        bodies = planner.expanded(ViewKey(step, (near,), (far,))).bodies
         if not bodies:
             block.line("pass")
         for body in bodies:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from enum import Enum
 from typing import Final, Protocol
 
-from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
+from envgraph.errors import InvalidArgument, TypeMismatch
 from envgraph.graph import Model
 from envgraph.metamodel import Scalar, Value, accepts, type_name
 from envgraph.pattern import Library, ObjectType, StaticType
@@ -62,17 +62,20 @@ class Matcher(Protocol):
         """
 
 
-def parameter_types(library: Library, pattern: str) -> tuple[StaticType, ...]:
-    """Types of the parameters of a pattern given by its qualified name.
+def check_bound(library: Library, pattern: str, bound: Collection[int]) -> None:
+    """Whether a pattern can be asked with values at these positions alone.
 
     Raises:
-        InvalidArgument: there is no such pattern.
+        InvalidArgument: a position that there is not, or an `in` parameter without a value that nothing enumerates.
     """
-    try:
-        return library.parameter_types(pattern)
-    except (KeyError, InvalidArgument):
-        hint = did_you_mean(pattern, library.names())
-        raise InvalidArgument(f"unknown pattern `{pattern}`" + (f": {hint}" if hint else "")) from None
+    size = len(library.parameter_types(pattern))
+    if not all(0 <= position < size for position in bound):
+        raise InvalidArgument(f"pattern `{pattern}` has {size} parameters; there is no position {max(bound)}")
+    missing = [position for position in library.inputs(pattern) if position not in bound]
+    if missing:
+        parameters = library.get(pattern).parameters
+        names = ", ".join(f"`{parameters[position].name}`" for position in missing)
+        raise InvalidArgument(f"pattern `{pattern}` can only be asked with a value for {names}")
 
 
 def check_arguments(

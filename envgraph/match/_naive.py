@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.match._aggregates import aggregate
-from envgraph.match._matcher import FREE, Row, check_arguments, parameter_types
+from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
 from envgraph.match._naive_body import (
     Equal,
     FlatBody,
@@ -25,6 +24,7 @@ from envgraph.match._naive_body import (
     Unequal,
     Valuation,
     flatten,
+    mentioned,
     resolved,
 )
 from envgraph.metamodel import Attribute, Value
@@ -63,7 +63,10 @@ class NaiveMatcher:
 
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> list[Row]:
         """All matches that agree with the arguments, in ascending order."""
-        types = parameter_types(self.library, pattern)
+        types = self.library.parameter_types(pattern)
+        check_bound(
+            self.library, pattern, [p for p, argument in enumerate(arguments) if argument is not FREE]
+        )
         checked = check_arguments(self.model, self.library, pattern, types, arguments)
         return [] if checked is None else sorted(self._matches(pattern, checked))
 
@@ -81,7 +84,8 @@ class NaiveMatcher:
 
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
         """`rows` as a function of the values at the bound positions."""
-        size = len(parameter_types(self.library, pattern))
+        size = len(self.library.parameter_types(pattern))
+        check_bound(self.library, pattern, bound)
 
         def rows(*values: object) -> list[Row]:
             given = dict(zip(bound, values, strict=True))
@@ -119,8 +123,7 @@ class NaiveMatcher:
         found: dict[Row, None] = {}
         for body in self._bodies(pattern):
             start: dict[str, Value] = {**body.constants, **given}  # type: ignore[dict-item]
-            for solution in self._solve(definition, body.items, start):
-                found[tuple(solution[name] for name in names)] = None
+            found |= dict.fromkeys(self._solve(definition, body.items, start, names))
         return found
 
     def _bodies(self, pattern: str) -> tuple[FlatBody, ...]:
@@ -146,33 +149,52 @@ class NaiveMatcher:
 
     # --- bodies
 
-    def _solve(self, pattern: Pattern, items: tuple[Item, ...], known: Environment) -> Iterator[Environment]:
-        """Every extension of what is known that meets all items; the one with most known variables comes next."""
-        if not items:
-            yield known
-            return
-        ready = [item for item in items if self._ready(item, known)]
-        if not ready:
-            names = sorted({name for item in items for name in item.terms if name not in known})
-            raise InvalidArgument(f"pattern `{pattern.qualified_name}` needs values for {', '.join(names)}")
-        chosen = min(ready, key=lambda item: sum(name not in known for name in item.terms))
-        rest = tuple(item for item in items if item is not chosen)
-        for extended in self._extend(pattern, chosen, known):
-            yield from self._solve(pattern, rest, extended)
+    def _solve(
+        self, pattern: Pattern, items: tuple[Item, ...], start: Environment, wanted: list[str]
+    ) -> list[Row]:
+        """Values of the wanted variables in every solution.
 
-    def _ready(self, item: Item, known: Environment) -> bool:
+        Items are joined one after another, those that are linked to known variables first; variables that nothing
+        asks for any more are projected away at once, or independent ones would multiply.
+        """
+        found, remaining = [start], list(items)
+        while remaining and found:
+            chosen = self._next(pattern, remaining, found[0])
+            remaining = [item for item in remaining if item is not chosen]
+            needed = {*wanted, *(name for item in remaining for name in mentioned(item))}
+            kept: dict[Row, Environment] = {}
+            for known in found:
+                for extended in self._extend(pattern, chosen, known):
+                    smaller = {name: value for name, value in extended.items() if name in needed}
+                    kept[tuple(smaller.values())] = smaller
+            found = list(kept.values())
+        return [tuple(solution[name] for name in wanted) for solution in found]
+
+    def _next(self, pattern: Pattern, items: list[Item], known: Environment) -> Item:
+        ready = [item for item in items if self._ready(pattern, item, known)]
+        assert ready, "the library has checked that every variable can be enumerated"
+
+        def unknown(item: Item) -> tuple[bool, int]:
+            missing = sum(name not in known for name in item.terms)
+            return 0 < missing == len(item.terms), missing
+
+        return min(ready, key=unknown)
+
+    def _ready(self, pattern: Pattern, item: Item, known: Environment) -> bool:
         match item:
-            case Positive(relation, terms):
-                return all(t in known for t in terms) or self._enumerable(relation)
+            case Positive(PatternCall() as call, terms):
+                called = resolved(self.library, pattern, call).qualified_name
+                return all(terms[position] in known for position in self.library.inputs(called))
+            case Positive(TypeConstraint(name), terms) if name not in self.library.metamodel.classes:
+                return terms[0] in known
+            case Positive():
+                return True
             case Negative(_, terms, local) | Fold(_, _, terms, local):
                 return all(t in known or t in local for t in terms)
             case Equal(terms):
                 return any(t in known for t in terms)
             case Unequal(terms) | Test(_, terms) | Valuation(_, terms):
                 return all(t in known for t in terms)
-
-    def _enumerable(self, relation: Relation) -> bool:
-        return not isinstance(relation, TypeConstraint) or relation.type in self.library.metamodel.classes
 
     def _extend(self, pattern: Pattern, item: Item, known: Environment) -> Iterator[Environment]:
         match item:

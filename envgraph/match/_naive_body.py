@@ -230,7 +230,7 @@ def _terms(relation: Relation) -> tuple[Term, ...]:
 
 def _with_locals(items: list[Item], outside: set[str]) -> Iterator[Item]:
     """The items, each negative one with the variables that no other item and no parameter mentions."""
-    uses = Counter(name for item in items for name in _mentioned(item))
+    uses = Counter(name for item in items for name in mentioned(item))
     for item in items:
         match item:
             case Negative(relation, terms):
@@ -241,7 +241,8 @@ def _with_locals(items: list[Item], outside: set[str]) -> Iterator[Item]:
                 yield item
 
 
-def _mentioned(item: Item) -> set[str]:
+def mentioned(item: Item) -> set[str]:
+    """Every variable of an item."""
     result = {item.result} if isinstance(item, Fold | Valuation) else set()
     return result.union(item.terms)
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 
 from envgraph.match._calls import CallGraph
 from envgraph.match._estimate import Sizes
-from envgraph.match._order import Search, Unplannable
+from envgraph.match._options import Unplannable
+from envgraph.match._order import Search
 from envgraph.match._plan import BodyPlan, Conjunction, Goal, Kind, Plan, Valuation, ViewKey, ViewPlan, inputs
 from envgraph.match._simplify import Simplifier
 from envgraph.pattern import AggregateAtom, AttributeAtom, Library, LinkAtom
@@ -37,6 +38,14 @@ class Planner:
         if isinstance(found, Unplannable):
             raise found
         return found
+
+    def expanded(self, key: ViewKey) -> ViewPlan:
+        """The plan of every body, with the bodies of called patterns multiplied out where that is cheap.
+
+        Raises:
+            Unplannable: a parameter that is free cannot be enumerated.
+        """
+        return self._plan_view(key, self._simplifier.expanded(key.pattern))
 
     def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
         bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)

@@ -36,6 +36,8 @@ MOST_GOALS: Final = 64
 """Goals of a body beyond which nothing is inlined into it."""
 MOST_ALTERNATIVES: Final = 4
 """Bodies of a negated pattern that may be inlined."""
+MOST_EXPANDED: Final = 8
+"""Bodies that a pattern may have after the bodies of those it calls have been multiplied out."""
 
 
 class Simplifier:
@@ -54,6 +56,41 @@ class Simplifier:
                 self._simplify(body, len(lowered.parameters)) for body in lowered.bodies
             )
         return self._done[pattern]
+
+    def expanded(self, pattern: str) -> tuple[Conjunction, ...]:
+        """The same with the bodies of called patterns multiplied out, if that gives only a few.
+
+        It pays where duplicates are sorted out anyway, as in a closure.
+        """
+        found: list[Conjunction] = []
+        pending = list(self.conjunctions(pattern))
+        while pending:
+            body = pending.pop(0)
+            alternatives = self._multiplied(body)
+            pending[:0] = alternatives
+            if not alternatives:
+                found.append(body)
+            if len(found) + len(pending) > MOST_EXPANDED:
+                return self.conjunctions(pattern)
+        return tuple(found)
+
+    def _multiplied(self, conjunction: Conjunction) -> list[Conjunction]:
+        """The conjunction with each body of the first pattern that it calls; none if no call can be replaced."""
+        for position, goal in enumerate(conjunction.goals):
+            bodies = self._inlinable(goal.pattern) if isinstance(goal, CallAtom) else None
+            if bodies is not None and isinstance(goal, CallAtom):
+                others = [*conjunction.goals[:position], *conjunction.goals[position + 1 :]]
+                return [self._with_body(conjunction, others, body, goal.arguments) for body in bodies]
+        return []
+
+    def _with_body(
+        self, conjunction: Conjunction, others: Sequence[Goal], body: Conjunction, called: tuple[int, ...]
+    ) -> Conjunction:
+        draft = _Draft(list(conjunction.types), list(conjunction.constants))
+        goals = _once([*others, *draft.inlined(body, called)])
+        return Conjunction(
+            tuple(draft.types), tuple(draft.constants), conjunction.parameters, self._without_implied(goals)
+        )
 
     def _simplify(self, body: LoweredBody, parameters: int) -> Conjunction:
         aliases = dict(body.aliases)

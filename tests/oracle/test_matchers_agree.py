@@ -11,7 +11,13 @@ from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
 from envgraph.pattern import Library, ObjectType
 from tests.oracle.worlds import DOMAINS, World, worlds
 
-SLOW = settings(max_examples=400, suppress_health_check=list(HealthCheck))
+EXAMPLES = settings().max_examples
+"""Of the profile: 100 by default, thousands at night."""
+
+
+def many(factor: float) -> settings:
+    """Settings for so many times the examples of the profile."""
+    return settings(max_examples=int(factor * EXAMPLES), suppress_health_check=list(HealthCheck))
 
 
 def sizes(library: Library) -> dict[str, int]:
@@ -47,35 +53,60 @@ def assert_agree(world: World, compiled: Matcher, naive: Matcher) -> None:
     """Every question about every pattern has the same answer."""
     for pattern, size in sizes(world.library).items():
         expected = list(naive.rows(pattern, free(size)))
-        assert_answers(compiled, pattern, free(size), expected)
+        for question in QUESTIONS:
+            question(compiled, pattern, free(size), expected)
         for values in candidates(world, pattern, expected):
             for mask in product((False, True), repeat=size):
-                if any(mask):
-                    arguments = tuple(v if bound else FREE for v, bound in zip(values, mask, strict=True))
-                    agreeing = [
-                        row
-                        for row in expected
-                        if all(a is FREE or a == v for a, v in zip(arguments, row, strict=True))
-                    ]
-                    assert_answers(compiled, pattern, arguments, agreeing)
-                    assert list(naive.rows(pattern, arguments)) == agreeing
+                arguments = tuple(v if bound else FREE for v, bound in zip(values, mask, strict=True))
+                agreeing = [row for row in expected if agrees(row, arguments)]
+                assert list(naive.rows(pattern, arguments)) == agreeing
+                # Each question needs a function of its own, which takes longest: ask two of them.
+                assert_rows(compiled, pattern, arguments, agreeing)
+                world.dice.one(QUESTIONS)(compiled, pattern, arguments, agreeing)
 
 
-def assert_answers(
-    matcher: Matcher, pattern: str, arguments: tuple[object, ...], expected: list[tuple[object, ...]]
-) -> None:
-    """Rows are the expected ones, each once, and the other answers fit them."""
+Row = tuple[object, ...]
+
+
+def agrees(row: Row, arguments: Row) -> bool:
+    """Whether a row has the given values."""
+    return all(argument is FREE or argument == value for argument, value in zip(arguments, row, strict=True))
+
+
+def assert_rows(matcher: Matcher, pattern: str, arguments: Row, expected: list[Row]) -> None:
+    """The rows are the expected ones, each once."""
     rows = list(matcher.rows(pattern, arguments))
     assert len(set(rows)) == len(rows), "a row is reported twice"
     assert sorted(rows) == expected
-    assert matcher.exists(pattern, arguments) is bool(rows)
-    assert matcher.count(pattern, arguments) == len(rows)
+
+
+def assert_exists(matcher: Matcher, pattern: str, arguments: Row, expected: list[Row]) -> None:
+    """There is a match if there should be one."""
+    assert matcher.exists(pattern, arguments) is bool(expected)
+
+
+def assert_count(matcher: Matcher, pattern: str, arguments: Row, expected: list[Row]) -> None:
+    """There are as many matches as there should be."""
+    assert matcher.count(pattern, arguments) == len(expected)
+
+
+def assert_first(matcher: Matcher, pattern: str, arguments: Row, expected: list[Row]) -> None:
+    """The first match is the first row."""
+    rows = list(matcher.rows(pattern, arguments))
     assert matcher.first(pattern, arguments) == (rows[0] if rows else None)
+
+
+def assert_prepared(matcher: Matcher, pattern: str, arguments: Row, expected: list[Row]) -> None:
+    """A prepared function gives the rows in the same order."""
     bound = tuple(position for position, value in enumerate(arguments) if value is not FREE)
-    assert matcher.prepare(pattern, bound)(*(arguments[position] for position in bound)) == rows
+    values = [arguments[position] for position in bound]
+    assert matcher.prepare(pattern, bound)(*values) == list(matcher.rows(pattern, arguments))
 
 
-@SLOW
+QUESTIONS = (assert_rows, assert_exists, assert_count, assert_first, assert_prepared)
+
+
+@many(2)
 @given(worlds())
 def test_compiled_and_naive_matcher_agree_after_every_edit(world: World) -> None:
     compiled, naive = (kind(world.model, world.library) for kind in (CompiledMatcher, NaiveMatcher))
@@ -85,7 +116,7 @@ def test_compiled_and_naive_matcher_agree_after_every_edit(world: World) -> None
         assert_agree(world, compiled, naive)
 
 
-@settings(SLOW, max_examples=200)
+@many(1)
 @given(worlds())
 def test_rows_and_their_order_are_back_after_a_rollback(world: World) -> None:
     compiled = CompiledMatcher(world.model, world.library)
@@ -99,7 +130,7 @@ def test_rows_and_their_order_are_back_after_a_rollback(world: World) -> None:
     assert snapshot(CompiledMatcher(world.model, world.library), world.library) == before
 
 
-@settings(SLOW, max_examples=150)
+@many(0.7)
 @given(worlds())
 def test_order_belongs_to_the_version_and_not_to_the_way_it_was_reached(world: World) -> None:
     model = world.model
@@ -116,7 +147,7 @@ def test_order_belongs_to_the_version_and_not_to_the_way_it_was_reached(world: W
             assert snapshot(matcher, world.library) == expected
 
 
-@settings(SLOW, max_examples=50)
+@many(0.3)
 @given(worlds())
 def test_two_matchers_generate_the_same_source(world: World) -> None:
     other = Model(world.model.metamodel)

@@ -420,6 +420,8 @@ def body(
                 kind = type_of(parameter.type)
                 assert not isinstance(kind, ObjectType)
                 constraints.append(Comparison("==", Variable(parameter.name), scope.literal(kind)))
+    if partners and dice.chance(60):
+        constraints.append(call(scope, dice.one(partners), positive=True))
     for _ in range(dice.number(1, 6)):
         made = constraint(scope)
         if made is not None:

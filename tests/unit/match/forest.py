@@ -4,24 +4,8 @@ from __future__ import annotations
 
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
-from envgraph.pattern import (
-    Aggregate,
-    Binary,
-    Body,
-    Check,
-    Closure,
-    Comparison,
-    Constant,
-    Constraint,
-    Library,
-    Negation,
-    Parameter,
-    PathConstraint,
-    Pattern,
-    PatternCall,
-    TypeConstraint,
-    Variable,
-)
+from envgraph.pattern import Aggregate, Binary, Check, Comparison, Constant, Library, Negation
+from tests.unit.match.writing import find, is_a, path, pattern, v
 
 METAMODEL = Metamodel(
     "burning_forest",
@@ -88,42 +72,6 @@ def forest(rows: list[str] = TARGET) -> Model:
                 tiles[x, y - 1].down = tile
     environment.agent = model.create("FireTruck", currentState=tiles[0, 0])
     return model
-
-
-def v(name: str) -> Variable:
-    """A variable."""
-    return Variable(name)
-
-
-def path(text: str, source: str, target: object) -> PathConstraint:
-    """`Type.f.g(source, target)`; a target that is no string is a constant."""
-    cls, *features = text.split(".")
-    closure = Closure(features[-1][-1]) if features[-1][-1] in "+*" else Closure.ONCE
-    features[-1] = features[-1].rstrip("+*")
-    end = v(target) if isinstance(target, str) else Constant(target)  # type: ignore[arg-type]
-    return PathConstraint(cls, tuple(features), v(source), end, closure)
-
-
-def find(name: str, *arguments: str) -> PatternCall:
-    """`find name(arguments)`."""
-    closure = Closure(name[-1]) if name[-1] in "+*" else Closure.ONCE
-    return PatternCall(name.rstrip("+*"), tuple(map(v, arguments)), closure)
-
-
-def is_a(cls: str, variable: str) -> TypeConstraint:
-    """`Type(variable)`."""
-    return TypeConstraint(cls, v(variable))
-
-
-def pattern(head: str, *bodies: list[Constraint], package: str = "") -> Pattern:
-    """`name(x : Type, y)` with bodies."""
-    name, _, rest = head.rstrip(")").partition("(")
-    parameters = []
-    for part in filter(None, map(str.strip, rest.split(","))):
-        parameter, _, type_ = map(str.strip, part.partition(":"))
-        direction, _, parameter = parameter.rpartition(" ")
-        parameters.append(Parameter(parameter, type_ or None, direction or None))  # type: ignore[arg-type]
-    return Pattern(name, tuple(parameters), tuple(Body(tuple(body)) for body in bodies), package)
 
 
 def equals(left: str, right: int) -> Binary:

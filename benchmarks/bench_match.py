@@ -1,0 +1,103 @@
+"""Queries of the Burning Forest, 8x8 target: the compiled matcher beside the naive one.
+
+    python -m benchmarks.bench_match
+
+Times are medians, first of all rows by a prepared function, then of existence with arguments checked. The model
+changes between two calls, so that nothing that is remembered of a state is of use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from statistics import median
+from time import perf_counter
+
+from envgraph.graph import Model
+from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.pattern import Library
+from tests.unit.match.forest import forest, library
+
+ROUNDS = 15
+
+
+def main() -> None:
+    """Print the tables."""
+    model, queries = forest(), library()
+    print_preparation(model, queries)
+    print_queries(model, queries)
+    print_search_loop(model, queries)
+
+
+def print_preparation(model: Model, queries: Library) -> None:
+    """What making an engine costs: all functions for all queries, first and again."""
+    times = []
+    for _ in range(5):
+        started = perf_counter()
+        matcher = CompiledMatcher(model, queries)
+        for name in queries.names():
+            matcher.prepare(name, ())
+            matcher.exists(name, free(queries, name))
+        times.append(1e3 * (perf_counter() - started))
+    count = 2 * len(queries.names())
+    print(f"plan and generate {count} functions: first {times[0]:.1f} ms, again {median(times[1:]):.1f} ms\n")
+
+
+def print_queries(model: Model, queries: Library) -> None:
+    """Every query with all parameters free."""
+    compiled, naive = CompiledMatcher(model, queries), NaiveMatcher(model, queries)
+    print(f"{'query':24}{'matches':>8}" + 2 * f"{'compiled us':>13}{'naive us':>11}{'ratio':>8}")
+    for name in queries.names():
+        arguments = free(queries, name)
+        cells = ""
+        for ask in ("rows", "exists"):
+            fast, slow = (time_of(model, question(kind, ask, name, arguments)) for kind in (compiled, naive))
+            cells += f"{fast:13.2f}{slow:11.0f}{slow / fast:8.0f}"
+        print(f"{name:24}{compiled.count(name, arguments):8}{cells}")
+    print()
+
+
+def question(matcher: Matcher, ask: str, name: str, arguments: tuple[object, ...]) -> Callable[[], object]:
+    """All matches by a prepared function, or existence by the checked interface."""
+    return matcher.prepare(name, ()) if ask == "rows" else lambda: matcher.exists(name, arguments)
+
+
+def print_search_loop(model: Model, queries: Library) -> None:
+    """The inner step of a search: retype a tile, ask whether the map is solvable, take it back."""
+    start, goal = model.extent("StartTile")[0], model.extent("GoalTile")[0]
+    roads = list(model.extent("RoadTile"))
+    print(f"retype, solvable, rollback, mean over {len(roads)} tiles")
+    for kind in (CompiledMatcher, NaiveMatcher):
+        matcher: Matcher = kind(model, queries)
+        matcher.exists("solvable", (start, goal))
+        started = perf_counter()
+        for tile in roads:
+            savepoint = model.savepoint()
+            model.retype(tile, "BurningTile")
+            matcher.exists("solvable", (start, goal))
+            model.rollback(savepoint)
+        print(f"{kind.__name__:26}{1e6 * (perf_counter() - started) / len(roads):10.1f} us")
+
+
+def free(queries: Library, name: str) -> tuple[object, ...]:
+    """Arguments that leave every parameter open."""
+    return (FREE,) * len(queries.parameter_types(name))
+
+
+def time_of(model: Model, ask: Callable[[], object]) -> float:
+    """Median time of a call in microseconds, in a state that was never asked about."""
+    truck = model.nodes("FireTruck")[0]
+    times = []
+    for _ in range(ROUNDS):
+        calls, elapsed = 0, 0.0
+        while elapsed < 2e-4:
+            model.set_object_name(truck.id, None if truck.cls == model.object_name(truck.id) else truck.cls)
+            started = perf_counter()
+            ask()
+            elapsed += perf_counter() - started
+            calls += 1
+        times.append(1e6 * elapsed / calls)
+    return median(times)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,292 @@
+"""What a goal costs and yields when it comes next."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from envgraph.match._calls import CallGraph
+from envgraph.match._estimate import Sizes
+from envgraph.match._plan import (
+    Absence,
+    Condition,
+    Conjunction,
+    Goal,
+    Kind,
+    Plan,
+    Valuation,
+    ViewKey,
+    ViewPlan,
+    arguments,
+    inputs,
+    variables,
+)
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    ClosureAtom,
+    InstanceAtom,
+    Library,
+    LinkAtom,
+    ObjectType,
+    UnequalAtom,
+)
+
+ACCESS: Final = 1.0
+"""The unit of cost: one look at the store."""
+EXPRESSION: Final = 2.0
+"""Work of an expression."""
+CALL: Final = 4.0
+"""Work of calling a function, on top of what it does."""
+REACHED: Final = 30.0
+"""Objects that a closure reaches."""
+RECURSIVE_ROWS: Final = 10.0
+"""Matches of a recursive pattern; fixed, for an estimate must not depend on which of a cycle is asked first."""
+RECURSIVE_COST: Final = 500.0
+"""Work of finding them."""
+
+
+class Unplannable(Exception):
+    """Nothing can give these variables a value; the pattern has to be asked with values for them."""
+
+    def __init__(self, numbers: frozenset[int]) -> None:
+        self.numbers = numbers
+        super().__init__(f"variables {sorted(numbers)} cannot be enumerated")
+
+
+class Views(Protocol):
+    """What a search asks about the patterns that its goals call."""
+
+    library: Library
+    calls: CallGraph
+    sizes: Sizes
+
+    def view(self, key: ViewKey) -> ViewPlan:
+        """The plan of a view; raises `Unplannable`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A goal that could come next: work of one execution, and rows for each row before, both estimated."""
+
+    kind: Kind
+    goal: Goal
+    binds: tuple[int, ...]
+    cost: float
+    fanout: float
+    inner: tuple[Plan, ...] = ()
+
+    @property
+    def rank(self) -> float:
+        """Independent filters do the least work in ascending order of this (Hellerstein 1993, section 2)."""
+        return (self.fanout - 1.0) / self.cost
+
+    @property
+    def effort(self) -> float:
+        """Orders loops: by rows, and by work where that is out of proportion."""
+        return self.fanout + self.cost / 4
+
+
+Bound = set[int] | frozenset[int]
+PlanInside = Callable[[Sequence[Goal], frozenset[int], frozenset[int]], Plan]
+"""Plans goals for variables that have values and variables that are wanted."""
+
+
+class Options:
+    """Tells what the goals of one conjunction can do.
+
+    Args:
+        views: plans what calls need.
+        conjunction: the body.
+        plan_inside: plans negations and aggregates.
+    """
+
+    def __init__(self, views: Views, conjunction: Conjunction, plan_inside: PlanInside) -> None:
+        self._views = views
+        self._sizes = views.sizes
+        self._conjunction = conjunction
+        self._constants = frozenset(number for number, _ in conjunction.constants)
+        self._plan_inside = plan_inside
+        self._inner: dict[int, tuple[Plan, ...]] = {}
+
+    def filter(self, goal: Goal, bound: Bound, uses: Counter[int]) -> Option | None:
+        """The goal as something that cannot multiply the rows, if it can be that now."""
+        match goal:
+            case InstanceAtom():
+                return self._instance(goal, bound, uses)
+            case AttributeAtom(_, owner, value):
+                if owner not in bound:
+                    return None
+                if value in bound:
+                    return Option(Kind.TEST, goal, (), ACCESS, 0.2)
+                return Option(Kind.BIND, goal, (value,), ACCESS, 0.99)
+            case LinkAtom():
+                return self._link(goal, bound, uses)
+            case CallAtom():
+                free = _free(goal, bound)
+                return None if self._needed(goal, free, uses) else self._test_of_call(goal, bound)
+            case ClosureAtom():
+                return self._test_of_closure(goal, bound)
+            case _:
+                return self._derived(goal, bound) if bound.issuperset(inputs(goal)) else None
+
+    def _derived(self, goal: Goal, bound: Bound) -> Option:
+        match goal:
+            case UnequalAtom():
+                return Option(Kind.TEST, goal, (), ACCESS, 0.9)
+            case Condition():
+                return Option(Kind.TEST, goal, (), EXPRESSION, 0.5)
+            case Valuation(_, _, result):
+                return self._value(goal, result, bound, EXPRESSION)
+            case AggregateAtom():
+                inner = self._plans_inside(goal)
+                return self._value(goal, goal.result, bound, CALL + inner[0].cost, inner)
+            case Absence():
+                inner = self._plans_inside(goal)
+                return Option(
+                    Kind.ABSENT, goal, (), ACCESS + sum(plan.cost for plan in inner) / 2, 0.5, inner
+                )
+        raise AssertionError(goal)
+
+    def _value(
+        self, goal: Goal, result: int, bound: Bound, cost: float, inner: tuple[Plan, ...] = ()
+    ) -> Option:
+        if result in bound:
+            return Option(Kind.TEST, goal, (), cost, 0.2, inner)
+        return Option(Kind.BIND, goal, (result,), cost, 0.99, inner)
+
+    def _plans_inside(self, goal: Absence | AggregateAtom) -> tuple[Plan, ...]:
+        """Plans of a negation's alternatives, or of an aggregate's relation; their inputs have values."""
+        if id(goal) not in self._inner:
+            known = self._constants.union(inputs(goal))
+            alternatives: Sequence[tuple[Goal, ...]]
+            if isinstance(goal, Absence):
+                alternatives, wanted = goal.alternatives, frozenset[int]()
+            else:
+                alternatives, wanted = [(goal.relation,)], frozenset(arguments(goal.relation)) - known
+            self._inner[id(goal)] = tuple(self._plan_inside(goals, known, wanted) for goals in alternatives)
+        return self._inner[id(goal)]
+
+    def _instance(self, goal: InstanceAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        if goal.variable in bound or uses[goal.variable] == 1:
+            return Option(Kind.TEST, goal, (), ACCESS, 0.3)
+        return None
+
+    def _link(self, goal: LinkAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        reference, source, target = goal.reference, goal.source, goal.target
+        if source in bound and target in bound:
+            return Option(Kind.TEST, goal, (), ACCESS, self._sizes.link(reference))
+        if source in bound:
+            single, end, size = not reference.many, target, self._sizes.forward(reference)
+        elif target in bound:
+            single, end, size = self._sizes.single_source(reference), source, self._sizes.backward(reference)
+        else:
+            return None
+        if uses[end] == 1:
+            return Option(Kind.TEST, goal, (), ACCESS, min(0.9, size))
+        return Option(Kind.BIND, goal, (end,), ACCESS, min(0.99, size)) if single else None
+
+    def _test_of_call(self, goal: CallAtom, bound: Bound) -> Option | None:
+        try:
+            _, cost = self._estimate(goal, bound, ())
+        except Unplannable:
+            return None
+        return Option(Kind.TEST, goal, (), cost / 2, 0.5)
+
+    def _test_of_closure(self, goal: ClosureAtom, bound: Bound) -> Option | None:
+        if not (goal.source in bound and goal.target in bound):
+            return None
+        try:
+            return Option(Kind.TEST, goal, (), self._closure_cost(goal, bound) / 2, 0.5)
+        except Unplannable:
+            return None
+
+    def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
+        """Work of following the steps from a bound end, or from every source."""
+        if self._views.calls.recursive(goal.step):
+            return REACHED * RECURSIVE_COST
+        from_source, from_target = goal.source in bound, goal.target in bound
+        keys = [ViewKey(goal.step, (0,), (1,))] if from_source or not from_target else []
+        if from_target:
+            keys.append(ViewKey(goal.step, (1,), (0,)))
+        cost = min(self._views.view(key).cost for key in keys)
+        return (1.0 if from_source or from_target else REACHED) * REACHED * (cost + CALL)
+
+    def _needed(self, goal: CallAtom, free: Sequence[int], uses: Counter[int]) -> tuple[int, ...]:
+        """The free variables of a call whose values matter; all of them if the pattern is recursive."""
+        if self._views.calls.recursive(goal.pattern) and any(uses[v] > 1 for v in free):
+            return tuple(free)
+        return tuple(v for v in free if uses[v] > 1)
+
+    def _estimate(self, goal: CallAtom, bound: Bound, needed: Sequence[int]) -> tuple[float, float]:
+        """Rows and work of a call."""
+        if self._views.calls.recursive(goal.pattern):
+            return RECURSIVE_ROWS ** len(needed), RECURSIVE_COST
+        view = self._views.view(call_key(goal, bound, needed))
+        return view.rows, view.cost + CALL
+
+    def loops(self, goals: Iterable[Goal], bound: Bound, uses: Counter[int]) -> list[Option]:
+        """What can be looped over now, the least effort first."""
+        goals = list(goals)
+        found = [*self._relations(goals, bound, uses), *self._extents(goals, bound, uses)]
+        return sorted(found, key=lambda option: option.effort)
+
+    def _relations(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
+        for goal in goals:
+            match goal:
+                case LinkAtom(reference, source, target) if source in bound:
+                    size = self._sizes.forward(reference)
+                    yield Option(Kind.LOOP, goal, (target,), size, size)
+                case LinkAtom(reference, source, target) if target in bound:
+                    size = self._sizes.backward(reference)
+                    yield Option(Kind.LOOP, goal, (source,), size, size)
+                case CallAtom():
+                    needed = self._needed(goal, _free(goal, bound), uses)
+                    try:
+                        rows, cost = self._estimate(goal, bound, needed)
+                    except Unplannable:
+                        continue
+                    yield Option(Kind.LOOP, goal, needed, cost, rows)
+                case ClosureAtom(_, _, source, target):
+                    try:
+                        cost = self._closure_cost(goal, bound)
+                    except Unplannable:
+                        continue
+                    free = tuple(dict.fromkeys(v for v in (source, target) if v not in bound))
+                    yield Option(Kind.LOOP, goal, free, cost, REACHED ** len(free))
+                case _:
+                    pass
+
+    def _extents(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
+        """For every object variable without a value the smallest class that all its values have."""
+        classes: dict[int, list[InstanceAtom]] = {}
+        for goal in goals:
+            for variable in variables(goal):
+                type_ = self._conjunction.types[variable]
+                if variable not in bound and isinstance(type_, ObjectType):
+                    classes.setdefault(variable, [InstanceAtom(type_.cls, variable)])
+            if isinstance(goal, InstanceAtom):
+                classes[goal.variable].append(goal)
+        for variable, atoms in classes.items():
+            atom = min(atoms, key=lambda a: (self._extent(a), not a.exact))
+            # An object that nothing else asks for is better found through what asks for it.
+            weight = 1.0 if uses[variable] > 1 else 1.5
+            yield Option(Kind.LOOP, atom, (variable,), self._extent(atom) * weight, self._extent(atom))
+
+    def _extent(self, atom: InstanceAtom) -> float:
+        return self._sizes.exact_extent(atom.cls) if atom.exact else self._sizes.extent(atom.cls)
+
+
+def _free(goal: CallAtom, bound: Bound) -> tuple[int, ...]:
+    """The variables of a call without a value, each once."""
+    return tuple(dict.fromkeys(v for v in goal.arguments if v not in bound))
+
+
+def call_key(goal: CallAtom, bound: Bound, needed: Sequence[int]) -> ViewKey:
+    """The view that a call asks for: values come in at the bound positions, out at those of needed variables."""
+    given = tuple(position for position, v in enumerate(goal.arguments) if v in bound)
+    wanted = tuple(position for position, v in enumerate(goal.arguments) if v in needed)
+    return ViewKey(goal.pattern, given, wanted)

@@ -1,0 +1,194 @@
+"""Closures and recursion on models where a wrong method would be slow, large or endless."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+
+import pytest
+
+from envgraph.errors import EvaluationError
+from envgraph.graph import Model
+from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.match import _closures as closures
+from envgraph.match import _recursion as recursion
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+from envgraph.pattern import Library
+from tests.unit.match.writing import equal, find, is_a, neg, op, path, pattern, unequal, value
+
+CELLS = Metamodel(
+    "cells",
+    (
+        Class(
+            "Cell",
+            features=(
+                Attribute("n", Scalar.INT),
+                Reference("east", "Cell", 0, 1, opposite="west"),
+                Reference("west", "Cell", 0, 1, opposite="east"),
+                Reference("south", "Cell", 0, 1, opposite="north"),
+                Reference("north", "Cell", 0, 1, opposite="south"),
+                Reference("to", "Cell", 0, None),
+            ),
+        ),
+    ),
+)
+
+STEP = pattern(
+    "step(a : Cell, b : Cell)",
+    *([path(f"Cell.{way}", "a", "b")] for way in ("east", "west", "south", "north")),
+)
+REACHES = pattern("reaches(a : Cell, b : Cell)", [find("step+", "a", "b")])
+
+
+def library(*patterns: object) -> Library:
+    found = Library(CELLS)
+    found.add(*patterns)  # type: ignore[arg-type]
+    return found
+
+
+def grid(width: int, height: int) -> Model:
+    model = Model(CELLS)
+    east, south = (model.metamodel.feature("Cell", way) for way in ("east", "south"))
+    with model.loading():
+        for number in range(width * height):
+            model.new("Cell")
+            if number % width:
+                model.link(number - 1, east, number)  # type: ignore[arg-type]
+            if number >= width:
+                model.link(number - width, south, number)  # type: ignore[arg-type]
+    return model
+
+
+def chain(length: int) -> Model:
+    return grid(length, 1)
+
+
+def test_a_dense_grid_does_not_materialise_its_pairs() -> None:
+    model = grid(100, 100)
+    matcher = CompiledMatcher(model, library(STEP, REACHES))
+    tracemalloc.start()
+    assert matcher.exists("reaches", (0, 9_999))
+    assert matcher.count("reaches", (5_050, FREE)) == 10_000
+    assert matcher.exists("reaches", (FREE, FREE))
+    assert all(
+        matcher.exists("reaches", (corner, 5_000)) for corner in (0, 99, 9_900, 9_999) for _ in range(2)
+    )
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+def test_what_is_remembered_of_reached_objects_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(closures, "MOST_KEPT", 50)
+    model = grid(5, 5)
+    matcher = CompiledMatcher(model, library(STEP, REACHES))
+    for _ in range(3):
+        assert all(matcher.exists("reaches", (a, b)) for a in range(25) for b in range(25))
+    (view,) = matcher._closures.values()
+    assert sum(len(reached) for reached in view._reached.values() if reached) <= 50
+
+
+def test_reached_objects_come_nearest_first() -> None:
+    matcher = CompiledMatcher(
+        chain(6), library(REACHES, pattern("step(a : Cell, b : Cell)", [path("Cell.east", "a", "b")]))
+    )
+    assert matcher.rows("reaches", (2, FREE)) == [(2, 3), (2, 4), (2, 5)]
+    assert matcher.rows("reaches", (FREE, 3)) == [(2, 3), (1, 3), (0, 3)]
+
+
+def test_a_closure_of_a_pattern_that_holds_for_nothing_is_empty() -> None:
+    nowhere = pattern(
+        "step(a : Cell, b : Cell)",
+        [path("Cell.east", "a", "b"), equal("n", 1), equal("n", 2), path("Cell.n", "a", "n")],
+    )
+    matcher = CompiledMatcher(chain(3), library(nowhere, REACHES))
+    assert matcher.rows("reaches", (FREE, FREE)) == []
+    assert not matcher.exists("reaches", (0, 1))
+
+
+RIGHT = pattern(
+    "right(a : Cell, b : Cell)",
+    [path("Cell.east", "a", "b")],
+    [path("Cell.east", "a", "c"), find("right", "c", "b")],
+)
+
+
+def test_deep_recursion_needs_no_deep_stack() -> None:
+    matcher = CompiledMatcher(chain(2_000), library(RIGHT))
+    assert matcher.exists("right", (0, 1_999))
+    assert not matcher.exists("right", (1_999, 0))
+    assert matcher.count("right", (1_990, FREE)) == 9
+
+
+def test_recursive_rows_have_one_order_whoever_asked_before() -> None:
+    model = chain(8)
+    one, other = (CompiledMatcher(model, library(RIGHT)) for _ in range(2))
+    for start in (5, 0, 3):
+        other.rows("right", (start, FREE))
+    assert (
+        one.rows("right", (FREE, FREE))
+        == other.rows("right", (FREE, FREE))
+        == sorted(one.rows("right", (FREE, FREE)))
+    )
+
+
+def test_answers_of_recursive_patterns_are_copies() -> None:
+    matcher = CompiledMatcher(chain(3), library(RIGHT))
+    matcher.rows("right", (FREE, FREE)).clear()
+    matcher.prepare("right", ())().clear()
+    assert len(matcher.rows("right", (FREE, FREE))) == 3
+
+
+def test_what_is_remembered_of_recursive_patterns_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recursion, "MOST_KEPT", 10)
+    matcher = CompiledMatcher(chain(8), library(RIGHT))
+    for start in range(8):
+        assert matcher.count("right", (start, FREE)) == 7 - start
+    assert sum(map(len, matcher._recursion._answers.values())) <= 10
+
+
+DISTANCE = pattern(
+    "distance(a : Cell, b : Cell, n : int)",
+    [path("Cell.east", "a", "b"), equal("n", 1)],
+    [find("distance", "a", "c", "m"), path("Cell.east", "c", "b"), equal("n", value(op("m", "+", 1)))],
+)
+
+
+@pytest.mark.parametrize("kind", [CompiledMatcher, NaiveMatcher], ids=["compiled", "naive"])
+def test_recursion_may_compute_values(kind: Callable[[Model, Library], Matcher]) -> None:
+    matcher = kind(chain(5), library(DISTANCE))
+    assert matcher.rows("distance", (0, 3, FREE)) == [(0, 3, 3)]
+    assert sorted(matcher.rows("distance", (FREE, 2, FREE))) == [(0, 2, 2), (1, 2, 1)]
+
+
+def test_recursion_that_makes_values_without_end_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recursion, "MOST_ROWS", 1_000)
+    model = chain(3)
+    model.node(2).east = model.node(0)
+    matcher = CompiledMatcher(model, library(DISTANCE))
+    with pytest.raises(EvaluationError, match="recursive pattern `distance` has more than 1,000"):
+        matcher.rows("distance", (FREE, FREE, FREE))
+    model.node(2).east = None
+    assert matcher.count("distance", (FREE, FREE, FREE)) == 3
+
+
+def test_recursion_on_large_cycles() -> None:
+    model = grid(6, 6)
+    transitive = pattern(
+        "all(a : Cell, b : Cell)", [find("step", "a", "b")], [find("all", "a", "c"), find("all", "c", "b")]
+    )
+    matcher = CompiledMatcher(model, library(STEP, transitive))
+    assert matcher.count("all", (FREE, FREE)) == 36 * 36
+    assert matcher.count("all", (7, FREE)) == 36
+
+
+def test_unreachable_pairs_are_found_with_one_search_for_each_source() -> None:
+    apart = pattern(
+        "apart(a : Cell, b : Cell)",
+        [is_a("Cell", "a"), is_a("Cell", "b"), unequal("a", "b"), neg(find("reaches", "a", "b"))],
+    )
+    model = grid(8, 8)
+    for number in range(64):
+        model.set_target(number, model.metamodel.feature("Cell", "south"), None)  # type: ignore[arg-type]
+    matcher = CompiledMatcher(model, library(STEP, REACHES, apart))
+    assert matcher.count("apart", (FREE, FREE)) == 64 * 56

@@ -1,0 +1,211 @@
+"""The generated source: what is in it, what is not, and that CPython takes it however long a pattern is."""
+
+from __future__ import annotations
+
+import ast
+import re
+from time import process_time
+
+import pytest
+
+from envgraph.graph import Model
+from envgraph.match import FREE, CompiledMatcher
+from envgraph.match._calls import CallGraph
+from envgraph.match._generate import view_source
+from envgraph.match._plan import ViewKey
+from envgraph.match._planner import Planner
+from envgraph.match._symbols import Mode
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+from envgraph.pattern import Constant, Constraint, Library, Pattern
+from tests.unit.match.forest import PATTERNS, forest, library
+from tests.unit.match.writing import check, equal, find, fold, is_a, neg, op, path, pattern, unequal, value
+
+RINGS = Metamodel(
+    "rings",
+    (
+        Class(
+            "Node",
+            features=(
+                Attribute("size", Scalar.INT),
+                Attribute("label", Scalar.STRING),
+                Reference("next", "Node", 0, 1),
+                Reference("to", "Node", 0, None),
+            ),
+        ),
+    ),
+)
+
+
+def ring(size: int) -> Model:
+    """Nodes 0..size-1 in a ring by both references."""
+    model = Model(RINGS)
+    for number in range(size):
+        model.create("Node", size=number)
+    for number in range(size):
+        model.node(number).next = model.node((number + 1) % size)
+        model.node(number).to.append(model.node((number + 1) % size))
+    return model
+
+
+def matcher(model: Model, *patterns: Pattern) -> CompiledMatcher:
+    found = Library(model.metamodel)
+    found.add(*patterns)
+    return CompiledMatcher(model, found)
+
+
+def names(count: int) -> str:
+    return ", ".join(f"x{number} : Node" for number in range(count))
+
+
+def chain(reference: str, count: int) -> list[Constraint]:
+    return [path(f"Node.{reference}", f"x{number}", f"x{number + 1}") for number in range(count - 1)]
+
+
+def test_startTileFixedLocation_is_one_loop_with_all_checks_outside_the_second() -> None:
+    found = CompiledMatcher(forest(), library()).source("startTileFixedLocation")
+    assert found == (
+        "def build(E5, A0, k0, A1, k1, B0, C):\n"
+        "    def view():\n"
+        "        out = []\n"
+        "        add = out.append\n"
+        "        for v1 in E5:\n"
+        "            if A0[v1] == k0 and A1[v1] == k1 and (t0 := B0[v1]):\n"
+        "                v0, = t0\n"
+        "                if C[v0] == 3:\n"
+        "                    add((v0, v1))\n"
+        "        return out\n"
+        "    return view\n"
+    )
+
+
+def test_a_question_of_existence_stops_at_the_first_match() -> None:
+    queries = library()
+    planner = Planner(queries, CallGraph(queries))
+    text = view_source(planner, ViewKey("burningTile", (), ()), Mode.EXISTS).text
+    assert "return True" in text
+    assert "out" not in text
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_generated_source_holds_no_text_of_the_user(mode: Mode) -> None:
+    evil = "evil'\"\\\n__import__('os')"
+    nodes = matcher(
+        ring(3),
+        pattern(
+            "class_(import_ : Node, None_ : string)",
+            [
+                path("Node.label", "import_", "None_"),
+                unequal("None_", Constant(evil)),
+                check(op("None_", "+", Constant(evil)), "!=", Constant("evil")),
+                equal("lambda_", value(op("None_", "+", Constant(evil)))),
+                neg(path("Node.label", "import_", Constant(evil))),
+            ],
+        ),
+    )
+    key = ViewKey("class_", (), () if mode is Mode.EXISTS else (0, 1))
+    text = view_source(nodes._planner, key, mode).text
+    assert not re.search("evil|import|None_|lambda|class", text)
+    assert not [
+        node
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]
+
+
+def test_names_of_variables_cannot_clash_with_names_in_the_source() -> None:
+    reserved = ("out", "add", "seen", "todo", "node", "C", "E0", "F1", "v1", "t1", "k0", "view", "build")
+    model = ring(3)
+    for name in reserved:
+        nodes = matcher(
+            model,
+            pattern(
+                f"p({name} : Node, b : Node)", [path("Node.next+", name, "b"), path("Node.size", name, 0)]
+            ),
+        )
+        assert nodes.count("p", (FREE, FREE)) == 3
+
+
+@pytest.mark.parametrize("reference", ["next", "to"])
+@pytest.mark.parametrize("length", [15, 25, 60])
+def test_long_chains_are_split_into_functions(reference: str, length: int) -> None:
+    model = ring(4)
+    nodes = matcher(model, pattern(f"p({names(length)})", chain(reference, length)))
+    rows = nodes.rows("p", (FREE,) * length)
+    assert sorted(rows) == [tuple((start + i) % 4 for i in range(length)) for start in range(4)]
+    assert nodes.count("p", (FREE,) * length) == 4
+    assert nodes.first("p", (FREE,) * length) == rows[0]
+    assert nodes.exists("p", (2, *(FREE,) * (length - 1)))
+    assert nodes.rows("p", (*(FREE,) * (length - 1), 1)) == [row for row in rows if row[-1] == 1]
+
+
+@pytest.mark.parametrize("reference", ["next", "to"])
+def test_long_chains_of_which_only_the_start_is_wanted(reference: str) -> None:
+    long = pattern("p(x0 : Node)", chain(reference, 60))
+    count = pattern(
+        "n(x : Node, n : int)", [is_a("Node", "x"), equal("n", fold("count", find("both", "x", "_")))]
+    )
+    both = pattern("both(x0 : Node, x1 : Node)", chain(reference, 60))
+    summed = pattern("s(n : int)", [equal("n", fold("sum", find("sizes", "_", "#")))])
+    sizes = pattern("sizes(x0 : Node, n : int)", [*chain(reference, 40), path("Node.size", "x39", "n")])
+    nodes = matcher(ring(4), long, count, both, summed, sizes)
+    assert nodes.rows("p", (FREE,)) == [(0,), (1,), (2,), (3,)]
+    assert nodes.rows("n", (FREE, FREE)) == [(n, 1) for n in range(4)]
+    assert nodes.rows("s", (FREE,)) == [(6,)]
+
+
+def test_closures_along_long_steps_are_split_too() -> None:
+    step = pattern("step(x0 : Node, x40 : Node)", chain("to", 41))
+    reach = pattern("reach(a : Node, b : Node)", [find("step+", "a", "b")])
+    nodes = matcher(ring(6), step, reach)
+    assert nodes.rows("reach", (0, FREE)) == [(0, 4), (0, 2), (0, 0)]
+    assert nodes.exists("reach", (1, 5))
+    assert not nodes.exists("reach", (1, 2))
+
+
+def _checks(count: int) -> list[Constraint]:
+    return [check(op("n", "+", number), ">=", number) for number in range(count)]
+
+
+LONG = {
+    "chain of links": chain("to", 200),
+    "chain of single links": chain("next", 200),
+    "star": [path("Node.to", "x0", f"x{number}") for number in range(1, 200)],
+    "existential star": [path("Node.to", "x0", f"y{number}") for number in range(1, 200)],
+    "checks": [path("Node.size", "x0", "n"), *_checks(199)],
+    "negations": [neg(path("Node.size", "x0", number)) for number in range(10, 210)],
+    "counts": [equal(f"n{number}", fold("count", path("Node.to", "x0", "_"))) for number in range(200)],
+    "calls": [find("edge", f"x{number}", f"x{number + 1}") for number in range(199)],
+    "clique": [path("Node.to", f"x{i}", f"x{j}") for i in range(15) for j in range(15) if i != j],
+    "tree": [path("Node.to", f"x{(number - 1) // 2}", f"x{number}") for number in range(1, 200)],
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_a_pattern_of_200_constraints_is_planned_in_under_a_second(name: str) -> None:
+    nodes = matcher(
+        ring(3),
+        pattern("p(x0 : Node)", [is_a("Node", "x0"), *LONG[name]]),
+        pattern("edge(a : Node, b : Node)", [path("Node.next", "a", "b")]),
+    )
+    started = process_time()
+    rows = nodes.rows("p", (FREE,))
+    assert process_time() - started < 1
+    assert rows == ([] if name == "clique" else [(0,), (1,), (2,)])
+
+
+def test_explain_shows_the_order_with_estimates_and_the_source() -> None:
+    text = CompiledMatcher(forest(), library()).explain("spread", (1,))
+    head, _, source = text.partition("\n\n")
+    assert head.splitlines()[0] == "pattern spread(fire, tile), given tile"
+    assert re.search(r"test +VegetationTile\(tile\) +\(rows [\d.]+\)", head)
+    assert re.search(r"unless +any of 1 for tile", head)
+    assert re.search(r"for +find neighbour\(fire, tile\)", head)
+    assert source == CompiledMatcher(forest(), library()).source("spread", (1,))
+
+
+@pytest.mark.parametrize("name", [p.name for p in PATTERNS])
+def test_every_plan_can_be_explained(name: str) -> None:
+    found = CompiledMatcher(forest(), library())
+    size = len(found.library.parameter_types(name))
+    for bound in ((), tuple(range(size))):
+        assert found.explain(name, bound).startswith(f"pattern {name}(")
