@@ -1,4 +1,17 @@
-"""The model: a typed attributed graph with change events, one undo log, transactions and versions."""
+"""The model: a typed attributed graph with change events, one undo log, transactions and versions.
+
+>>> from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+>>> room = Class("Room", features=(Attribute("label", Scalar.STRING), Reference("doors", "Room", 0, None)))
+>>> model = Model(Metamodel("house", [room]), "home")
+>>> hall = model.create("Room", label="hall", object_name="hall")
+>>> model.create("Room", label="attic").doors.append(hall)
+>>> empty = model.commit()
+>>> hall.label = "entrance"
+>>> renamed = model.commit()
+>>> model.checkout(empty)
+>>> hall, hall.label
+(<Room#0 hall>, 'hall')
+"""
 
 from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact

@@ -329,18 +329,22 @@ class History:
         while vertex is not None:
             path.append(vertex)
             vertex = vertex.parent
-        held = self._check_vertex(path[-1], path) if path else 0
+        held = 0
+        found = path[-1:]
+        for vertex in found:
+            found.extend(vertex.children)
+            held += vertex.held
+            self._check_vertex(vertex, vertex in path)
         assert held <= self._held <= held + len(self._released)
 
-    def _check_vertex(self, vertex: Vertex, path: list[Vertex]) -> int:
-        assert vertex.upwards == (vertex in path) or vertex.parent is None
+    def _check_vertex(self, vertex: Vertex, on_path: bool) -> None:
+        assert vertex.upwards == on_path or vertex.parent is None
         assert len(vertex.segment) % 4 == 0
         needed = vertex.held or len(vertex.children) > 1 or vertex is self._current
         assert needed or self._released, "a vertex that nobody needs"
         for child in vertex.children:
             assert child.parent is vertex
             assert child.depth > vertex.depth
-        return vertex.held + sum(self._check_vertex(child, path) for child in vertex.children)
 
 
 def _path(start: Vertex, goal: Vertex) -> tuple[list[Vertex], list[Vertex]]:

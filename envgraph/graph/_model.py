@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Literal
 
@@ -106,12 +106,33 @@ class Model:
             return item.model is self and self.alive(item.id)
         return isinstance(item, str) and self.find_object(item) is not None
 
+    def __iter__(self) -> Iterator[Node]:
+        """Handles to all objects, as they are at the start."""
+        return iter(self.nodes())
+
     def __len__(self) -> int:
         return sum(map(len, self.store.extents))
 
     def __bool__(self) -> bool:
         """True: a model without objects is a model."""
         return True
+
+    def copy(self) -> Model:
+        """Another model in the same state (ids, every order, hash), without versions, savepoints and listeners."""
+        from envgraph.graph._json import model_from_json, model_to_json
+
+        return model_from_json(model_to_json(self), self.metamodel)
+
+    __copy__ = copy
+
+    def __deepcopy__(self, _: object) -> Model:
+        return self.copy()
+
+    def __reduce__(self) -> tuple[Callable[..., Model], tuple[object, ...]]:
+        """On the way to a worker process a model is its state; versions and listeners stay behind."""
+        from envgraph.graph._json import model_from_json, model_to_json
+
+        return model_from_json, (model_to_json(self), self.metamodel)
 
     def __repr__(self) -> str:
         return f"<Model {self.name}: {len(self)} objects of {self.metamodel.name}>"
@@ -133,7 +154,7 @@ class Model:
         The columns are as long as the largest id, so ids should be dense.
 
         Raises:
-            InvalidArgument: the id is negative or was used before; the object name is taken.
+            InvalidArgument: the id is negative or that of an object; the object name is taken.
             TypeMismatch: an unknown or abstract class.
         """
         store = self.store
@@ -435,11 +456,12 @@ class Model:
     def _replace(self, relation: Relation, source: int, targets: Sequence[int]) -> None:
         disconnect = self.store.disconnect
         old = tuple(relation.forward[source])
-        kept = [target for target in old if target in targets]
+        wanted = set(targets)
+        kept = [target for target in old if target in wanted]
+        # Fewer changes if those that stay come first in the new order; else the order needs all of them anew.
         in_place = kept == list(targets[: len(kept)])
         for target in old:
-            # Fewer changes if those that stay come first in the new order; else the order needs all of them anew.
-            if not in_place or target not in kept:
+            if not in_place or target not in wanted:
                 disconnect(relation, source, target)
         if relation.opposite_upper == 1:
             for target in targets:

@@ -20,8 +20,12 @@ def missing(model: Model, node: object) -> InvalidArgument:
     )
 
 
-def unknown_object(model: Model, object_name: str) -> InvalidArgument:
+def unknown_object(model: Model, object_name: object) -> InvalidArgument:
     """No object has this name."""
+    if not isinstance(object_name, str):
+        return InvalidArgument(
+            f"objects are found by name, not by {object_name!r}; for an id write `model.node(id)`"
+        )
     used = (name for name, node in model.store.by_name.items() if node is not None)
     return InvalidArgument(
         _hinted(f"`{model.name}` has no object `{object_name}`", did_you_mean(object_name, used))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import repeat
 from sys import maxsize
+from typing import Any
 
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._hashing import class_code, node_salts, reference_code, value_code
@@ -152,6 +153,14 @@ class Store:
             column.extend(repeat(None, more))
         for ends in self._adjacency:
             ends.extend(repeat((), more))
+
+    def record(self, container: Any, key: Any, old: Any, opcode: int) -> None:
+        """Journal a change to something that follows the model, such as a view: see `_journal` for the four parts.
+
+        It is then undone and redone with the model's own changes, and in their order.
+        """
+        if self.recording:
+            self.journal.extend((container, key, old, opcode))
 
     # --- elementary changes
 

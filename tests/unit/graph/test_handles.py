@@ -33,6 +33,20 @@ def test_repr_shows_class_id_name_and_key():
     assert repr(tile) == "<no object 6>"
 
 
+def test_objects_are_found_by_name_only():
+    with pytest.raises(InvalidArgument, match=r"write `model.node\(id\)`"):
+        forest()[3]
+
+
+def test_iterating_over_a_model_gives_handles():
+    model = forest(1)
+    seen = []
+    for node in model:
+        seen.append(repr(node))
+        model.create("RoadTile")
+    assert seen == ["<Forest#0 forest>", "<RoadTile#1 t00 y=0 x=0>", "<FireTruck#2 truck>"]
+
+
 def test_features_read_and_write():
     model = forest()
     tile = model["t00"]

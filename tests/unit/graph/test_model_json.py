@@ -1,11 +1,13 @@
 """Models as JSON."""
 
+import copy
 import json
+import pickle
 
 import pytest
 
 from envgraph.errors import LoadError
-from envgraph.graph import model_from_json, model_to_json
+from envgraph.graph import Model, model_from_json, model_to_json
 from tests.property.snapshots import snapshot
 from tests.unit.graph.domain import FOREST, PEOPLE, forest, people
 
@@ -73,6 +75,21 @@ def test_orders_that_reading_would_not_give_are_written():
     data = model_to_json(model)
     assert data["orders"] == [{"node": 0, "reference": "Person.likes", "sources": [2, 1]}]
     assert snapshot(model_from_json(data, PEOPLE)) == snapshot(model)
+
+
+@pytest.mark.parametrize(
+    "duplicate", [Model.copy, copy.copy, copy.deepcopy, lambda m: pickle.loads(pickle.dumps(m))]
+)
+def test_a_copy_is_another_model_in_the_same_state(duplicate):
+    model = forest()
+    model["t00"].delete("spo")
+    version = model.commit()
+    again = duplicate(model)
+    assert snapshot(again) == snapshot(model)
+    again["t11"].x = 9
+    assert model["t11"].x == 1
+    assert model.version is version
+    assert again.version is None
 
 
 def test_infinite_floats_survive():

@@ -1,7 +1,11 @@
 """Sequences with exact undo."""
 
+import pytest
+
+from envgraph.errors import RuleError
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
 from envgraph.graph._journal import invert, revert
+from tests.unit.graph.domain import forest
 
 
 def test_a_removal_moves_the_last_element_into_the_gap():
@@ -46,3 +50,26 @@ def test_other_structures_can_use_the_journal():
     assert (matches, counter.counts, index) == ([], {"p": None}, {1: None})
     invert(back)
     assert (matches, counter.counts, index) == ([(1, 2)], {"p": 1}, {1: (1, 2)})
+
+
+def test_what_follows_the_model_is_rolled_back_with_it():
+    model = forest()
+    index: dict[str, int | None] = {"burning": 0}
+
+    def count(number):
+        model.store.record(index, "burning", index["burning"], SET)
+        index["burning"] = number
+
+    root = model.commit()
+    model["t00"].retype("BurningTile")
+    count(1)
+    later = model.commit()
+    with pytest.raises(RuleError), model.transaction():
+        model["t10"].retype("BurningTile")
+        count(2)
+        model["t10"].delete()
+    assert index == {"burning": 1}
+    model.checkout(root)
+    assert index == {"burning": 0}
+    model.checkout(later)
+    assert index == {"burning": 1}
