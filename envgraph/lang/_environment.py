@@ -52,13 +52,20 @@ def read_environment(parsed: Parsed) -> EnvironmentFile:
     """The behaviours of a parsed file, and what is wrong with it before any name is looked up."""
     reading = Reading(parsed, list(parsed.diagnostics))
     header = header_of(reading)
-    behaviours = tuple(_behaviour(reading, tree) for tree in definitions_of(reading))
-    if not behaviours and not parsed.diagnostics:
+    found = [*definitions_of(reading)]
+    read = [(_behaviour(reading, tree), tree) for tree in found]
+    # That there are no actions is no mistake where they may stand in what could not be read.
+    behaviours = tuple(one for one, tree in read if _acts(one) or not reading.broken(tree))
+    if not found and not parsed.diagnostics:
         end = parsed.source.span(len(parsed.source.text), len(parsed.source.text))
         hint = "write `environment Name { ... }`"
         reading.error("missing-environment", "the file describes no environment", end, hint)
     unused_imports(reading, header)
-    return EnvironmentFile(header, behaviours, reading.result(), parsed.lost)
+    return EnvironmentFile(header, behaviours, reading.result(), reading.all_lost())
+
+
+def _acts(behaviour: Behaviour) -> bool:
+    return bool(behaviour.actions) or any(agent.actions for agent in behaviour.agents)
 
 
 def with_enums(behaviour: Behaviour, metamodel: Metamodel) -> Behaviour:

@@ -116,7 +116,11 @@ def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
 def _rule_call(reading: Reading, tree: Tree[Token]) -> RuleCall:
     name = trees(tree.children, "qualified_name")[0]
     rule = qualified_name_of(name)
-    arguments = expressions_of(reading, tree)
+    parts = trees(tree.children, "arguments")
+    if not parts:
+        written = f"{rule}()" if rule == _NOTHING else f"{rule}(...)"
+        reading.error("missing-token", "missing `(`", name, f"write `{written}`")
+    arguments = tuple(item for part in parts for item in expressions_of(reading, part))
     return RuleCall(
         None if rule == _NOTHING else rule, arguments, reading.span(tree), rule_span=reading.span(name)
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 
 from lark import Token, Tree
 
@@ -43,6 +44,10 @@ class Reading:
     imported: dict[str, str] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
     """Aliases and imported patterns that the file mentions."""
+    gaps: list[tuple[int, int]] = field(default_factory=list)
+    """Stretches of the text that are in no data, besides those that the parser gave up."""
+    lost: set[str] = field(default_factory=set)
+    """Names of definitions that are left out because of gaps in them."""
 
     def span(self, item: Tree[Token] | Token) -> Span:
         """The characters that a tree or token was made of."""
@@ -85,17 +90,34 @@ class Reading:
             notes = (Note("the first one is here", first),)
             self.error("duplicate-part", f"{what} stands here twice", item, hint, notes)
 
-    def broken(self, tree: Tree[Token]) -> bool:
-        """Whether something in the tree could not be read, so that what seems to be missing may stand there."""
+    def gap(self, tree: Tree[Token]) -> None:
+        """Notes that the data lacks what a tree says; that has been reported."""
         span = self.span(tree)
-        return any(
-            problem.span and span.start <= problem.span.start <= span.end
-            for problem in self.parsed.diagnostics
-        )
+        self.gaps.append((span.start, span.end))
+
+    def broken(self, tree: Tree[Token]) -> bool:
+        """Whether the data of a tree lacks something that it says, and may seem wrong for want of it."""
+        span = self.span(tree)
+        if any(span.start <= start < span.end for start, _ in self.parsed.gaps):
+            return True
+        # Definitions are read one after the other: the gaps of this one are the last.
+        recent = takewhile(lambda gap: gap[0] >= span.start, reversed(self.gaps))
+        return any(start < span.end for start, _ in recent)
+
+    def whole(self, name: Token, tree: Tree[Token]) -> bool:
+        """Whether a definition can be checked. If it has gaps, its name is lost: to mention it is no mistake."""
+        if self.broken(tree):
+            self.lost.add(str(name))
+            return False
+        return True
 
     def result(self) -> tuple[Diagnostic, ...]:
         """All diagnostics in the order of the text, without those that follow from others."""
-        return tuple(sort_diagnostics(without_consequences(self.diagnostics, self.parsed.lost)))
+        return tuple(sort_diagnostics(without_consequences(self.diagnostics, self.all_lost())))
+
+    def all_lost(self) -> frozenset[str]:
+        """All names that may be defined in what is not in the data."""
+        return self.parsed.lost | self.lost
 
     def alias(self, token: Token) -> None:
         """A mention of an import by its alias."""
@@ -237,10 +259,21 @@ def _binary(reading: Reading, tree: Tree[Token]) -> Binary:
         what = "does not compare" if operator == "=" else "is not an operator"
         reading.error("unexpected-token", f"`{operator}` {what}", operator, f"write `{meant}`")
     if operator in _ORDERINGS and left.data == "binary" and str(left.children[1]) in _ORDERINGS:
-        middle = reading.text(trees(left.children)[1])
-        hint = f"write `{reading.text(left)} && {middle} {operator} {reading.text(right)}`"
-        reading.error("chained-comparison", "comparisons do not chain", operator, hint)
+        return _chain(reading, tree)
     return Binary(meant, expression_of(reading, left), expression_of(reading, right), reading.span(tree))
+
+
+def _chain(reading: Reading, tree: Tree[Token]) -> Binary:
+    """`a < b < c`, read as what is meant by it."""
+    left, right = trees(tree.children)
+    operator = tokens(tree.children)[0]
+    middle = trees(left.children)[1]
+    hint = f"write `{reading.text(left)} && {reading.text(middle)} {operator} {reading.text(right)}`"
+    reading.error("chained-comparison", "comparisons do not chain", operator, hint)
+    last = Binary(
+        str(operator), expression_of(reading, middle), expression_of(reading, right), reading.span(tree)
+    )
+    return Binary("&&", expression_of(reading, left), last, reading.span(tree))
 
 
 def _conditional(reading: Reading, tree: Tree[Token]) -> Conditional:

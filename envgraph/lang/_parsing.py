@@ -29,6 +29,7 @@ class Parsed:
         tree: the tree of the start rule, without what was given up; None when nothing could be saved.
         diagnostics: all lexical and syntax errors, in the order of the text.
         lost: the names that stand in what was given up; that one of them is unknown says nothing.
+        gaps: where that stood, as offsets of the text.
     """
 
     source: Source
@@ -36,6 +37,7 @@ class Parsed:
     diagnostics: list[Diagnostic]
     docs: list[DocComment] = field(default_factory=list)
     lost: frozenset[str] = frozenset()
+    gaps: tuple[tuple[int, int], ...] = ()
 
     def span(self, item: Tree[Token] | Token) -> Span:
         """The characters that a tree or token was made of, brackets and keywords included."""
@@ -75,7 +77,7 @@ def parse_with(grammar: Grammar, source: Source) -> Parsed:
             message = "this is nested too deeply to be read"
             diagnostics.append(Diagnostic("nested-too-deeply", message, span_of(source, deep)))
             tree = None
-    return Parsed(source, tree, diagnostics, scan.docs, frozenset(stack.lost))
+    return Parsed(source, tree, diagnostics, scan.docs, frozenset(stack.lost), tuple(stack.gaps))
 
 
 def span_of(source: Source, item: Tree[Token] | Token) -> Span:

@@ -10,14 +10,14 @@ from lark import Token, Tree
 from envgraph.errors import Diagnostic
 from envgraph.lang._expressions import Reading, type_of, type_span_of
 from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
-from envgraph.lang._query_conditions import condition_of, java_type_of
+from envgraph.lang._query_conditions import conditions_of, java_type_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
 from envgraph.pattern import Body, Parameter, Pattern, Strategy
 
 
 @dataclass(frozen=True, slots=True)
 class QueryFile:
-    """What a `.query` file says, as far as it can be read.
+    """What a `.query` file says; a pattern of which a part could not be read is left out.
 
     Attributes:
         lost: names that may be defined or used in what could not be read.
@@ -33,9 +33,13 @@ def read_query(parsed: Parsed) -> QueryFile:
     """The patterns of a parsed file, and what is wrong with it before any name is looked up."""
     reading = Reading(parsed, list(parsed.diagnostics))
     header = header_of(reading)
-    patterns = tuple(_pattern(reading, header.package, tree) for tree in definitions_of(reading))
+    patterns = []
+    for tree in definitions_of(reading):
+        pattern = _pattern(reading, header.package, tree)
+        if reading.whole(name_of(tree), tree):
+            patterns.append(pattern)
     unused_imports(reading, header)
-    return QueryFile(header, patterns, reading.result(), parsed.lost)
+    return QueryFile(header, tuple(patterns), reading.result(), reading.all_lost())
 
 
 def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
@@ -90,6 +94,8 @@ def _parameter(reading: Reading, tree: Tree[Token]) -> Parameter:
         type_, span = type_of(reading, part), type_span_of(reading, part)
     for part in trees(tree.children, "java_type"):
         type_, span = java_type_of(reading, part), reading.span(part)
+        if type_ is None:
+            reading.gap(part)
     return Parameter(
         str(name),
         type_,
@@ -100,10 +106,9 @@ def _parameter(reading: Reading, tree: Tree[Token]) -> Parameter:
 
 
 def _body(reading: Reading, tree: Tree[Token]) -> Body:
-    conditions = (condition_of(reading, part) for part in trees(tree.children))
     name = tokens(tree.children, "NAME")
     return Body(
-        tuple(condition for condition in conditions if condition is not None),
+        conditions_of(reading, trees(tree.children)),
         str(name[0]) if name else None,
         reading.span(tree),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Literal, cast
 
 from lark import Token, Tree
@@ -51,6 +51,18 @@ JAVA_TYPES: Mapping[str, str] = {
     **dict.fromkeys(("String", "char", "Character", "CharSequence"), "string"),
 }
 """Java's names for the data types, without their packages."""
+
+
+def conditions_of(reading: Reading, statements: Iterable[Tree[Token]]) -> tuple[Constraint, ...]:
+    """The data of several conditions, without those of which nothing can be kept."""
+    read = []
+    for statement in statements:
+        condition = condition_of(reading, statement)
+        if condition is None:
+            reading.gap(statement)
+        else:
+            read.append(condition)
+    return tuple(read)
 
 
 def condition_of(reading: Reading, tree: Tree[Token]) -> Constraint | None:
@@ -122,20 +134,10 @@ def _type_constraint(reading: Reading, tree: Tree[Token]) -> Relation | None:
     else:
         name, span = type_of(reading, head), type_span_of(reading, head)
     if len(terms) != 1:
-        return _wrong_arity(reading, tree, name, terms)
-    return TypeConstraint(name, terms[0], span=reading.span(tree), type_span=span) if name else None
-
-
-def _wrong_arity(
-    reading: Reading, tree: Tree[Token], name: str | None, terms: tuple[Term, ...]
-) -> Relation | None:
-    """`p(x, y)` is most likely a call without `find`, and read as that."""
-    head = trees(tree.children)[0]
-    hint = f"write `find {name}(...)` to call a pattern" if terms else f"write `{name}(x)`"
-    reading.error("wrong-arity", "a type takes one argument", tree, hint)
-    if not terms or name is None:
+        hint = f"write `find {reading.text(tree)}` to call a pattern" if terms else f"write `{name}(x)`"
+        reading.error("wrong-arity", "a type takes one argument", tree, hint)
         return None
-    return PatternCall(name, terms, span=reading.span(tree), pattern_span=reading.span(head))
+    return TypeConstraint(name, terms[0], span=reading.span(tree), type_span=span) if name else None
 
 
 def _path_constraint(reading: Reading, tree: Tree[Token]) -> PathConstraint | None:
@@ -225,6 +227,7 @@ def _constant(reading: Reading, tree: Tree[Token]) -> Term:
     if literal.data == "none":
         hint = "write `neg Type.feature(x, _)` for a feature without a value"
         reading.error("none-in-query", "`none` stands for no value, and no value matches", tree, hint)
+        reading.gap(tree)
         return Variable("_", reading.span(tree))
     return literal_of(reading, literal, next(iter(tokens(tree.children)), None))
 
@@ -247,6 +250,7 @@ def _aggregate(reading: Reading, tree: Tree[Token]) -> Term:
     function = cast(AggregateFunction, str(tokens(trees(tree.children, "aggregator")[0].children)[0]))
     relation = relation_of(reading, trees(tree.children)[1])
     if relation is None:
+        reading.gap(tree)
         return Variable("_", reading.span(tree))
     return Aggregate(function, relation, reading.span(tree))
 

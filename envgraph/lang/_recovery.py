@@ -8,6 +8,8 @@ its surroundings, or at a word that starts the next one. Either way there is one
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from envgraph.errors import Diagnostic, Note, did_you_mean
 from envgraph.lang._hints import VALUE_WORDS, expectation
 from envgraph.lang._lexer import END, PUNCTUATION, Lexeme, first_on_line, overlapping
@@ -45,6 +47,7 @@ class Recovery:
             self._mistyped,
             self._unescaped,
             self._swallowed,
+            self._wrong_separator,
             self._missing,
         )
         for attempt in attempts:
@@ -139,14 +142,24 @@ class Recovery:
         hint = did_you_mean(lexeme.value, words) if len(lexeme.value) > 2 else None
         if hint is None:
             return False
-        terminal = keywords[hint.split("`")[1]]
+        meant = hint.split("`")[1]
+        terminal = keywords[meant]
         self._grammar.shift(states, terminal)
-        if not self._stack.makes_sense(states, place + 1, index + _LOOKAHEAD):
+        if not self._stack.makes_sense(states, place + 1, self._line_end(index, index + _LOOKAHEAD)):
             return False
         self._report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint)
         self._stack.cut(height)
-        self._stack.feed(terminal, lexeme, place)
+        self._stack.feed(terminal, replace(lexeme, value=meant), place)
         return True
+
+    def _line_end(self, index: int, most: int) -> int:
+        """The last lexeme on the line of one, at most another: the next line may have a mistake of its own."""
+        last = index
+        while last < min(most, len(self._lexemes) - 1):
+            if first_on_line(self._source, self._lexemes[last + 1].start):
+                break
+            last += 1
+        return last
 
     def _unescaped(self, index: int) -> int | None:
         """A name that is a keyword where it stands, just before the unexpected lexeme."""
@@ -161,7 +174,7 @@ class Recovery:
         if level and level.begin == index - 1 and lexeme.value not in VALUE_WORDS:
             return None  # the word of a statement: more likely its name is missing
         self._grammar.shift(states, "NAME")
-        if not self._stack.makes_sense(states, index, index + _LOOKAHEAD):
+        if not self._stack.makes_sense(states, index, self._line_end(index, index + _LOOKAHEAD)):
             return None
         hint = f"write `^{lexeme.value}` for the name"
         self._report("unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint)
@@ -206,6 +219,21 @@ class Recovery:
         return first_on_line(self._source, lexeme.start) and self._stack.makes_sense(
             list(states), place, index
         )
+
+    def _wrong_separator(self, index: int) -> int | None:
+        """A `,` for a `;`, or the other way round."""
+        lexeme = self._lexemes[index]
+        meant = {",": ";", ";": ","}.get(lexeme.value) if lexeme.kind == PUNCTUATION else None
+        terminal = self._grammar.core.signs.get(meant) if meant else None
+        if meant is None or terminal is None or not self._grammar.accepts(self._stack.states, terminal):
+            return None
+        states = list(self._stack.states)
+        self._grammar.shift(states, terminal)
+        if not self._stack.makes_sense(states, index + 1, index + _LOOKAHEAD):
+            return None
+        self._report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, f"write `{meant}`")
+        self._stack.feed(terminal, replace(lexeme, value=meant), index)
+        return index + 1
 
     def _missing(self, index: int) -> int | None:
         """A separator or closing bracket that was left out."""
@@ -388,20 +416,31 @@ class Recovery:
             return
         shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]
         shown = shown if len(shown) <= 30 else shown[:27] + "..."
-        hint = self._escape_hint(index) or self._expectation()
+        hint = self._escape_hint(index) or self._meant(index) or self._expectation()
         self._report("unexpected-token", f"unexpected `{shown}`", lexeme, hint)
 
     def _foreign(self, index: int) -> Level | None:
-        """The statement under way, if a keyword of other places starts it and the unexpected word follows."""
+        """The statement under way, if a keyword of other places starts it, with a word after it."""
         level = next(self._stack.levels(), None)
-        if level is None or not 0 <= level.begin == index - 1 or self._lexemes[index].kind != "NAME":
+        if level is None or level.begin < 0 or level.begin not in {index - 1, index - 2}:
             return None
-        lexeme = self._lexemes[level.begin]
-        keyword = lexeme.kind == "NAME" and not lexeme.escaped and lexeme.value in self._grammar.core.keywords
-        return (
-            level
-            if keyword and self._stack.resolve(self._stack.states[: level.height], level.begin) == "NAME"
-            else None
+        word, following = self._lexemes[level.begin : level.begin + 2]
+        keyword = word.kind == "NAME" and not word.escaped and word.value in self._grammar.core.keywords
+        if not keyword or following.kind != "NAME":
+            return None
+        states = self._stack.states[: level.height]
+        return level if self._stack.resolve(states, level.begin) == "NAME" else None
+
+    def _meant(self, index: int) -> str | None:
+        """The keyword that a word resembles, where no name is expected."""
+        lexeme = self._lexemes[index]
+        states = self._stack.states
+        if lexeme.kind != "NAME" or self._grammar.accepts(states, "NAME") or len(lexeme.value) <= 2:
+            return None
+        keywords = self._grammar.core.keywords
+        return did_you_mean(
+            lexeme.value,
+            [word for word, terminal in keywords.items() if self._grammar.accepts(states, terminal)],
         )
 
     def _escape_hint(self, index: int) -> str | None:

@@ -34,7 +34,7 @@ _SECTIONS = ("left", "right", "modification", *_NESTED)
 
 @dataclass(frozen=True, slots=True)
 class RulesFile:
-    """What a `.rules` file says, as far as it can be read.
+    """What a `.rules` file says; a definition of which a part could not be read is left out.
 
     Attributes:
         lost: names that may be defined or used in what could not be read.
@@ -50,9 +50,13 @@ def read_rules(parsed: Parsed) -> RulesFile:
     """The definitions of a parsed file, and what is wrong with it before any name is looked up."""
     reading = Reading(parsed, list(parsed.diagnostics))
     header = header_of(reading)
-    definitions = tuple(_definition(reading, header.package, tree) for tree in definitions_of(reading))
+    definitions = []
+    for tree in definitions_of(reading):
+        definition = _definition(reading, header.package, tree)
+        if reading.whole(name_of(tree), tree):
+            definitions.append(definition)
     unused_imports(reading, header)
-    return RulesFile(header, definitions, reading.result(), parsed.lost)
+    return RulesFile(header, tuple(definitions), reading.result(), reading.all_lost())
 
 
 def _definition(reading: Reading, package: str, tree: Tree[Token]) -> Definition:
@@ -70,7 +74,7 @@ def _rule(reading: Reading, package: str, tree: Tree[Token]) -> Rule:
     return Rule(
         name=str(name),
         parameters=parameters_of(reading, tree),
-        left=_left(reading, tree, name, f"rule `{name}`"),
+        left=_left(reading, tree, name),
         blocks=_blocks(reading, tree),
         right=_right(reading, tree),
         package=package,
@@ -86,16 +90,16 @@ def _rule(reading: Reading, package: str, tree: Tree[Token]) -> Rule:
     )
 
 
-def _left(reading: Reading, tree: Tree[Token], owner: Token, what: str) -> LeftSide:
-    """The one `lhs` of a rule or of a `forall` or `optional` block."""
+def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
+    """The one `lhs` of a rule or of a `forall` or `optional` block; that a block is empty is noticed later."""
     sides = trees(tree.children, "left")
     reading.once("`lhs`", (tokens(side.children)[0] for side in sides), "put all of it into the first")
     if sides:
         return left_side_of(reading, trees(sides[0].children), tokens(sides[0].children)[0])
-    if not reading.broken(tree):
-        reading.error(
-            "missing-left-side", f"{what} has no left side", owner, "add `lhs { ... }`; it may be empty"
-        )
+    if tree.data == "rule" and not reading.broken(tree):
+        hint = "add `lhs { ... }`; it may be empty"
+        reading.error("missing-left-side", f"rule `{owner}` has no left side", owner, hint)
+        reading.gap(tree)
     return LeftSide(span=reading.span(owner))
 
 
@@ -126,7 +130,7 @@ def _block(reading: Reading, tree: Tree[Token]) -> Block:
         return _condition_block(reading, tree)
     keyword, *plus = tokens(trees(tree.children, "nesting")[0].children)
     kind = "".join((keyword, *plus))
-    left = _left(reading, tree, keyword, f"this `{kind}` block")
+    left = _left(reading, tree, keyword)
     return Block(
         cast(BlockKind, kind), left, _blocks(reading, tree), _right(reading, tree), reading.span(keyword)
     )

@@ -10,11 +10,10 @@ from lark import Token, Tree
 
 from envgraph.lang._expressions import Reading, type_of, type_span_of, value_of, variable_of
 from envgraph.lang._parsing import tokens, trees
-from envgraph.lang._query_conditions import closure_of, condition_of
+from envgraph.lang._query_conditions import closure_of, conditions_of
 from envgraph.pattern import (
     Action,
     Assignment,
-    Constraint,
     Create,
     DeleteEdge,
     DeleteNode,
@@ -57,15 +56,15 @@ class Graph:
 def left_side_of(reading: Reading, statements: Iterable[Tree[Token]], keyword: Token) -> LeftSide:
     """The statements of an `lhs`, or of a condition block, as one left side."""
     graph = Graph()
-    constraints: list[Constraint] = []
+    conditions: list[Tree[Token]] = []
     for statement in statements:
         if statement.data == "graph":
             read_graph(reading, statement, graph)
             _without_values(reading, statement)
         else:
-            condition = condition_of(reading, statement)
-            constraints.extend([condition] if condition else [])
-    return LeftSide(tuple(graph.nodes), tuple(graph.edges), tuple(constraints), reading.span(keyword))
+            conditions.append(statement)
+    constraints = conditions_of(reading, conditions)
+    return LeftSide(tuple(graph.nodes), tuple(graph.edges), constraints, reading.span(keyword))
 
 
 def _without_values(reading: Reading, graph: Tree[Token]) -> None:
@@ -89,6 +88,7 @@ def read_graph(reading: Reading, tree: Tree[Token], graph: Graph) -> None:
         elif joined > 1 or (joined and node.type):
             hint = "give it a name: each `_` is something else"
             reading.error("anonymous-node", "more is said of this `_` than that it is there", vertex, hint)
+            reading.gap(vertex)
         elif not joined:
             graph.nodes.append(node)
     for arrow, source, target in zip(arrows, vertices, vertices[1:], strict=False):
@@ -119,6 +119,7 @@ def _edge(reading: Reading, arrow: Tree[Token], left: Tree[Token], right: Tree[T
     if arrow.data == "unnamed":
         hint = f"write `{ends[0]} -reference-> {ends[1]}`"
         reading.error("unnamed-arrow", "an arrow names the reference that it follows", arrow, hint)
+        reading.gap(arrow)
         return None
     if arrow.data == "backward":
         ends.reverse()
@@ -158,6 +159,7 @@ def right_side_of(reading: Reading, tree: Tree[Token]) -> RightSide:
             hint = "write `modify` for `rhs`, and only what changes"
             message = f"`{statement.data}` stands in `modify`, not in `rhs`"
             reading.error("misplaced-action", message, statement, hint)
+            reading.gap(statement)
         else:
             actions.extend(_ACTIONS[statement.data](reading, statement))
     keyword = reading.span(tokens(tree.children)[0])
@@ -171,6 +173,7 @@ def modification_of(reading: Reading, tree: Tree[Token]) -> Modification:
         if statement.data == "graph":
             hint = f"write `create {reading.text(statement)};`, or `rhs` for `modify`"
             reading.error("misplaced-graph", "`modify` holds actions", statement, hint)
+            reading.gap(statement)
         else:
             actions.extend(_ACTIONS[statement.data](reading, statement))
     return Modification(tuple(actions), reading.span(tokens(tree.children)[0]))
@@ -217,6 +220,7 @@ def _set(reading: Reading, tree: Tree[Token]) -> list[Action]:
         path = ".".join((owner, *features[:-1]))
         hint = f"bind `{path}` to a variable in the left side"
         reading.error("long-path", "`set` changes a feature of a variable", features[1], hint)
+        reading.gap(tree)
         return []
     return [
         Set(
@@ -248,6 +252,7 @@ def _move(reading: Reading, tree: Tree[Token]) -> list[Action]:
         hint = f"write `move {node} to {container}.reference`"
         message = "`move` needs one reference of one container"
         reading.error("long-path" if references else "missing-reference", message, tree, hint)
+        reading.gap(tree)
         return []
     return [
         Move(
@@ -273,6 +278,7 @@ def _redirect(reading: Reading, tree: Tree[Token]) -> list[Action]:
     if len(trees(part.children, "vertex")) != 2:
         hint = f"write `redirect a -reference-> b to {target.name}`"
         reading.error("wrong-arity", "`redirect` takes one arrow", part, hint)
+        reading.gap(tree)
         return []
     return [Redirect(edge, target, reading.span(tree)) for edge in graph.edges]
 

@@ -65,10 +65,6 @@ def _only_block(reading: Reading, tree: Tree[Token]) -> Sequence:
 def _repeat(reading: Reading, tree: Tree[Token]) -> Repeat:
     bounds = tokens(tree.children, "INT")
     lower, upper = int(bounds[0]), int(bounds[-1])
-    if lower > upper:
-        span = reading.span(bounds[0]).to(reading.span(bounds[-1]))
-        hint = f"write `repeat {upper}..{lower}`"
-        reading.error("empty-range", f"there is no number from {lower} to {upper}", span, hint)
     return Repeat(lower, upper, _only_block(reading, tree), reading.span(tree))
 
 
@@ -86,6 +82,7 @@ def _if(reading: Reading, tree: Tree[Token]) -> If | Sequence:
         if condition is not None:
             hint = "write `find` and a pattern, or `check` and an expression"
             reading.error("wrong-condition", "`if` asks `find`, `neg find` or `check`", asked, hint)
+        reading.gap(asked)
         return body
     others = [
         block_of(reading, part) if part.data == "block" else step_of(reading, part) for part in otherwise

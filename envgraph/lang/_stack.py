@@ -38,6 +38,7 @@ class ParseStack:
         previous_end: where the last token that was taken ends.
         depth: how many braces are open at the last error.
         lost: names that stand in what was given up.
+        gaps: where that stood, as offsets of the text.
     """
 
     def __init__(self, grammar: Grammar, source: Source, lexemes: list[Lexeme]) -> None:
@@ -50,6 +51,7 @@ class ParseStack:
         self.previous_end = 0
         self.depth = 0
         self.lost: set[str] = set()
+        self.gaps: list[tuple[int, int]] = []
 
     def resolve(self, states: list[int], index: int) -> str | None:
         """The terminal that a lexeme is in this state, or None when it cannot be anything."""
@@ -148,6 +150,8 @@ class ParseStack:
         """Cuts the stack, and remembers the names between two lexemes as lost."""
         self.cut(height)
         if begin >= 0:
+            if begin < end:
+                self.gaps.append((self.lexemes[begin].start, self.lexemes[end].start))
             self.lost.update(one.value for one in self.lexemes[begin:end] if one.kind == "NAME")
 
     def resume(self, level: Level, index: int) -> None:
