@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
+
+# A terminal would obey these, where they are to be shown.
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f]")
+
+_LONGEST = 300
+"""Of a longer line, only what surrounds the place is shown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,11 +89,23 @@ class Span:
            |       ^^^^^^
         """
         line, column = self.source.position(self.start)
-        text = self.source.line(line)
-        number = f" {line} | "
+        text = _CONTROL.sub("\N{REPLACEMENT CHARACTER}", self.source.line(line))
         width = max(1, min(self.end - self.start, len(text) - column + 1))
+        text, column, width = _clipped(text, column, width)
+        number = f" {line} | "
         pad = "".join(char if char == "\t" else " " for char in text[: column - 1])
         return f"{number}{text}\n{' ' * (len(number) - 2)}| {pad}{'^' * width}"
 
     def __str__(self) -> str:
         return f"{self.source.name}:{self.line}:{self.column}"
+
+
+def _clipped(text: str, column: int, width: int) -> tuple[str, int, int]:
+    """A line cut to what surrounds a place, with the column and width of the place there."""
+    if len(text) <= _LONGEST:
+        return text, column, width
+    start = max(0, column - 1 - _LONGEST // 3)
+    end = min(len(text), start + _LONGEST)
+    before, after = "..." * (start > 0), "..." * (end < len(text))
+    column -= start - len(before)
+    return f"{before}{text[start:end]}{after}", column, min(width, end - start - column + 1 + len(before))

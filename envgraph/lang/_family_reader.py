@@ -75,7 +75,9 @@ def load_family(path: str, files: Files | None = None) -> FamilySpec:
         source = read_source(files, name)
     except LoadError as error:
         inside = files.is_directory(files.name(str(path)))
-        raise LoadError([one if inside else _no_family(str(path), one) for one in error.diagnostics]) from None
+        raise LoadError(
+            [one if inside else _no_family(str(path), one) for one in error.diagnostics]
+        ) from None
     text = parse_toml(source)
     reader = _Reader(text, files, name)
     spec = reader.family()

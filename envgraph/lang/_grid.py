@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lark import Token, Tree
@@ -66,7 +67,11 @@ def read_grid(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel | None, re
     legend, given = _legend(parsed, parts.get("legend"), metamodel, report)
     lines = list(_lines(parsed, tokens(parts["rows"].children)[0], keep_blanks=" " in legend))
     _check_lengths(lines, report)
-    cells = _cells(lines, legend, parsed.lost, given, report)
+    # Without the metamodel, whose glyphs the letters are, nothing is known of any of them.
+    lost: Container[str] = (
+        parsed.lost if given else () if metamodel else {*"".join(one.text for one in lines)}
+    )
+    cells = _cells(lines, legend, lost, given, report)
     return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
 
 
@@ -138,9 +143,14 @@ def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
 
 
 def _check_lengths(lines: Sequence[_Line], report: Report) -> None:
-    for line in lines[1:]:
-        if len(line.text) != len(lines[0].text):
-            note = Note(f"the first row has {len(lines[0].text)}", lines[0].where)
+    lengths = Counter(len(line.text) for line in lines)
+    usual = next((line for line in lines if 2 * lengths[len(line.text)] > len(lines)), None)
+    model = usual or next(iter(lines), None)
+    for line in lines:
+        if model and len(line.text) != len(model.text):
+            note = Note(
+                f"{'most rows have' if usual else 'the first row has'} {len(model.text)}", model.where
+            )
             message = f"this row has {_count(line.text)}"
             report(
                 Diagnostic(
@@ -154,7 +164,11 @@ def _count(text: str) -> str:
 
 
 def _cells(
-    lines: Sequence[_Line], legend: Mapping[str, Entry], lost: frozenset[str], given: bool, report: Report
+    lines: Sequence[_Line],
+    legend: Mapping[str, Entry],
+    lost: Container[str],
+    given: bool,
+    report: Report,
 ) -> list[Cell]:
     cells: list[Cell] = []
     unknown: set[str] = set()
@@ -163,7 +177,7 @@ def _cells(
             start = line.where.start + column
             where = line.where.source.span(start, start + 1)
             entry = legend.get(letter)
-            if entry is None and letter not in unknown and not (given and letter in lost):
+            if entry is None and letter not in unknown and letter not in lost:
                 unknown.add(letter)
                 report(_unknown_letter(letter, where, legend, given))
             cells.append(Cell(column, row, letter, where, entry))

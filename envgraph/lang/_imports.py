@@ -22,5 +22,10 @@ def without_consequences(diagnostics: Iterable[Diagnostic], lost: frozenset[str]
     return [
         one
         for one in diagnostics
-        if not (one.code.startswith("unknown-") and one.span and one.span.text.removeprefix("^") in lost)
+        if not (one.code.startswith("unknown-") and one.span and _simple(one.span.text) in lost)
     ]
+
+
+def _simple(text: str) -> str:
+    """The last part of a name as it stands in a file; in a family file it stands in quotes."""
+    return text.strip("\"'").removeprefix("^").rpartition(".")[2]

@@ -16,9 +16,9 @@ from envgraph.errors import (
     Severity,
     Source,
     did_you_mean,
-    has_errors,
 )
 from envgraph.lang._checking import check, conformance
+from envgraph.lang._consequences import unread_names, without_echoes
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._environment import read_environment, with_enums
 from envgraph.lang._family import FamilySpec
@@ -223,7 +223,7 @@ class _Loader:
 
     def _take(self, extension: str, parsed: Parsed, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""
-        self.lost |= parsed.lost
+        self.lost |= parsed.lost | unread_names(parsed)
         match extension:
             case "metamodel":
                 self.metamodels[parsed.source.name] = read_metamodel(parsed), asked
@@ -280,7 +280,7 @@ class _Loader:
             roots=tuple(dict.fromkeys(self.roots)),
             sources=self.sources,
         )
-        found = check(workspace, lost)
+        found = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
         for spec in self.families:
             found += without_consequences(check_family(spec, workspace), lost)
         found += self._conformance(models)
@@ -291,8 +291,6 @@ class _Loader:
 
     def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
         """What models lack; the model of a family has to conform, others may still be worked on."""
-        if any(has_errors(file.diagnostics) for file, _ in self.metamodels.values()):
-            return []  # a feature that is wrong is missing in every object
         initial = {spec.model.text for spec in self.families}
         return [
             replace(one, severity=Severity.ERROR) if text.span.source.name in initial else one

@@ -206,7 +206,7 @@ class _Reader:
             hint = f"write `refers {token} {name}` or `contains {token} {name}`"
             self._error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
             return None
-        known = [*Scalar, *self._enums, "contains", "refers"]
+        known = [*Scalar, *self._enums, "contains", "refers", "opposite"]
         self._error("unknown-type", f"unknown type `{token}`", token, did_you_mean(token, known))
         return None
 

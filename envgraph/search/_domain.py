@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from envgraph.env import Behaviour, KeyIndex, indexed_classes
-from envgraph.errors import Diagnostic, LoadError, Note, has_errors
+from envgraph.errors import Diagnostic, LoadError, Note, has_errors, sort_diagnostics
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
     Bundle,
@@ -22,6 +22,7 @@ from envgraph.metamodel import Metamodel
 from envgraph.pattern import conformance_patterns
 from envgraph.rewrite import Engine
 from envgraph.search._components import Components, Context
+from envgraph.search._diversity import FamilyMeasure
 from envgraph.search._evolution import Settings
 from envgraph.search._measures import steps_to, tabular_of
 from envgraph.search._options import Options
@@ -81,7 +82,7 @@ class Domain:
         workspace = load_workspace([path], files=files)
         workspace.raise_errors()
         domain = cls(workspace.families[0], workspace, components)
-        domain.problem(domain.engine())  # so that wrong options are found when the files are read
+        domain._measures()  # so that wrong options are found when the files are read
         domain.settings()
         return domain
 
@@ -122,6 +123,18 @@ class Domain:
         Raises:
             LoadError: options of components that make no sense; all problems at once.
         """
+        measures, diversity = self._measures()
+        return Problem(
+            engine=engine,
+            mutations=tuple(str(rule) for rule in self.spec.mutation.rules),
+            constraints=self._constraints(engine),
+            measures=measures,
+            diversity=diversity,
+            diversity_of=str(self.spec.diversity.options["of"]),
+        )
+
+    def _measures(self) -> tuple[dict[str, IndividualMeasure], FamilyMeasure]:
+        """The measures of an individual, and that of a family; raises like `problem`."""
         spec, context, problems = self.spec, self._context(), list[Diagnostic]()
         measures: dict[str, IndividualMeasure] = {}
         for measure in spec.measures:
@@ -134,14 +147,7 @@ class Domain:
         problems += _finished(options)
         if has_errors(problems):
             raise LoadError(problems)
-        return Problem(
-            engine=engine,
-            mutations=tuple(str(rule) for rule in spec.mutation.rules),
-            constraints=self._constraints(engine),
-            measures=measures,
-            diversity=diversity,
-            diversity_of=str(spec.diversity.options["of"]),
-        )
+        return measures, diversity
 
     def settings(self) -> Settings:
         """Parameters of the genetic algorithm.
@@ -196,7 +202,7 @@ class Domain:
             )
             for constraint in sorted(violated)
         ]
-        raise LoadError(problems)
+        raise LoadError(sort_diagnostics(problems))
 
     def _context(self) -> Context:
         return Context(self.metamodel, self.spec, self.behaviour)

@@ -137,3 +137,30 @@ def test_types_have_their_article() -> None:
         "burning_forest.query", "Tile.y(tile, 5);", "Tile.y(tile, 5); Tile.y(tile, t); Tile(t);"
     )
     assert "both an `int` and a `Tile`" in found.message
+
+
+# --- one mistake, one diagnostic
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "word"),
+    [
+        ("burning_forest.metamodel", "extends Environment", "extends Environmnt", "Environmnt"),
+        ("burning_forest.metamodel", "@key(y, x)", "@key(y, z)", "z"),
+        ("target_8x8.model", "SVVVRVRV", "SVVVRVR", "SVVVRVR"),
+        ("burning_forest.query", "(y == 0));", "(z == 0));", "z"),
+        ("burning_forest.query", "check((x == 0)", "check((nope(x) == 0)", "nope"),
+        (
+            "burning_forest.query",
+            "find passage+(start, goal)",
+            "find passage+(start)",
+            "find passage+(start)",
+        ),
+        ("burning_forest.query", "before the first step. */", "before the first step.", "/*"),
+        ("burning_forest.query", "(water, true);\n}", "(water, true);", ""),
+        ("burning_forest.query", "check((x == 0)", "check(" + 3000 * "(" + "x == 0" + 3000 * ")", "("),
+    ],
+)
+def test_what_follows_from_a_mistake_is_not_reported(name: str, old: str, new: str, word: str) -> None:
+    (found,) = changed(name, old, new)
+    assert place(found) == (name, word)
