@@ -1,0 +1,170 @@
+"""The expression language, read from a check of a query."""
+
+import pytest
+
+from envgraph.errors import Source
+from envgraph.lang._parsing import parse
+from envgraph.lang._query import QueryFile, read_query
+from envgraph.pattern import (
+    Binary,
+    Check,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Unary,
+    Variable,
+)
+
+a, b, c, d = (Variable(name) for name in "abcd")
+
+
+def read(text: str) -> QueryFile:
+    return read_query(parse("query", Source("x.query", f"pattern p() {{ check({text}); }}")))
+
+
+def expression(text: str) -> Expression:
+    file = read(text)
+    assert not file.diagnostics
+    check = file.patterns[0].bodies[0].constraints[0]
+    assert isinstance(check, Check)
+    return check.expression
+
+
+def shown(expression: Expression) -> str:
+    """The expression with a pair of parentheses around every part."""
+    match expression:
+        case Variable(name):
+            return name
+        case Constant(value):
+            return repr(value)
+        case Unary(operator, operand):
+            return f"({operator}{shown(operand)})"
+        case Binary(operator, left, right):
+            return f"({shown(left)}{operator}{shown(right)})"
+        case Conditional(test, then, otherwise):
+            return f"({shown(test)}?{shown(then)}:{shown(otherwise)})"
+        case Navigation(owner, feature):
+            return f"{shown(owner)}.{feature}"
+        case FunctionCall(function, arguments):
+            return f"{function}({','.join(map(shown, arguments))})"
+        case EnumLiteral(enum, literal):
+            return f"{enum or ''}::{literal}"
+
+
+@pytest.mark.parametrize(
+    ("text", "grouped"),
+    [
+        ("a + b * c", "(a+(b*c))"),
+        ("a - b - c", "((a-b)-c)"),
+        ("a / b % c * d", "(((a/b)%c)*d)"),
+        ("a + b < c - d", "((a+b)<(c-d))"),
+        ("a < b == c > d", "((a<b)==(c>d))"),
+        ("a == b && c != d", "((a==b)&&(c!=d))"),
+        ("a && b || c && d", "((a&&b)||(c&&d))"),
+        ("a || b ? c : d", "((a||b)?c:d)"),
+        ("a ? b : c ? d : a", "(a?b:(c?d:a))"),
+        ("a ? b ? c : d : a", "(a?(b?c:d):a)"),
+        ("!a && -b < c", "((!a)&&((-b)<c))"),
+        ("!a.b.c", "(!a.b.c)"),
+        ("-a.b * c", "((-a.b)*c)"),
+        ("(a + b) * c", "((a+b)*c)"),
+        ("f(a, b + c).d", "f(a,(b+c)).d"),
+        ("a<-b", "(a<(-b))"),
+        ("a ? b : ::c", "(a?b:::c)"),
+        ("min(count, sum)", "min(count,sum)"),
+    ],
+)
+def test_operators_bind_as_in_java(text: str, grouped: str) -> None:
+    assert shown(expression(text)) == grouped
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("12", 12),
+        ("0l", 0),
+        ("7L", 7),
+        ("1.5", 1.5),
+        ("2e3", 2000.0),
+        ("-3", -3),
+        ("-0.25", -0.25),
+        ("true", True),
+        ("TRUE", True),
+        ("false", False),
+        ("FALSE", False),
+        ("none", None),
+        ('"a \\"b\\" \\u00e9"', 'a "b" é'),
+        ("'it'", "it"),
+    ],
+)
+def test_literals_have_their_value_and_type(text: str, value: object) -> None:
+    found = expression(text)
+    assert isinstance(found, Constant)
+    assert found == Constant(value)  # type: ignore[arg-type]
+    assert type(found.value) is type(value)
+
+
+def test_enum_literals_with_and_without_their_enum() -> None:
+    assert expression("a == Way::west") == Binary("==", a, EnumLiteral("Way", "west"))
+    assert expression("a == ::west") == Binary("==", a, EnumLiteral(None, "west"))
+
+
+def test_identity_is_equality() -> None:
+    assert expression("a === b") == Binary("==", a, b)
+
+
+def test_a_method_of_a_string_is_the_function() -> None:
+    assert expression('a.b.startsWith("x")') == FunctionCall(
+        "startsWith", (Navigation(a, "b"), Constant("x"))
+    )
+    assert expression("a.length()") == FunctionCall("length", (a,))
+
+
+def test_every_name_has_its_place() -> None:
+    found = expression("f(a.bb, Way::west)")
+    assert isinstance(found, FunctionCall)
+    navigation, literal = found.arguments
+    assert isinstance(navigation, Navigation)
+    assert isinstance(literal, EnumLiteral)
+    spans = (
+        found.span,
+        found.function_span,
+        navigation.span,
+        navigation.feature_span,
+        navigation.object.span,
+        literal.span,
+        literal.enum_span,
+        literal.literal_span,
+    )
+    texts = ["f(a.bb, Way::west)", "f", "a.bb", "bb", "a", "Way::west", "Way", "west"]
+    assert [span.text if span else None for span in spans] == texts
+
+
+def test_parentheses_belong_to_what_they_group() -> None:
+    found = expression("d == (a + b) * (c)")
+    assert isinstance(found, Binary)
+    product = found.right
+    assert isinstance(product, Binary)
+    parts = (product, product.left, product.right)
+    assert [part.span.text if part.span else None for part in parts] == ["(a + b) * (c)", "(a + b)", "c"]
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("a = b", "write `==`"),
+        ("a and b", "write `&&`"),
+        ("a or b", "write `||`"),
+        ("a < b < c", "write `a < b && b < c`"),
+    ],
+)
+def test_habits_of_other_languages_get_the_spelling_of_this_one(text: str, hint: str) -> None:
+    assert [problem.hint for problem in read(text).diagnostics] == [hint]
+
+
+def test_long_expressions_are_refused_without_a_traceback() -> None:
+    problems = read(" + ".join(["1"] * 5000)).diagnostics
+    assert [problem.code for problem in problems] == ["nested-too-deeply"]

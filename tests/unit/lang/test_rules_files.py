@@ -1,0 +1,288 @@
+"""`.rules` files as rules, units and derived groups."""
+
+import pytest
+
+from envgraph.errors import Source
+from envgraph.lang._parsing import parse
+from envgraph.lang._rules import RulesFile, read_rules
+from envgraph.pattern import (
+    Action,
+    Alap,
+    Assignment,
+    Atomic,
+    Binary,
+    Block,
+    Call,
+    Check,
+    Choice,
+    Constant,
+    Create,
+    DeleteEdge,
+    DeleteNode,
+    Derivation,
+    Edge,
+    EnumLiteral,
+    If,
+    LeftSide,
+    Merge,
+    Modification,
+    Move,
+    Navigation,
+    Negation,
+    Node,
+    Parameter,
+    PathConstraint,
+    PatternCall,
+    Redirect,
+    Repeat,
+    Retype,
+    RightSide,
+    Rule,
+    Sequence,
+    Set,
+    Step,
+    Try,
+    TypeConstraint,
+    Unit,
+    Variable,
+)
+
+a, b, c, x = (Variable(name) for name in "abcx")
+
+
+def read(text: str) -> RulesFile:
+    return read_rules(parse("rules", Source("t.rules", text)))
+
+
+def rule(text: str) -> Rule:
+    file = read(text)
+    assert file.diagnostics == ()
+    (only,) = file.definitions
+    assert isinstance(only, Rule)
+    return only
+
+
+def left(text: str) -> LeftSide:
+    return rule(f"rule r {{ lhs {{ {text} }} }}").left
+
+
+def actions(text: str) -> tuple[Action, ...]:
+    right = rule(f"rule r {{ lhs {{ }} modify {{ {text} }} }}").right
+    assert isinstance(right, Modification)
+    return right.actions
+
+
+def steps(text: str) -> tuple[Step, ...]:
+    file = read(f"unit u {{ {text} }}")
+    assert file.diagnostics == ()
+    (unit,) = file.definitions
+    assert isinstance(unit, Unit)
+    assert isinstance(unit.body, Sequence)
+    return unit.body.steps
+
+
+def call(name: str) -> Sequence:
+    return Sequence((Call(name),))
+
+
+# --- left sides
+
+
+def test_arrows_in_both_directions_and_chains() -> None:
+    assert left("a -r-> b : T -s-> c; c <-t- a;") == LeftSide(
+        (Node("a"), Node("b", "T"), Node("c")),
+        (Edge("a", "r", "b"), Edge("b", "s", "c"), Edge("a", "t", "c")),
+    )
+
+
+def test_closures_on_arrows() -> None:
+    assert left("a -r+-> b; a <-s*- b;").edges == (Edge("a", "r", "b", "+"), Edge("b", "s", "a", "*"))
+
+
+def test_a_node_is_kept_once_with_the_class_of_its_declaration() -> None:
+    assert left("a -r-> b; a -s-> b : T; b;").nodes == (Node("a"), Node("b", "T"))
+
+
+def test_a_second_declaration_is_kept_for_the_check() -> None:
+    assert left("a : T; a : U;").nodes == (Node("a", "T"), Node("a", "U"))
+
+
+def test_what_is_anonymous_is_no_node_of_an_arrow() -> None:
+    assert left("a -r-> _; _ : T;") == LeftSide((Node("a"), Node("_", "T")), (Edge("a", "r", "_"),))
+
+
+def test_conditions_of_queries_stand_beside_arrows() -> None:
+    assert left("find p(a, b); T(a); T.f(a, 1); check a.f > 1 && b; neg find q(a); a : T;") == LeftSide(
+        (Node("a", "T"),),
+        (),
+        (
+            PatternCall("p", (a, b)),
+            TypeConstraint("T", a),
+            PathConstraint("T", ("f",), a, Constant(1)),
+            Check(Binary("&&", Binary(">", Navigation(a, "f"), Constant(1)), b)),
+            Negation(PatternCall("q", (a,))),
+        ),
+    )
+
+
+@pytest.mark.parametrize("name", ["from", "to", "at", "among", "create", "set", "move", "lhs", "rule", "not"])
+def test_words_of_other_places_are_names(name: str) -> None:
+    assert left(f"a -{name}-> {name} : T;").edges == (Edge("a", name, name),)
+
+
+def test_blocks_nest() -> None:
+    text = """rule r {
+        lhs { a : T; }
+        not { a -r-> b : T; require { b -r-> c; } T(b); }
+        forall+ { lhs { a -s-> x : T; } not { x -r-> a; } modify { delete x; } }
+        forall { lhs { a -t-> x : T; } }
+        optional { lhs { a -u-> x; } rhs { a; } }
+    }"""
+    first, second, third, fourth = rule(text).blocks
+    inner = Block("require", LeftSide((Node("b"), Node("c")), (Edge("b", "r", "c"),)))
+    assert first == Block(
+        "not",
+        LeftSide((Node("a"), Node("b", "T")), (Edge("a", "r", "b"),), (TypeConstraint("T", b),)),
+        (inner,),
+    )
+    assert (second.kind, second.right) == ("forall+", Modification((DeleteNode(x),)))
+    assert [block.kind for block in second.blocks] == ["not"]
+    assert (third.kind, third.right) == ("forall", None)
+    assert (fourth.kind, fourth.right) == ("optional", RightSide((Node("a"),)))
+
+
+# --- right sides
+
+
+@pytest.mark.parametrize(
+    ("text", "data"),
+    [
+        ("create a : T;", [Create((Node("a", "T"),))]),
+        (
+            "create a -r-> b : T { f = 1, g = [a, b], h = ::red, };",
+            [
+                Create(
+                    (
+                        Node("a"),
+                        Node(
+                            "b",
+                            "T",
+                            (
+                                Assignment("f", Constant(1)),
+                                Assignment("g", (a, b)),
+                                Assignment("h", EnumLiteral(None, "red")),
+                            ),
+                        ),
+                    ),
+                    (Edge("a", "r", "b"),),
+                )
+            ],
+        ),
+        ("delete a;", [DeleteNode(a)]),
+        ("delete a -r-> b;", [DeleteEdge(Edge("a", "r", "b"))]),
+        ("delete a <-r- b -s-> c;", [DeleteEdge(Edge("b", "r", "a")), DeleteEdge(Edge("b", "s", "c"))]),
+        ("set a.f = b.f + 1;", [Set(a, "f", "=", Binary("+", Navigation(b, "f"), Constant(1)))]),
+        ("set a.f += b; set a.f -= b;", [Set(a, "f", "+=", b), Set(a, "f", "-=", b)]),
+        ("set a.f = none; set a.f=-1;", [Set(a, "f", "=", Constant(None)), Set(a, "f", "=", Constant(-1))]),
+        ("set a.f = [b, c]; set a.f = [];", [Set(a, "f", "=", (b, c)), Set(a, "f", "=", ())]),
+        ("retype a : T;", [Retype(a, "T")]),
+        ("move a to b.r;", [Move(a, b, "r")]),
+        ("merge a <- b;", [Merge(a, b)]),
+        ("redirect a -r-> b to c;", [Redirect(Edge("a", "r", "b"), c)]),
+        ("set a.to = to; move to to to.to;", [
+            Set(a, "to", "=", Variable("to")), Move(Variable("to"), Variable("to"), "to")
+        ]),
+    ],
+)  # fmt: skip
+def test_an_action_becomes_its_data(text: str, data: list[Action]) -> None:
+    assert actions(text) == tuple(data)
+
+
+def test_a_right_side_is_a_graph_with_settings() -> None:
+    text = "rule r { lhs { a -r-> b : T; } rhs { a -r-> c : T { f = 1 }; b : U; set a.f = 2; delete x; } }"
+    assert rule(text).right == RightSide(
+        (Node("a"), Node("c", "T", (Assignment("f", Constant(1)),)), Node("b", "U")),
+        (Edge("a", "r", "c"),),
+        (Set(a, "f", "=", Constant(2)), DeleteNode(x)),
+    )
+
+
+# --- the header of a rule
+
+
+def test_a_rule_with_everything_above_it() -> None:
+    text = """package p.q
+        /** Documented. */
+        @weight(0.5) @priority(-2) @semantics(spo) @match(homomorphic) @hom(a, b) @hom(c, a, b)
+        rule r(a : T, out n : int) { lhs { } }"""
+    found = rule(text)
+    assert found.qualified_name == "p.q.r"
+    assert found.parameters == (Parameter("a", "T"), Parameter("n", "int", "out"))
+    assert (found.weight, found.priority, found.semantics, found.injective) == (0.5, -2, "spo", False)
+    assert found.homomorphic == (("a", "b"), ("c", "a", "b"))
+    assert [annotation.name for annotation in found.annotations] == [
+        "weight", "priority", "semantics", "match", "hom", "hom"
+    ]  # fmt: skip
+    assert found.doc == "Documented."
+    assert found.right is None
+
+
+def test_a_rule_without_annotations_has_the_defaults() -> None:
+    found = rule("rule r { lhs { } }")
+    assert (found.weight, found.priority, found.semantics, found.injective) == (1.0, 0, "dpo", True)
+
+
+# --- units
+
+
+@pytest.mark.parametrize(
+    ("text", "data"),
+    [
+        ("a; p.b(1, x); all c;", [Call("a"), Call("p.b", (Constant(1), x)), Call("c", (), True)]),
+        ("a | b(x) | c;", [Choice((Call("a"), Call("b", (x,)), Call("c")))]),
+        ("alap { a; b; }", [Alap(Sequence((Call("a"), Call("b"))))]),
+        ("repeat 1..3 { a; } repeat 2 { }", [Repeat(1, 3, call("a")), Repeat(2, 2, Sequence(()))]),
+        ("try { a; } try { a; } else { b; }", [Try(call("a")), Try(call("a"), call("b"))]),
+        ("atomic { a; }", [Atomic(call("a"))]),
+        (
+            "if find p(x) { a; } else if neg find q() { b; } else { c; }",
+            [If(PatternCall("p", (x,)), call("a"), If(Negation(PatternCall("q", ())), call("b"), call("c")))],
+        ),
+        ("if check x.f > 1 { a; }", [If(Check(Binary(">", Navigation(x, "f"), Constant(1))), call("a"))]),
+        ("retypings.A.B;", [Call("retypings.A.B")]),
+    ],
+)
+def test_a_step_becomes_its_data(text: str, data: list[Step]) -> None:
+    assert steps(text) == tuple(data)
+
+
+def test_units_have_parameters_weights_and_docs() -> None:
+    file = read("/** Once. */ @weight(3) @priority(1) unit u(x : T, out y : T) { r(x, y); }")
+    assert file.definitions == (
+        Unit(
+            "u",
+            (Parameter("x", "T"), Parameter("y", "T", "out")),
+            Sequence((Call("r", (x, Variable("y"))),)),
+            weight=3.0,
+            priority=1,
+            annotations=file.definitions[0].annotations,
+            doc="Once.",
+        ),
+    )
+
+
+def test_derived_groups() -> None:
+    file = read("@weight(2) derive g = retype among { A, B, C };\nderive h = operators for A;")
+    assert file.diagnostics == ()
+    first, second = file.definitions
+    assert isinstance(first, Derivation)
+    assert (first.name, first.kind, first.classes, first.weight) == ("g", "retype", ("A", "B", "C"), 2.0)
+    assert second == Derivation("h", "operators", ("A",))
+    assert [span.text for span in first.class_spans] == ["A", "B", "C"]
+
+
+def test_a_rule_with_an_unreadable_part_is_left_out_and_the_others_are_read() -> None:
+    file = read("rule a { lhs { x ( } }\nrule b { lhs { x : T } }\nrule c { lhs { } modify { delete } }")
+    assert [definition.name for definition in file.definitions] == ["b"]
+    assert {"a", "c"} <= file.lost
+    assert len(file.diagnostics) == 3
