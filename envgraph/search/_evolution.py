@@ -13,11 +13,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import overload
 
 from numpy.random import Generator, SeedSequence, default_rng
 
 from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Version, model_to_json
+from envgraph.search._diversity import FamilyMeasure
 from envgraph.search._problem import Problem
 from envgraph.search._selection import ParentSelection, SurvivorSelection
 from envgraph.search._store import Generation, Individual, RunStore, Trace, dump_json
@@ -62,6 +65,30 @@ class _Member:
     individual: Individual
     version: Version
     value: float
+
+
+class _Losses(Sequence[float]):
+    """Fitness for parent selection: what the family would lose without each member. Only computed when asked for."""
+
+    def __init__(self, measure: FamilyMeasure, values: list[float]) -> None:
+        self._measure = measure
+        self._values = values
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    @cached_property
+    def _losses(self) -> list[float]:
+        score, values = self._measure.score, self._values
+        whole = score(values)
+        return [whole - score([*values[:place], *values[place + 1 :]]) for place in range(len(values))]
+
+    @overload
+    def __getitem__(self, place: int) -> float: ...
+    @overload
+    def __getitem__(self, place: slice) -> Sequence[float]: ...
+    def __getitem__(self, place: int | slice) -> float | Sequence[float]:
+        return self._losses[place]
 
 
 class Evolution:
@@ -137,7 +164,9 @@ class Evolution:
         """Steps 4.2 to 4.4: one generation."""
         settings = self._settings
         parents = settings.parents.select(
-            self._fitness(), settings.population, self._generator(number, _SELECTION + 1)
+            _Losses(self._problem.diversity, [member.value for member in self._members]),
+            settings.population,
+            self._generator(number, _SELECTION + 1),
         )
         pool, born, rejected = list(self._members), [], 0
         known = {member.individual.state_hash for member in pool}
@@ -244,15 +273,6 @@ class Evolution:
             raise InvalidArgument(f"individual {id_} of {self._store.path} does not follow from its trace")
         version = engine.commit() if individual.parent is not None else self._origin
         return _Member(individual, version, individual.measures[self._problem.diversity_of])
-
-    def _fitness(self) -> list[float]:
-        """For parent selection: what the family would lose without the member."""
-        values = [member.value for member in self._members]
-        score = self._problem.diversity.score(values)
-        return [
-            score - self._problem.diversity.score([*values[:place], *values[place + 1 :]])
-            for place in range(len(values))
-        ]
 
     def _generator(self, generation: int, child: int) -> Generator:
         return default_rng(SeedSequence(self._seed, spawn_key=(generation, child)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -19,20 +19,25 @@ Steps = tuple[tuple[int, tuple[int, ...]], ...]
 
 
 def count_paths(
-    steps: Steps, starts: Iterable[int], goals: Iterable[int], avoid: Collection[int] = frozenset()
+    size: int,
+    steps: Steps,
+    starts: Iterable[int],
+    goals: Iterable[int],
+    avoid: Collection[int] = frozenset(),
 ) -> int:
     """Number of paths from any start to any goal.
 
     Args:
+        size: nodes are numbers below this.
         steps: the links.
         starts, goals: without repetition; a node that is both is a path of its own.
         avoid: nodes that no path may visit.
 
     >>> square = ((0, (1, 2)), (1, (3,)), (2, (3,)))
-    >>> count_paths(square, [0], [3]), count_paths(square, [0], [3], avoid={2})
+    >>> count_paths(4, square, [0], [3]), count_paths(4, square, [0], [3], avoid={2})
     (2, 1)
     """
-    ways: defaultdict[int, int] = defaultdict(int)
+    ways = [0] * size
     for start in starts:
         ways[start] = 1
     for node, targets in steps:
@@ -85,7 +90,7 @@ class PathComplexity:
         if network is None:
             raise EvaluationError(f"path_complexity: the links along {', '.join(self.along)} form a cycle")
         steps, every = network
-        free = count_paths(steps, starts, goals, set(model.extent(self.avoid)))
+        free = count_paths(len(model.store.classes), steps, starts, goals, set(model.extent(self.avoid)))
         share = free / every if every else 0.0
         return 1.0 - (sqrt(share) if self.transform == "sqrt" else share)
 
@@ -106,4 +111,4 @@ def _network(
     if len(order) < len(links):
         return None
     steps = tuple((node, links[node]) for node in order if links[node])
-    return steps, count_paths(steps, starts, goals)
+    return steps, count_paths(len(links), steps, starts, goals)

@@ -267,7 +267,9 @@ def _connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-_ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"))  # `json.dumps` makes one for every call
+_ENCODER = json.JSONEncoder(
+    ensure_ascii=False, separators=(",", ":")
+)  # `json.dumps` makes one for every call
 
 
 def dump_json(value: Any) -> str:

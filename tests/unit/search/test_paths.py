@@ -56,7 +56,7 @@ def test_paths_are_counted_as_networkx_lists_them(size: int, data: st.DataObject
         for start in starts - avoid
         for goal in goals - avoid
     )
-    assert count_paths(steps, sorted(starts), sorted(goals), avoid) == listed
+    assert count_paths(size, steps, sorted(starts), sorted(goals), avoid) == listed
 
 
 def test_a_goal_needs_no_way_on(places: Metamodel) -> None:
