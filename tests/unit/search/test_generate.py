@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from collections import deque
 from math import log2
 from pathlib import Path
@@ -232,3 +235,31 @@ def test_a_store_is_not_overwritten(tmp_path: Path) -> None:
     generate("burning_forest", tmp_path / "run.sqlite", generations=1)
     with pytest.raises(InvalidArgument, match="exists"):
         generate("burning_forest", tmp_path / "run.sqlite", generations=1)
+
+
+GENERATE = """
+import sys
+from pathlib import Path
+from envgraph.search import export_ga4cl, generate
+family = generate("burning_forest", Path(sys.argv[1]), generations=25, population=4)
+sys.stdout.write(export_ga4cl(family))
+"""
+
+
+def test_the_result_does_not_depend_on_the_hash_seed_of_the_process(tmp_path: Path) -> None:
+    """Strings hash differently in every process: no set or dict of them may decide anything."""
+    paths = [tmp_path / "1.sqlite", tmp_path / "2.sqlite"]
+    exports = [
+        subprocess.run(
+            [sys.executable, "-c", GENERATE, str(path)],
+            env={**os.environ, "PYTHONHASHSEED": path.stem},
+            check=True,
+            capture_output=True,
+        ).stdout
+        for path in paths
+    ]
+    assert exports[0] == exports[1]
+    assert len(json.loads(exports[0])["environments"]) == 4
+    with RunStore.open(paths[0]) as one, RunStore.open(paths[1]) as other:
+        assert list(one.individuals()) == list(other.individuals())
+        assert one.history() == other.history()
