@@ -113,7 +113,9 @@ def test_long_expressions_are_refused_rather_than_overflowing_the_stack(operator
 
 def test_time_grows_with_the_size_of_the_text_and_not_with_its_square() -> None:
     # 4,000 objects took a minute when every statement was compared with all before it; now it is a second.
-    objects = "\n".join(f"b{i} : Box {{ size = {i} links = [b{i // 2}, b{(i + 1) % 4000}] }}" for i in range(4000))
+    objects = "\n".join(
+        f"b{i} : Box {{ size = {i} links = [b{i // 2}, b{(i + 1) % 4000}] }}" for i in range(4000)
+    )
     texts = {
         "m.metamodel": "metamodel m class Box { int size refers Box[0..*] links }",
         "a.model": f'import "m.metamodel" model a : m {{ {objects} }}',
