@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import log2
 from typing import Protocol
 
@@ -109,14 +110,16 @@ class _EntropySwaps:
         self._counts = measure.counts([values[index] for index in members])
         size = len(members)
         # The contribution of a bin with c members to the entropy; there are only size + 1 different ones.
-        self._term = [0.0] + [-(count / size) * log2(count / size) for count in range(1, size + 1)]
+        term = [0.0] + [-(count / size) * log2(count / size) for count in range(1, size + 1)]
+        # How that changes when one of c members leaves, or joins them. Nobody leaves a bin without members.
+        self._leaving = [0.0] + [less - more for less, more in pairwise(term)]
+        self._joining = [more - less for less, more in pairwise(term)]
 
     def delta(self, leaving: int, entering: int) -> float:
         out, into = self._bin[leaving], self._bin[entering]
         if out == into:
             return 0.0
-        term, left, entered = self._term, self._counts[out], self._counts[into]
-        return (term[left - 1] - term[left]) + (term[entered + 1] - term[entered])
+        return self._leaving[self._counts[out]] + self._joining[self._counts[into]]
 
     def swap(self, leaving: int, entering: int) -> None:
         self._counts[self._bin[leaving]] -= 1
