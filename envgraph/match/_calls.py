@@ -20,6 +20,7 @@ class CallGraph:
     def __init__(self, library: Library) -> None:
         self._library = library
         self._reached: dict[str, frozenset[str]] = {}
+        self._height: dict[str, int] = {}
 
     def component(self, pattern: str) -> frozenset[str]:
         """The patterns that call each other with this one; empty if it does not reach itself."""
@@ -31,6 +32,35 @@ class CallGraph:
     def recursive(self, pattern: str) -> bool:
         """Whether the pattern calls itself, directly or through others."""
         return pattern in self._reach(pattern)
+
+    def bottom_up(self, pattern: str) -> list[str]:
+        """The pattern and all that it reaches, callees before callers as far as recursion allows."""
+        order: dict[str, None] = {}
+        open_: dict[str, None] = {}
+        pending = [pattern]
+        while pending:
+            name = pending[-1]
+            if name in order:
+                pending.pop()
+            elif name in open_:
+                order[name] = None
+                pending.pop()
+            else:
+                open_[name] = None
+                pending.extend(called for called in _called(self._library, name) if called not in open_)
+        return list(order)
+
+    def height(self, pattern: str) -> int:
+        """Longest chain of calls below a pattern; recursive patterns are the end of a chain."""
+        if pattern not in self._height:
+            for name in self.bottom_up(pattern):
+                below = (
+                    []
+                    if self.recursive(name)
+                    else [self.height(each) for each in _called(self._library, name)]
+                )
+                self._height[name] = max(below, default=-1) + 1
+        return self._height[pattern]
 
     def _reach(self, pattern: str) -> frozenset[str]:
         if pattern not in self._reached:

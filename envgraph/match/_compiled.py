@@ -43,6 +43,7 @@ _BUILTINS: Final = {"chain": chain, "total": total, "mean": mean, "least": least
 _NOWHERE: Final[frozenset[str]] = frozenset()
 
 Function = Callable[..., Any]
+Place = tuple[ViewKey, Mode, frozenset[str]]
 
 
 @lru_cache(maxsize=4096)
@@ -65,7 +66,7 @@ class CompiledMatcher:
         self._calls = CallGraph(library)
         self._planner = Planner(library, self._calls)
         self._recursion = Recursion(model, self._calls, self._evaluation)
-        self._functions: dict[tuple[ViewKey, Mode, frozenset[str]], Function] = {}
+        self._functions: dict[Place, Function] = {}
         self._closures: dict[tuple[str, bool], ClosureView] = {}
         self._answers: dict[tuple[str, tuple[int, ...], Mode], Function] = {}
         self._parameters: dict[str, tuple[StaticType, ...]] = {}
@@ -144,11 +145,25 @@ class CompiledMatcher:
     # --- from plans to functions
 
     def _function(self, key: ViewKey, mode: Mode, inside: frozenset[str]) -> Function:
-        """The function of a view; `inside` is the recursive component whose tables it reads."""
-        place = (key, mode, inside)
-        if place not in self._functions:
-            self._functions[place] = self._build(view_source(self._planner, key, mode), inside)
-        return self._functions[place]
+        """The function of a view; `inside` is the recursive component whose tables it reads.
+
+        The functions that it calls are made first, without recursion: chains of calls may be long.
+        """
+        pending = [(key, mode, inside)]
+        sources: dict[Place, Source] = {}
+        while pending:
+            place = pending[-1]
+            if place in self._functions:
+                pending.pop()
+                continue
+            if place not in sources:
+                sources[place] = view_source(self._planner, place[0], place[1])
+            called = [(s.key, s.mode, _NOWHERE) for _, s in sources[place].symbols if isinstance(s, View)]
+            missing = [other for other in called if other not in self._functions]
+            pending.extend(missing)
+            if not missing:
+                self._functions[place] = self._build(sources[place], place[2])
+        return self._functions[key, mode, inside]
 
     def _evaluation(self, pattern: str, bound: tuple[int, ...]) -> Function:
         """Evaluates a call of a recursive pattern once, with the rows that its component has so far."""

@@ -43,10 +43,12 @@ CALL: Final = 4.0
 """Work of calling a function, on top of what it does."""
 REACHED: Final = 30.0
 """Objects that a closure reaches."""
-RECURSIVE_ROWS: Final = 10.0
-"""Matches of a recursive pattern; fixed, for an estimate must not depend on which of a cycle is asked first."""
-RECURSIVE_COST: Final = 500.0
+OPAQUE_ROWS: Final = 10.0
+"""Matches of a recursive pattern, for each free parameter that matters."""
+OPAQUE_COST: Final = 500.0
 """Work of finding them."""
+DEEPEST: Final = 12
+"""Chains of calls longer than this are not followed for an estimate."""
 
 
 class Unplannable(Exception):
@@ -204,10 +206,14 @@ class Options:
         except Unplannable:
             return None
 
+    def _opaque(self, pattern: str) -> bool:
+        """Whether no estimate is made: it would depend on which of a cycle is asked first, or take a deep stack."""
+        return self._views.calls.recursive(pattern) or self._views.calls.height(pattern) > DEEPEST
+
     def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
         """Work of following the steps from a bound end, or from every source."""
-        if self._views.calls.recursive(goal.step):
-            return REACHED * RECURSIVE_COST
+        if self._opaque(goal.step):
+            return REACHED * OPAQUE_COST
         from_source, from_target = goal.source in bound, goal.target in bound
         keys = [ViewKey(goal.step, (0,), (1,))] if from_source or not from_target else []
         if from_target:
@@ -223,8 +229,11 @@ class Options:
 
     def _estimate(self, goal: CallAtom, bound: Bound, needed: Sequence[int]) -> tuple[float, float]:
         """Rows and work of a call."""
-        if self._views.calls.recursive(goal.pattern):
-            return RECURSIVE_ROWS ** len(needed), RECURSIVE_COST
+        unbound = {goal.arguments[position] for position in self._views.library.inputs(goal.pattern)} - bound
+        if unbound:
+            raise Unplannable(frozenset(unbound))
+        if self._opaque(goal.pattern):
+            return OPAQUE_ROWS ** len(needed), OPAQUE_COST
         view = self._views.view(call_key(goal, bound, needed))
         return view.rows, view.cost + CALL
 

@@ -51,10 +51,12 @@ class Simplifier:
     def conjunctions(self, pattern: str) -> tuple[Conjunction, ...]:
         """One conjunction for each body of a pattern."""
         if pattern not in self._done:
-            lowered = self._library.lowered(pattern)
-            self._done[pattern] = tuple(
-                self._simplify(body, len(lowered.parameters)) for body in lowered.bodies
-            )
+            # Bottom up, so that a long chain of calls needs no deep stack.
+            for name in self._calls.bottom_up(pattern):
+                if name not in self._done:
+                    lowered = self._library.lowered(name)
+                    bodies = (self._simplify(body, len(lowered.parameters)) for body in lowered.bodies)
+                    self._done[name] = tuple(bodies)
         return self._done[pattern]
 
     def expanded(self, pattern: str) -> tuple[Conjunction, ...]:

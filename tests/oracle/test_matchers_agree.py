@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
 from envgraph.pattern import Library, ObjectType
-from tests.oracle.worlds import DOMAINS, World, worlds
+from tests.oracle.worlds import World, domain, worlds
 
 EXAMPLES = settings().max_examples
 """Of the profile: 100 by default, thousands at night."""
@@ -42,7 +42,7 @@ def candidates(world: World, pattern: str, naive: list[tuple[object, ...]]) -> l
         if isinstance(type_, ObjectType):
             columns.append([n for c in world.model.metamodel.classes for n in world.model.exact_extent(c)])
         else:
-            columns.append(list(DOMAINS[type_]))
+            columns.append(list(domain(type_)))
     found = [world.dice.one(naive)] if naive else []
     if all(columns):
         found.append(tuple(world.dice.one(column) for column in columns))

@@ -59,6 +59,11 @@ DOMAINS: dict[AttributeType, tuple[Value, ...]] = {
 }
 
 
+def domain(type_: AttributeType) -> tuple[Value, ...]:
+    """Values to choose from."""
+    return type_.literals if isinstance(type_, EnumType) else DOMAINS[type_]
+
+
 class Dice:
     """Choices that follow from one number.
 
@@ -133,7 +138,7 @@ def edit(dice: Dice, model: Model) -> None:
             ]
             if attributes:
                 attribute = dice.one(attributes)
-                values = [*DOMAINS[attribute.type], None]
+                values = [*domain(attribute.type), None]
                 model.set_value(node, attribute, dice.one(values))
         else:
             _edit_link(dice, model, node, unlink=kind > 10)

@@ -209,3 +209,33 @@ def test_every_plan_can_be_explained(name: str) -> None:
     size = len(found.library.parameter_types(name))
     for bound in ((), tuple(range(size))):
         assert found.explain(name, bound).startswith(f"pattern {name}(")
+
+
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_long_chains_of_calls_need_no_deep_stack(bodies: int) -> None:
+    patterns = [pattern("p0(a : Node, b : Node)", [path("Node.to", "a", "b")])]
+    for number in range(1, 250):
+        below = f"p{number - 1}"
+        one = [find(below, "a", "c"), path("Node.next", "c", "b")]
+        other = [path("Node.next", "a", "b"), path("Node.next", "b", "b")]
+        patterns.append(pattern(f"p{number}(a : Node, b : Node)", *[one, other][:bodies]))
+    nodes = matcher(ring(5), *patterns)
+    assert nodes.rows("p249", (0, FREE)) == [(0, 0)]
+    assert nodes.exists("p248", (FREE, 1))
+    assert nodes.count("p247", (FREE, FREE)) == 5
+
+
+def test_an_input_is_bound_before_the_call_of_a_recursive_pattern() -> None:
+    down = pattern(
+        "down(a : Node, in n : int)",
+        [is_a("Node", "a"), equal("n", 0)],
+        [
+            path("Node.size", "a", "s"),
+            check("n", ">", 0),
+            equal("m", value(op("n", "-", 1))),
+            find("down", "a", "m"),
+        ],
+    )
+    user = pattern("user(a : Node)", [find("down", "a", "n"), path("Node.size", "a", "n")])
+    nodes = matcher(ring(4), down, user)
+    assert nodes.rows("user", (FREE,)) == [(0,), (1,), (2,), (3,)]
