@@ -29,7 +29,17 @@ _HOME = {
     "open": "envgraph.lang",
 }
 
-__all__ = ["Engine", "EnvgraphError", "LoadError", "Metamodel", "Model", "Node", "__version__", "load", "open"]
+__all__ = [
+    "Engine",
+    "EnvgraphError",
+    "LoadError",
+    "Metamodel",
+    "Model",
+    "Node",
+    "__version__",
+    "load",
+    "open",
+]
 
 
 def __getattr__(name: str) -> Any:
