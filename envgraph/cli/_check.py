@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json
 from envgraph.errors import Diagnostic, LoadError, has_errors
 
 
 def check_files(files: list[str], format: OutputFormat) -> int:
     """Print all problems of the files; the exit code."""
-    from envgraph.lang import load_workspace
-
-    diagnostics: tuple[Diagnostic, ...]
-    try:
-        diagnostics = tuple(load_workspace(files).diagnostics)
-    except LoadError as error:
-        diagnostics = error.diagnostics
+    diagnostics = tuple(dict.fromkeys(one for group in _groups(files) for one in _problems(group)))
     failed = has_errors(diagnostics)
     if format is OutputFormat.JSON:
         print_json({"ok": not failed, "diagnostics": [diagnostic.to_dict() for diagnostic in diagnostics]})
@@ -22,6 +18,28 @@ def check_files(files: list[str], format: OutputFormat) -> int:
         print_diagnostics(diagnostics)
         print(_summary(diagnostics) if diagnostics else f"no problems in {', '.join(files)}")
     return int(failed)
+
+
+def _groups(files: list[str]) -> list[list[str]]:
+    """What is read together: loose files; a directory or a family is a whole of its own."""
+    loose = [name for name in files if "." in Path(name).name and not name.endswith(".toml")]
+    loose = [name for name in loose if not Path(name).is_dir()]
+    return [[name] for name in files if name not in loose] + ([loose] if loose else [])
+
+
+def _problems(files: list[str]) -> list[Diagnostic]:
+    """What is wrong with files that are read together; of families also what only a search would meet."""
+    from envgraph.lang import load_workspace
+    from envgraph.search import domain_problems
+
+    try:
+        workspace = load_workspace(files)
+    except LoadError as error:
+        return list(error.diagnostics)
+    found = list(workspace.diagnostics)
+    if not workspace.errors:
+        found += [one for spec in workspace.families for one in domain_problems(spec, workspace)]
+    return found
 
 
 def _summary(diagnostics: tuple[Diagnostic, ...]) -> str:

@@ -38,7 +38,7 @@ def generate_family(
 ) -> None:
     """Evolve a family, or go on with one, and print it."""
     domain = Domain.load(location)
-    path = directory / (name or domain.spec.name) / "run.sqlite"
+    path = _run_path(directory, name or domain.spec.name)
     if resume:
         if (seed, generations, population) != (None, None, None):
             raise InvalidArgument(
@@ -67,6 +67,12 @@ def generate_family(
                 progress=progress,
             )
     _print_family(family, format, path)
+
+
+def _run_path(directory: Path, name: str) -> Path:
+    if Path(name).name != name or name == ".." or "\\" in name or "\0" in name:
+        raise InvalidArgument(f"`{name}` cannot name a run: leave out `/` and `\\`, or use --directory")
+    return directory / name / "run.sqlite"
 
 
 def show_family(run: str, directory: Path, variant: str | None, format: OutputFormat) -> None:
@@ -110,7 +116,7 @@ def import_family(file: Path, domain: str, name: str | None, directory: Path, fo
         source = Source(str(file), file.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
         raise InvalidArgument(f"{file} is not UTF-8: {error.reason} at byte {error.start}") from error
-    path = directory / (name or file.stem) / "run.sqlite"
+    path = _run_path(directory, name or file.stem)
     family, warnings = import_ga4cl(source, domain, path)
     print_diagnostics(warnings)
     _print_family(family, format, path)

@@ -81,7 +81,10 @@ def print_error(error: EnvgraphError | OSError) -> None:
         print_diagnostics(error.diagnostics)
         return
     console = Console(stderr=True, soft_wrap=True, highlight=False)
-    console.print(Text("error: ", "bold red") + Text(str(error)))
+    text = str(error)
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        text = f"{error.filename}: {error.strerror[:1].lower()}{error.strerror[1:]}"
+    console.print(Text("error: ", "bold red") + Text(text))
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Any
 
 import envgraph.lang
 from envgraph.cli._output import OutputFormat, print_json, print_table
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, did_you_mean, with_article
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
@@ -116,6 +116,8 @@ def _bound(engine: Engine, types: Mapping[str, StaticType | None], where: list[s
         if name not in types:
             hint = did_you_mean(name, types) or f"there are {', '.join(types) or 'no parameters'}"
             raise InvalidArgument(f"unknown parameter `{name}`; {hint}")
+        if name in bound:
+            raise InvalidArgument(f"`{name}` is given twice")
         bound[name] = _value(engine, name, value, types[name])
     return bound
 
@@ -127,6 +129,11 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
             found = int(text)
         if found is None:
             raise InvalidArgument(f"`{name}`: the model has no object `{text}`; give a name, or an id")
+        cls = engine.model.class_of(found)
+        if not engine.model.metamodel.is_a(cls, type_.cls):
+            raise InvalidArgument(
+                f"`{name}` is {with_article(type_.cls)}, and `{text}` is {with_article(cls)}"
+            )
         return engine.model.node(found)
     if isinstance(type_, EnumType):
         if text not in type_.literals:
@@ -145,7 +152,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
                 return text
     except (ValueError, KeyError):
         raise InvalidArgument(
-            f"`{name}` is a {type_name(type_) if type_ else 'value'}, and `{text}` is none"
+            f"`{name}` is {with_article(type_name(type_)) if type_ else 'a value'}, and `{text}` is none"
         ) from None
 
 

@@ -70,6 +70,19 @@ class _Checker:
         for name in spec.ga4cl:
             yield from self._class(name.text, name.span)
         yield from self._needs_behaviour()
+        models = [one.span for one in self._workspace.models]
+        yield from self._one(spec.model, models, "model")
+        behaviours = [one.span for one in self._workspace.behaviours]
+        if spec.environment is not None:
+            yield from self._one(spec.environment, behaviours, "environment")
+
+    def _one(self, file: Name, spans: Iterable[Span | None], what: str) -> Iterator[Diagnostic]:
+        """A family begins with the one model, and has the one environment, that its file defines."""
+        count = sum(1 for span in spans if span and span.source.name == file.text)
+        if count != 1 and self._workspace.sources.get(file.text) is not None:
+            message = f"the file defines {'no' if not count else 'more than one'} {what}"
+            hint = f"name a `.{what}` file with one {what}"
+            yield Diagnostic(f"no-single-{what}", message, file.span, hint)
 
     def _needs_behaviour(self) -> Iterator[Diagnostic]:
         if self._spec.environment is not None:

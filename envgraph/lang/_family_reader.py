@@ -264,6 +264,9 @@ class _Reader:
         name, model = top.string("name"), self._path(top.string("model"))
         if model is None and "model" not in top:
             self._missing(top, "model", 'write `model = "name.model"` at the top')
+        if name and re.search(r"[/\\\x00-\x1f]|^\.+$", str(name)):
+            hint = "runs are kept in a directory of this name: leave out `/` and `\\`"
+            top.error("bad-value", f"`{name}` cannot name a directory", top.span("name"), hint)
         measures = self._measures(top, top.table("measures"))
         spec = FamilySpec(
             name=str(name) if name else self._directory(),
@@ -328,6 +331,10 @@ class _Reader:
 
     def _measures(self, top: _Section, section: _Section) -> tuple[ComponentSpec, ...]:
         found = []
+        if "kind" in section and not isinstance(section.data["kind"], dict):
+            hint = "write `[measures.complexity]`, or another name of your choice"
+            section.error("missing-key", "the measure has no name", section.span(), hint)
+            return ()
         for name in section.data:
             table = section.table(name)
             component = self._component(table, name, None)

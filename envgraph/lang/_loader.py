@@ -265,7 +265,7 @@ class _Loader:
         lost = frozenset(self.lost)
         models: list[ModelText] = []
         for parsed in self.models:
-            read = read_models(parsed, metamodel, lost)
+            read = read_models(parsed, metamodel if len(self.metamodels) < 2 else None, lost)
             models.extend(read.models)
             self.diagnostics.extend(read.diagnostics)
         workspace = Workspace(
@@ -280,9 +280,11 @@ class _Loader:
             roots=tuple(dict.fromkeys(self.roots)),
             sources=self.sources,
         )
-        found = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
-        for spec in self.families:
-            found += without_consequences(check_family(spec, workspace), lost)
+        found: list[Diagnostic] = []
+        if len(self.metamodels) < 2:  # else nobody knows which of them the names are of
+            found += without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
+            for spec in self.families:
+                found += without_consequences(check_family(spec, workspace), lost)
         found += self._conformance(models)
         self.diagnostics.extend(
             one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)

@@ -91,7 +91,22 @@ def _syntax_error(source: Source, message: str) -> Diagnostic:
     text = message[: place.start()] if place else message
     if text == "Illegal character '\\n'":
         text = "The string is not closed on its line"
-    return Diagnostic("syntax-error", text[0].lower() + text[1:], source.span(start, start + 1))
+    text = text[0].lower() + text[1:]
+    repeated = re.fullmatch(r"cannot (?:overwrite a value|declare \((.*?),?\) twice)", text)
+    if repeated:
+        # tomllib stops after the second one, which is all that stands on its line.
+        start = source.text.rfind("\n", 0, max(start - 1, 0)) + 1
+        key = re.match(r"[^=\n]*[^=\s]", source.text[start:])
+        what = key.group() if key else "this"
+        return Diagnostic(
+            "duplicate-key", f"`{what}` stands here twice", source.span(start, start + len(what))
+        )
+    word = re.compile(r"[^\W\d]\w*").match(source.text, start) if text == "invalid value" else None
+    if word:
+        meant = word.group().lower()
+        hint = f"write `{meant}`" if meant in {"true", "false"} else f'write `"{word.group()}"` for a string'
+        return Diagnostic("syntax-error", text, source.span(start, word.end()), hint)
+    return Diagnostic("syntax-error", text, source.span(start, start + 1))
 
 
 class _Index:

@@ -6,7 +6,7 @@
 
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Swaps, Variance
-from envgraph.search._domain import Domain, Reachable
+from envgraph.search._domain import Domain, Reachable, domain_problems
 from envgraph.search._environment import make_environment, make_vector_environment
 from envgraph.search._evolution import Evolution, Settings
 from envgraph.search._family import (
@@ -80,6 +80,7 @@ __all__ = [
     "Variance",
     "acceptance",
     "count_paths",
+    "domain_problems",
     "export_ga4cl",
     "family_of",
     "generate",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from envgraph.env import Behaviour, KeyIndex, indexed_classes
 from envgraph.errors import Diagnostic, LoadError, Note, has_errors, sort_diagnostics
@@ -13,6 +14,8 @@ from envgraph.lang import (
     ComponentSpec,
     FamilySpec,
     Files,
+    ModelText,
+    Name,
     TextFiles,
     Workspace,
     load_family,
@@ -27,6 +30,8 @@ from envgraph.search._evolution import Settings
 from envgraph.search._measures import steps_to, tabular_of
 from envgraph.search._options import Options
 from envgraph.search._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Problem, Require
+
+Placed = TypeVar("Placed", ModelText, Behaviour)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +87,20 @@ class Domain:
         workspace = load_workspace([path], files=files)
         workspace.raise_errors()
         domain = cls(workspace.families[0], workspace, components)
-        domain._measures()  # so that wrong options are found when the files are read
-        domain.settings()
+        problems = domain.wrong_options()  # so that they are found when the files are read
+        if has_errors(problems):
+            raise LoadError(problems)
         return domain
+
+    def wrong_options(self) -> list[Diagnostic]:
+        """All that is wrong with the options of the components."""
+        problems: list[Diagnostic] = []
+        for make in (self._measures, self.settings):
+            try:
+                make()
+            except LoadError as error:
+                problems += error.diagnostics
+        return sort_diagnostics(problems)
 
     @property
     def metamodel(self) -> Metamodel:
@@ -96,11 +112,16 @@ class Domain:
     @property
     def behaviour(self) -> Behaviour | None:
         """What the agent can do, if the family names an environment."""
-        return self.workspace.behaviour() if self.spec.environment else None
+        return _only(self.workspace.behaviours, self.spec.environment) if self.spec.environment else None
 
     def initial(self) -> Model:
         """A fresh copy of the initial model, with the same ids and order."""
-        return model_from_json(model_to_json(self.workspace.model()), self.metamodel)
+        return model_from_json(model_to_json(self._model()), self.metamodel)
+
+    def _model(self) -> Model:
+        model = _only(self.workspace.models, self.spec.model).model
+        assert model is not None, "the files have no errors"
+        return model
 
     def engine(self, model: Model | None = None) -> Engine:
         """An engine on a model, by default a copy of the initial one, with everything that the files define."""
@@ -112,7 +133,7 @@ class Domain:
         """Indices of objects over models; the initial model always counts."""
         behaviour = self.behaviour
         classes = indexed_classes(behaviour, self.metamodel) if behaviour else ()
-        index = KeyIndex.of(self.workspace.model(), classes)
+        index = KeyIndex.of(self._model(), classes)
         for model in models:
             index = index.merge(KeyIndex.of(model, classes), self.metamodel)
         return index
@@ -231,6 +252,23 @@ class Domain:
             for annotation in pattern.annotations
             if annotation.name == "Constraint" and dict(annotation.named).get("severity") == "error"
         ]
+
+
+def _only(found: Sequence[Placed], file: Name) -> Placed:
+    """What the family's own file defines; other files may bring further models and behaviours."""
+    return next(one for one in found if one.span and one.span.source.name == file.text)
+
+
+def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
+    """What is wrong with a family whose files have no errors: options, and constraints that the model violates."""
+    domain = Domain(spec, workspace)
+    problems = domain.wrong_options()
+    if not problems:
+        try:
+            domain.check_initial()
+        except LoadError as error:
+            problems += error.diagnostics
+    return problems
 
 
 def _finished(options: Options) -> list[Diagnostic]:

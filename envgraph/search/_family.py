@@ -152,7 +152,7 @@ def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
     for candidate in (path, path / "run.sqlite", directory / path / "run.sqlite"):
         if candidate.is_file():
             return candidate
-    known = sorted(file.parent.name for file in directory.glob("*/run.sqlite"))
+    known = sorted(file.parent.name for file in directory.glob("*/run.sqlite") if file.is_file())
     there_are = f"there are {', '.join(known)}" if known else "`envgraph generate` makes one"
     hint = did_you_mean(str(location), known) or there_are
     raise InvalidArgument(f"there is no run `{location}` in {directory}; {hint}")
@@ -182,7 +182,7 @@ def family_of(store: RunStore) -> Family:
     if last is None:
         raise InvalidArgument(f"{store.path} has no generation yet: `envgraph generate --resume` goes on")
     settings = store.settings()
-    bundle = Bundle(tuple(settings["roots"]), store.sources())
+    bundle = store.bundle()
     domain = Domain.from_bundle(bundle)
     found = []
     for id_ in last.members:
@@ -191,7 +191,7 @@ def family_of(store: RunStore) -> Family:
         found.append(
             (individual.measures, model, id_, individual.parent is None and not settings.get("imported"))
         )
-    return Family(settings["name"], bundle, ordered(domain, found))
+    return Family(str(settings.get("name", "family")), bundle, ordered(domain, found))
 
 
 def _replayed(domain: Domain, store: RunStore, id_: int) -> str:

@@ -9,7 +9,6 @@ from pathlib import Path
 from envgraph.env import DrawGrid
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
 from envgraph.graph import model_to_json
-from envgraph.lang import Bundle
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._evolution import Evolution
@@ -71,16 +70,12 @@ def resume(
         settings = store.settings()
         if settings.get("imported"):
             raise InvalidArgument(f"{store_path} holds an imported family: there is nothing to go on with")
-        domain = Domain.from_bundle(_bundle(store), components)
+        domain = Domain.from_bundle(store.bundle(), components)
         return _evolve(domain, store, progress)
 
 
-def _bundle(store: RunStore) -> Bundle:
-    return Bundle(tuple(store.settings()["roots"]), store.sources())
-
-
 def _evolve(domain: Domain, store: RunStore, progress: Progress) -> Family:
-    domain = with_overrides(domain, store.settings()["overrides"])
+    domain = with_overrides(domain, store.settings().get("overrides", {}))
     problem = domain.problem(domain.engine())
     Evolution(problem, domain.settings(), domain.spec.seed, store).run(progress)
     return family_of(store)

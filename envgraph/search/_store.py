@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from envgraph.errors import InvalidArgument
+from envgraph.errors import EnvgraphError, InvalidArgument
+from envgraph.lang import Bundle
 from envgraph.metamodel import Value
 
 FORMAT = 1
@@ -134,9 +135,10 @@ class RunStore:
         store = cls(_connect(path), path)
         try:
             found = store.settings().get("format")
-        except (sqlite3.DatabaseError, ValueError) as error:
+        except InvalidArgument as error:
             store.close()
-            raise InvalidArgument(f"{path} is no run store: {error}") from error
+            reason = error.__cause__ or error
+            raise InvalidArgument(f"{path} is no run store: {reason}") from error
         if found != FORMAT:
             store.close()
             raise InvalidArgument(
@@ -156,7 +158,9 @@ class RunStore:
 
     def settings(self) -> dict[str, Any]:
         """What was given to `create`, and what `set` added."""
-        return {key: json.loads(value) for key, value in self._db.execute("SELECT key, value FROM setting")}
+        with self._reading():
+            rows = self._db.execute("SELECT key, value FROM setting")
+            return {key: json.loads(value) for key, value in rows}
 
     def set(self, key: str, value: Any) -> None:
         """Add or replace a setting."""
@@ -165,7 +169,13 @@ class RunStore:
 
     def sources(self) -> dict[str, str]:
         """The texts the run was made from, by path."""
-        return dict(self._db.execute("SELECT path, text FROM source ORDER BY path"))
+        with self._reading():
+            return dict(self._db.execute("SELECT path, text FROM source ORDER BY path"))
+
+    def bundle(self) -> Bundle:
+        """The texts the run was made from, to load them again."""
+        with self._reading():
+            return Bundle(tuple(self.settings()["roots"]), self.sources())
 
     def write_generation(self, generation: Generation, born: Iterable[Individual]) -> None:
         """Store a generation and the individuals accepted in it, all or nothing."""
@@ -193,7 +203,8 @@ class RunStore:
 
     def last_generation(self) -> Generation | None:
         """The last whole generation, or None in a fresh store."""
-        (number,) = self._db.execute("SELECT max(number) FROM generation").fetchone()
+        with self._reading():
+            (number,) = self._db.execute("SELECT max(number) FROM generation").fetchone()
         return None if number is None else self.generation(number)
 
     def generation(self, number: int) -> Generation:
@@ -202,18 +213,23 @@ class RunStore:
         Raises:
             InvalidArgument: there is none of that number.
         """
-        row = self._db.execute("SELECT * FROM generation WHERE number = ?", (number,)).fetchone()
-        if row is None:
-            raise InvalidArgument(f"{self.path} has no generation {number}")
-        members = self._db.execute(
-            "SELECT individual FROM member WHERE generation = ? ORDER BY place", (number,)
-        )
-        _, diversity, accepted, rejected = row
-        return Generation(number, tuple(member for (member,) in members), diversity, accepted, rejected)
+        with self._reading():
+            row = self._db.execute("SELECT * FROM generation WHERE number = ?", (number,)).fetchone()
+            if row is None:
+                raise InvalidArgument(f"{self.path} has no generation {number}")
+            rows = self._db.execute(
+                "SELECT individual FROM member WHERE generation = ? ORDER BY place", (number,)
+            )
+            members = tuple(member for (member,) in rows)
+            if not members:
+                raise ValueError(f"generation {number} has no members")
+            _, diversity, accepted, rejected = row
+        return Generation(number, members, diversity, accepted, rejected)
 
     def history(self) -> list[tuple[int, float, int, int]]:
         """Number, diversity, accepted and rejected children of every generation, in order."""
-        return list(self._db.execute("SELECT * FROM generation ORDER BY number"))
+        with self._reading():
+            return list(self._db.execute("SELECT * FROM generation ORDER BY number"))
 
     def individual(self, id_: int) -> Individual:
         """One individual.
@@ -221,15 +237,17 @@ class RunStore:
         Raises:
             InvalidArgument: there is none of that id.
         """
-        row = self._db.execute("SELECT * FROM individual WHERE id = ?", (id_,)).fetchone()
-        if row is None:
-            raise InvalidArgument(f"{self.path} has no individual {id_}")
-        return _individual(row)
+        with self._reading():
+            row = self._db.execute("SELECT * FROM individual WHERE id = ?", (id_,)).fetchone()
+            if row is None:
+                raise InvalidArgument(f"{self.path} has no individual {id_}")
+            return _individual(row)
 
     def individuals(self) -> Iterator[Individual]:
         """Every accepted individual, in the order of acceptance."""
-        for row in self._db.execute("SELECT * FROM individual ORDER BY id"):
-            yield _individual(row)
+        with self._reading():
+            for row in self._db.execute("SELECT * FROM individual ORDER BY id"):
+                yield _individual(row)
 
     def lineage(self, id_: int) -> list[Individual]:
         """The individual and its ancestors, the oldest first."""
@@ -240,18 +258,32 @@ class RunStore:
 
     def next_id(self) -> int:
         """The id that the next individual gets."""
-        (last,) = self._db.execute("SELECT max(id) FROM individual").fetchone()
+        with self._reading():
+            (last,) = self._db.execute("SELECT max(id) FROM individual").fetchone()
         return 0 if last is None else last + 1
 
     @contextmanager
-    def _transaction(self) -> Iterator[sqlite3.Connection]:
-        self._db.execute("BEGIN IMMEDIATE")
+    def _reading(self) -> Iterator[None]:
+        """Whatever cannot be read is the fault of the file."""
         try:
-            yield self._db
-        except BaseException:
-            self._db.execute("ROLLBACK")
+            yield
+        except EnvgraphError:
             raise
-        self._db.execute("COMMIT")
+        except (sqlite3.DatabaseError, LookupError, TypeError, ValueError, AttributeError) as error:
+            raise InvalidArgument(f"{self.path} is damaged: {error}") from error
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._db
+            except BaseException:
+                self._db.execute("ROLLBACK")
+                raise
+            self._db.execute("COMMIT")
+        except sqlite3.DatabaseError as error:  # a full disk, another process, a file that was changed
+            raise InvalidArgument(f"{self.path} cannot be written: {error}") from error
 
 
 def _connect(path: Path) -> sqlite3.Connection:
@@ -292,5 +324,8 @@ def _row(individual: Individual) -> Sequence[object]:
 
 def _individual(row: Sequence[Any]) -> Individual:
     id_, generation, child, parent, trace, measures, state_hash, model = row
+    if parent is not None and parent >= id_:
+        raise ValueError(f"individual {id_} is older than its parent")
     steps = tuple((rule, tuple(values)) for rule, values in json.loads(trace))
-    return Individual(id_, generation, child, parent, steps, json.loads(measures), state_hash, model)
+    found = {str(name): float(value) for name, value in json.loads(measures).items()}
+    return Individual(id_, generation, child, parent, steps, found, state_hash, model)

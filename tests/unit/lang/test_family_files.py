@@ -113,8 +113,8 @@ def test_values_of_components_have_positions() -> None:
     ("text", "error"),
     [
         ("x = ", "1:5 invalid value"),
-        ("x = 1\nx = 2", "2:6 cannot overwrite a value"),
-        ("[a]\n[a]", "2:3 cannot declare ('a',) twice"),
+        ("x = 1\nx = 2", "2:1 `x` stands here twice"),
+        ("[a]\n[a]", "2:1 `[a]` stands here twice"),
         ("x = 'a", '1:7 expected "\'"'),
         ("x = [1, 2", "1:10 unclosed array"),
         ("x = 1\r\ny = = 1\r\n", "2:5 invalid value"),

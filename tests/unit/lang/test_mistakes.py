@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from envgraph.errors import Diagnostic
-from envgraph.lang import TextFiles, bundled_domain, load_family, load_workspace
+from envgraph.lang import Bundle, TextFiles, bundled_domain, load_family, load_workspace
+from envgraph.search import Domain
 
 DOMAIN = bundled_domain("burning_forest")
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DOMAIN.iterdir())}
@@ -164,3 +165,57 @@ def test_types_have_their_article() -> None:
 def test_what_follows_from_a_mistake_is_not_reported(name: str, old: str, new: str, word: str) -> None:
     (found,) = changed(name, old, new)
     assert place(found) == (name, word)
+
+
+# --- families
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word", "hint"),
+    [
+        ('name = "BurningForest"', 'name = "../forest"', '"../forest"', "leave out `/`"),
+        ('name = "BurningForest"', "name = Forest", "Forest", 'write `"Forest"` for a string'),
+        ("keep_initial = true", "keep_initial = True", "True", "write `true`"),
+        ("seed = 42", "seed = 42\nseed = 43", "seed", None),
+        ("[search]", "[mutation]", "[mutation]", None),
+        ("[measures.complexity]", "[measures]", "[measures]", "write `[measures.complexity]`"),
+        ('"target_8x8.model"', '"burning_forest.query"', '"burning_forest.query"', "`.model` file"),
+        (
+            '"burning_forest.environment"',
+            '"burning_forest.rules"',
+            '"burning_forest.rules"',
+            "`.environment`",
+        ),
+    ],
+)
+def test_mistakes_in_a_family_are_reported_at_their_place(
+    old: str, new: str, word: str, hint: str | None
+) -> None:
+    found = [one for one in changed("family.toml", old, new) if not one.code.startswith("unknown-")]
+    assert [place(one) for one in found] == [("family.toml", word)]
+    assert (hint or "") in (found[0].hint or "")
+
+
+def test_a_family_has_the_model_and_the_environment_of_its_own_files() -> None:
+    import_both = 'imports = ["running_4x4.model", "other.environment"]\n'
+    other = TEXTS["burning_forest.environment"].replace("environment BurningForest", "environment Other")
+    texts = TEXTS | {"family.toml": import_both + TEXTS["family.toml"], "other.environment": other}
+    domain = Domain.from_bundle(Bundle(("family.toml",), texts))
+    assert len(domain.initial().nodes("Tile")) == 64
+    assert domain.behaviour is not None and domain.behaviour.name == "BurningForest"
+    twice = TEXTS["burning_forest.environment"] + other.partition('rules"\n')[2]
+    (found,) = changed("burning_forest.environment", TEXTS["burning_forest.environment"], twice)
+    assert (found.code, place(found)) == (
+        "no-single-environment",
+        ("family.toml", '"burning_forest.environment"'),
+    )
+
+
+def test_two_metamodels_are_one_mistake() -> None:
+    found = said(
+        "a.query",
+        a_query='import "m.metamodel" import "n.metamodel" pattern p(b : B) { B(b); }',
+        m_metamodel="metamodel m class A",
+        n_metamodel="metamodel n class B",
+    )
+    assert [one.code for one in found] == ["two-metamodels"]

@@ -48,7 +48,7 @@ def test_lineage_leads_from_the_initial_model_to_the_individual(store: RunStore)
 
 def test_a_generation_that_fails_half_way_leaves_nothing(store: RunStore) -> None:
     store.write_generation(Generation(0, (0,), 0.0, 1, 0), [individual(0)])
-    with pytest.raises(sqlite3.IntegrityError):
+    with pytest.raises(InvalidArgument, match="cannot be written"):
         store.write_generation(Generation(1, (1,), 0.0, 1, 0), [individual(1, 1, 0), individual(0, 1)])
     assert [one.id for one in store.individuals()] == [0]
     assert store.next_id() == 1

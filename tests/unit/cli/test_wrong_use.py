@@ -1,0 +1,128 @@
+"""What is said to a person who uses a command wrongly, or has a damaged run."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli import main
+from envgraph.lang import bundled_domain
+
+Call = Callable[..., str]
+
+
+@pytest.fixture
+def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Runs a command in a directory with the bundled domain; it ends with 1, and the messages are returned."""
+    shutil.copytree(bundled_domain("burning_forest"), tmp_path / "forest")
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object, code: int = 1) -> str:
+        monkeypatch.setattr(sys, "argv", ["envgraph", *map(str, arguments)])
+        try:
+            found = main()
+        except SystemExit as stop:
+            found = int(stop.code or 0)
+        out, err = capsys.readouterr()
+        assert found == code, out + err
+        return err if code else out
+
+    return run
+
+
+MODEL, QUERIES, RULES = (
+    f"forest/{name}" for name in ("running_4x4.model", "burning_forest.query", "burning_forest.rules")
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('transform = "sqrt"', 'transform = "sqr"', "family.toml:13:13: `transform`"),
+        ("rounds = 500", "rounds = -1", "family.toml:34:54: `rounds`"),
+        ("forbid = []", 'forbid = ["solvable"]', "family.toml:9:11: the initial model violates"),
+    ],
+)
+def test_check_finds_what_a_search_would_refuse(refused: Call, old: str, new: str, message: str) -> None:
+    path = Path("forest/family.toml")
+    path.write_text(path.read_text().replace(old, new))
+    assert f"forest/{message}" in refused("check", "forest")
+
+
+def test_domains_are_checked_apart_and_loose_files_together(refused: Call) -> None:
+    shutil.copytree("forest", "copy")
+    assert "no problems" in refused("check", "forest", "copy/family.toml", MODEL, RULES, code=0)
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        (["tile=truck"], "`tile` is a `BurningTile`, and `truck` is a `FireTruck`"),
+        (["tile=forest", "tile=truck"], "`tile` is a `BurningTile`"),
+        (["forest=forest", "forest=forest"], "`forest` is given twice"),
+    ],
+)
+def test_values_of_parameters_are_checked(refused: Call, where: list[str], message: str) -> None:
+    options = [part for one in where for part in ("--where", one)]
+    assert message in refused("match", MODEL, QUERIES, "burningTile", *options)
+
+
+def test_the_type_of_a_value_has_its_article(refused: Call) -> None:
+    assert "`burning` is an `int`" in refused("match", MODEL, QUERIES, "fireDensity", "-w", "burning=x")
+
+
+@pytest.mark.parametrize("name", ["../out", "a/b", ".."])
+def test_a_run_stays_in_the_directory_of_runs(refused: Call, name: str) -> None:
+    assert "cannot name a run" in refused("generate", "forest", "--generations", 1, "--name", name)
+
+
+def test_a_directory_is_no_place_for_a_file(refused: Call) -> None:
+    message = refused("apply", MODEL, RULES, "spread", "--output", "forest")
+    assert message == "error: forest: is a directory\n"
+
+
+@pytest.fixture(scope="module")
+def run_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from envgraph.search import generate
+
+    path = tmp_path_factory.mktemp("runs") / "run.sqlite"
+    generate("burning_forest", path, generations=2, population=2)
+    return path
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "UPDATE setting SET value = '3' WHERE key = 'roots'",
+        "DELETE FROM setting WHERE key = 'roots'",
+        "DELETE FROM member",
+        "UPDATE individual SET trace = 'x'",
+        "UPDATE individual SET trace = '[[1]]'",
+        "UPDATE individual SET measures = '[]'",
+        "UPDATE individual SET parent = id",
+        "DROP TABLE member",
+    ],
+)
+def test_a_damaged_run_is_refused(refused: Call, run_store: Path, damage: str) -> None:
+    Path("runs/bad").mkdir(parents=True)
+    shutil.copy(run_store, "runs/bad")
+    with closing(sqlite3.connect("runs/bad/run.sqlite")) as db:
+        db.execute(damage)
+        db.commit()
+    for command in (("show", "bad"), ("generate", "forest", "--resume", "--name", "bad")):
+        assert "runs/bad/run.sqlite is damaged: " in refused(*command)
+
+
+def test_a_resumed_run_that_cannot_be_written_is_refused(refused: Call, run_store: Path) -> None:
+    Path("runs/bad").mkdir(parents=True)
+    shutil.copy(run_store, "runs/bad")
+    with closing(sqlite3.connect("runs/bad/run.sqlite")) as db:
+        db.execute("DELETE FROM generation")
+        db.commit()
+    assert "cannot be written" in refused("generate", "forest", "--resume", "--name", "bad")
