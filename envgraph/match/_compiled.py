@@ -73,23 +73,19 @@ class CompiledMatcher:
 
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> list[Row]:
         """All matches that agree with the arguments."""
-        values = self._values(pattern, arguments)
-        return [] if values is None else self._answer(pattern, arguments, Mode.ROWS)(*values)
+        return self._ask(pattern, arguments, Mode.ROWS, [])  # type: ignore[no-any-return]
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
         """The first of `rows`, or None; stops there."""
-        values = self._values(pattern, arguments)
-        return None if values is None else self._answer(pattern, arguments, Mode.FIRST)(*values)
+        return self._ask(pattern, arguments, Mode.FIRST, None)  # type: ignore[no-any-return]
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
         """Whether there is a match that agrees with the arguments; stops at the first."""
-        values = self._values(pattern, arguments)
-        return False if values is None else self._answer(pattern, arguments, Mode.EXISTS)(*values)
+        return self._ask(pattern, arguments, Mode.EXISTS, False)  # type: ignore[no-any-return]
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
         """The number of `rows`."""
-        values = self._values(pattern, arguments)
-        return 0 if values is None else self._answer(pattern, arguments, Mode.COUNT)(*values)
+        return self._ask(pattern, arguments, Mode.COUNT, 0)  # type: ignore[no-any-return]
 
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
         """The specialised function behind `rows`; arguments are not checked, see `Matcher.prepare`."""
@@ -116,17 +112,20 @@ class CompiledMatcher:
     # --- from a question to a function
 
     def _types(self, pattern: str) -> tuple[StaticType, ...]:
-        if pattern not in self._parameters:
-            self._parameters[pattern] = self.library.parameter_types(pattern)
-        return self._parameters[pattern]
+        types = self._parameters.get(pattern)
+        if types is None:
+            types = self._parameters[pattern] = self.library.parameter_types(pattern)
+        return types
 
-    def _values(self, pattern: str, arguments: tuple[object, ...]) -> list[object] | None:
-        checked = check_arguments(self.model, self.library, pattern, self._types(pattern), arguments)
-        return None if checked is None else [argument for argument in checked if argument is not FREE]
-
-    def _answer(self, pattern: str, arguments: tuple[object, ...], mode: Mode) -> Function:
-        bound = tuple([position for position, argument in enumerate(arguments) if argument is not FREE])
-        return self._specialised(pattern, bound, mode)
+    def _ask(self, pattern: str, arguments: tuple[object, ...], mode: Mode, nothing: object) -> Any:
+        types = self._types(pattern)
+        if arguments.count(FREE) == len(arguments) == len(types):
+            return self._specialised(pattern, (), mode)()
+        checked = check_arguments(self.model, self.library, pattern, types, arguments)
+        if checked is None:
+            return nothing
+        bound = tuple([position for position, argument in enumerate(checked) if argument is not FREE])
+        return self._specialised(pattern, bound, mode)(*[checked[position] for position in bound])
 
     def _specialised(self, pattern: str, bound: tuple[int, ...], mode: Mode) -> Function:
         question = (pattern, bound, mode)

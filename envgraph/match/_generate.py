@@ -59,21 +59,17 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         Unplannable: a free parameter cannot be enumerated.
     """
     view = planner.view(key)
-    module = Module()
-    block = Block(2)
+    module, block = Module(), Block()
     given = {position: f"v{position}" for position in key.bound}
-    sinks: list[Sink] = []
+    frame = view_sink(mode, view.distinct, ())
+    block.raw(frame.head)
     for body in view.bodies:
         conjunction = body.conjunction
         positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
         sink = view_sink(mode, view.distinct, tuple(conjunction.parameters[p] for p in positions))
-        if not sinks:
-            block.lines += [f"        {line}" for line in sink.head]
-        sinks.append(sink)
         Translation(planner, module, conjunction, block, given).body(body.plan, sink)
-    sink = sinks[0] if sinks else view_sink(mode, True, ())
-    block.lines += [f"        {line}" for line in (*(() if sinks else sink.head), *sink.tail)]
-    module.function("view", list(given.values()), block.lines)
+    block.raw(frame.tail)
+    module.function("view", list(given.values()), block)
     return module.source("view")
 
 
@@ -83,27 +79,24 @@ def reach_source(planner: Planner, step: str, forward: bool, goal: bool) -> Sour
     `search(start)` returns what is reached by one or more steps, nearest first; with `goal`, `search(start, goal)`
     tells whether that is among it.
     """
-    module = Module()
-    block = Block(2)
+    module, block = Module(), Block()
     near, far = (0, 1) if forward else (1, 0)
-    sink = visiting(-1, goal)
-    block.lines += [f"        {line}" for line in sink.head]
+    frame = visiting(far, goal)
+    block.raw(frame.head)
     block.loop("node", "todo")
     if planner.calls.recursive(step):
         rows = module.name(Recursive(step, (near,)))
         block.loop("_, other" if forward else "other, _", f"{rows}(node)")
-        for line in sink.each(lambda _: "other"):
-            block.line(line)
+        block.write(frame.each(lambda _: "other"))
     else:
         bodies = planner.expanded(ViewKey(step, (near,), (far,))).bodies
-        if not bodies:
-            block.line("pass")
+        block.write([] if bodies else ["pass"])
         for body in bodies:
             conjunction = body.conjunction
             sink = visiting(conjunction.parameters[far], goal)
             Translation(planner, module, conjunction, block, {near: "node"}).body(body.plan, sink)
-    block.lines += [f"        {line}" for line in sink.tail]
-    module.function("search", ["start", "goal"] if goal else ["start"], block.lines)
+    block.raw(frame.tail)
+    module.function("search", ["start", "goal"] if goal else ["start"], block)
     return module.source("search")
 
 
@@ -164,8 +157,7 @@ class Translation:
                 self._bind(step, inline=False)
             else:
                 self._block.test(self._test(step))
-        for line in sink.each(self._source):
-            self._block.line(line)
+        self._block.write(sink.each(self._source))
 
     def _continue(self, steps: Sequence[Step], sink: Sink) -> None:
         """The rest of a plan in a function of its own."""
@@ -186,14 +178,13 @@ class Translation:
         """A function for some steps, and the source of its call."""
         shared = sink.shared if continuation else ()
         inputs = self._inputs(steps, sink)
-        inner = Translation(self._planner, self._module, self._conjunction, Block(2), {})
+        inner = Translation(self._planner, self._module, self._conjunction, Block(), {})
         inner._names = {v: f"v{v}" for v in inputs}
-        lines = inner._block.lines
-        lines += [f"        {line}" for line in sink.head if not shared]
+        inner._block.raw(() if shared else sink.head)
         inner._steps(steps, sink)
-        lines += [f"        {line}" for line in sink.tail if not shared or sink.relay]
+        inner._block.raw(() if shared and not sink.relay else sink.tail)
         name = self._module.fresh(prefix)
-        self._module.function(name, [*shared, *(f"v{v}" for v in inputs)], lines)
+        self._module.function(name, [*shared, *(f"v{v}" for v in inputs)], inner._block)
         return f"{name}({', '.join([*shared, *(self._source(v) for v in inputs)])})"
 
     def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
@@ -327,7 +318,7 @@ class Translation:
         """Whether a plan has a solution: an expression, or the call of a function if there are loops."""
         if any(step.kind is Kind.LOOP for step in plan.steps):
             return self._function("g", plan.steps, EXISTENCE)
-        inner = Translation(self._planner, self._module, self._conjunction, Block(0), {})
+        inner = Translation(self._planner, self._module, self._conjunction, Block(), {})
         inner._names = dict(self._names)
         for step in plan.steps:
             if step.kind is Kind.BIND:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
 
 from envgraph.match._plan import ViewKey
 from envgraph.metamodel import Value
 
 
-class Mode(Enum):
+class Mode(StrEnum):
     """What a generated function returns."""
 
     ROWS = "rows"
@@ -22,13 +22,6 @@ class Mode(Enum):
     """The number of matches."""
     FIRST = "first"
     """The first of `ROWS`, or None."""
-
-
-class Direction(Enum):
-    """From which end a closure is followed."""
-
-    FORWARD = (0, 1)
-    BACKWARD = (1, 0)
 
 
 @dataclass(frozen=True, slots=True)

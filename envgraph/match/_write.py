@@ -30,6 +30,8 @@ MOST_LEVELS: Final = 40
 MOST_COLUMNS: Final = 100
 """Longer conditions are broken into lines."""
 INDENT: Final = "    "
+DEPTH: Final = 2
+"""Levels of indentation of the body of an inner function."""
 
 
 class Module:
@@ -93,17 +95,16 @@ class Module:
             return compiled.source
         name = self.fresh("x")
         inputs = sorted({source for source in names.values() if not source.startswith("k")})
-        body = Block(2)
-        body.line("try:")
-        body.line(f"{INDENT}return {compiled.source}")
-        body.line("except EvaluationError:")
-        body.line(f"{INDENT}return None")
-        self.function(name, inputs, body.lines)
+        body = Block()
+        body.write(
+            ["try:", f"{INDENT}return {compiled.source}", "except EvaluationError:", f"{INDENT}return None"]
+        )
+        self.function(name, inputs, body)
         return f"{name}({', '.join(inputs)})"
 
-    def function(self, name: str, parameters: Sequence[str], lines: Iterable[str]) -> None:
-        """Add an inner function; its lines are indented already."""
-        self._functions.append(f"{INDENT}def {name}({', '.join(parameters)}):\n" + "\n".join(lines))
+    def function(self, name: str, parameters: Sequence[str], block: Block) -> None:
+        """Add an inner function."""
+        self._functions.append("\n".join([f"{INDENT}def {name}({', '.join(parameters)}):", *block.lines]))
 
     def source(self, name: str) -> Source:
         """The whole source; `build` returns the inner function of this name."""
@@ -113,11 +114,11 @@ class Module:
 
 
 class Block:
-    """Lines at a growing depth. Conditions are collected until something stands under them."""
+    """The body of an inner function. Conditions are collected until something stands under them."""
 
-    def __init__(self, depth: int) -> None:
+    def __init__(self) -> None:
         self.lines: list[str] = []
-        self.depth = depth
+        self.depth = DEPTH
         self.loops = 0
         self.conditions: list[str] = []
 
@@ -125,6 +126,15 @@ class Block:
         """A line at the present depth, under the conditions so far."""
         self.flush()
         self.lines.append(INDENT * self.depth + text)
+
+    def write(self, lines: Iterable[str]) -> None:
+        """Several lines at the present depth."""
+        for line in lines:
+            self.line(line)
+
+    def raw(self, lines: Iterable[str]) -> None:
+        """First or last lines of the function, under no conditions."""
+        self.lines.extend(INDENT * DEPTH + line for line in lines)
 
     def test(self, condition: str) -> None:
         """What follows holds only if a condition does."""

@@ -267,7 +267,9 @@ def path(scope: Scope, positive: bool) -> Relation:
     closure = Closure.ONCE
     if positive and scope.fits(current, ObjectType(cls)) and dice.chance(40):
         closure = dice.one([Closure.PLUS, Closure.STAR])
-    return PathConstraint(cls, tuple(steps), source, scope.term(current, positive), closure)
+    # Without a class, as arrows in rules are written. (Not for a closure: there the class matters to every step.)
+    written = "" if closure is Closure.ONCE and dice.chance(15) else cls
+    return PathConstraint(written, tuple(steps), source, scope.term(current, positive), closure)
 
 
 def call(scope: Scope, called: Pattern, positive: bool) -> PatternCall:
@@ -302,6 +304,8 @@ def aggregate(scope: Scope) -> tuple[Aggregate, StaticType] | None:
 
 
 def _last(scope: Scope, over: PathConstraint) -> Attribute | Reference | None:
+    if not over.type:
+        return None
     cls, found = over.type, None
     for name in over.features:
         found = scope.metamodel.feature(cls, name)
