@@ -417,7 +417,7 @@ class Engine:
             own.add(runner.pattern)
         if match.definition not in own:
             raise InvalidArgument(f"{match!r} is no match of `{runner.name}`")
-        return match.values
+        return match.row
 
     def run(self, unit: str, **arguments: object) -> bool:
         """Run a unit; a rule or a group counts as a unit that calls it.

@@ -42,24 +42,25 @@ class Shape:
         return isinstance(self.types[position], ObjectType)
 
 
-class Match:
+class Match(Mapping[str, "Node | Value"]):
     """One match of a pattern or of the left side of a rule: an immutable mapping from variables to what they stand for.
 
-    `match["tile"]` and `match.tile` give a `Node`, or a data value. `names` and `values` are two tuples of equal
-    length; `values` holds ids instead of nodes. Equal matches are those of one model, one definition and equal
-    values; a match stays what it is when the model changes.
+    `match["tile"]` and `match.tile` give a `Node`, or a data value; a variable that is called like a method or
+    attribute of this class (`row`, `names`, `values` ...) has only the first form. `names` and `row` are two tuples of
+    equal length; `row` holds ids instead of nodes. Equal matches are those of one model, one definition and equal
+    rows; a match stays what it is when the model changes.
     """
 
-    __slots__ = ("_model", "_shape", "values")
+    __slots__ = ("_model", "_shape", "row")
 
     _model: Model
     _shape: Shape
-    values: Row
+    row: Row
 
-    def __init__(self, model: Model, shape: Shape, values: Row) -> None:
+    def __init__(self, model: Model, shape: Shape, row: Row) -> None:
         object.__setattr__(self, "_model", model)
         object.__setattr__(self, "_shape", shape)
-        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "row", row)
 
     @property
     def definition(self) -> str:
@@ -76,19 +77,11 @@ class Match:
         """The model that was matched."""
         return self._model
 
-    def keys(self) -> tuple[str, ...]:
-        """The names, so that `dict(match)` works."""
-        return self.names
-
-    def items(self) -> tuple[tuple[str, Node | Value], ...]:
-        """Pairs of a name and what it stands for."""
-        return tuple((name, self[name]) for name in self.names)
-
     def __getitem__(self, name: str) -> Node | Value:
         if name not in self.names:
             raise KeyError(name)
         position = self.names.index(name)
-        value = self.values[position]
+        value = self.row[position]
         if self._shape.is_object(position):
             assert isinstance(value, int)
             return self.model.node(value)
@@ -117,17 +110,17 @@ class Match:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Match):
             return NotImplemented
-        return self.model is other.model and self._shape == other._shape and self.values == other.values
+        return self.model is other.model and self._shape == other._shape and self.row == other.row
 
     def __hash__(self) -> int:
-        return hash((self.definition, self.values))
+        return hash((self.definition, self.row))
 
     def __repr__(self) -> str:
         inside = ", ".join(f"{name}={self._text(position)}" for position, name in enumerate(self.names))
         return f"{self.definition}({inside})"
 
     def _text(self, position: int) -> str:
-        value = self.values[position]
+        value = self.row[position]
         if not self._shape.is_object(position):
             return repr(value)
         assert isinstance(value, int)
@@ -159,4 +152,4 @@ class Application:
     @property
     def firing(self) -> Firing:
         """The application as a trace records it."""
-        return Firing(self.rule, self.match.values)
+        return Firing(self.rule, self.match.row)

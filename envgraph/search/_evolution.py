@@ -29,6 +29,10 @@ _SELECTION = 1 << 32
 """Spawn key of the survivor selection of a generation; larger than any number of a child."""
 
 
+_SAME = 1e-12
+"""Diversities closer than this are the same: they are sums of floating-point terms."""
+
+
 @dataclass(frozen=True, slots=True)
 class Settings:
     """Parameters of the genetic algorithm.
@@ -116,7 +120,9 @@ class Evolution:
         else:
             self.current = last
             self._members = [self._restore(member) for member in last.members]
-        self._best = [max((row[1] for row in store.history()), default=0.0), self.current.number]
+        self._best = (-1.0, 0)
+        for number, diversity, _, _ in store.history():
+            self._note(number, diversity)
 
     def run(self, report: Callable[[Generation], None] = lambda generation: None) -> Generation:
         """Go on until a termination criterion holds; `report` is called after every stored generation."""
@@ -200,14 +206,18 @@ class Evolution:
     def _finished(self) -> bool:
         """Step 4.5."""
         settings, current = self._settings, self.current
-        if current.diversity > self._best[0] + 1e-12:
-            self._best = [current.diversity, current.number]
+        self._note(current.number, current.diversity)
         return (
             (settings.generations is not None and current.number >= settings.generations)
-            or (settings.target is not None and current.diversity >= settings.target - 1e-12)
+            or (settings.target is not None and current.diversity >= settings.target - _SAME)
             or (settings.seconds is not None and time.monotonic() - self._started >= settings.seconds)
             or (settings.stagnation is not None and current.number - self._best[1] >= settings.stagnation)
         )
+
+    def _note(self, number: int, diversity: float) -> None:
+        """Keep the best diversity, and the generation that first reached it; the same after a resumption."""
+        if diversity > self._best[0] + _SAME:
+            self._best = (diversity, number)
 
     # --- parts of them
 

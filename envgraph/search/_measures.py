@@ -69,7 +69,7 @@ class ShortestPath:
                         yield source, target
             if not references:
                 for match in engine.matches(name):
-                    first, second = match.values
+                    first, second = match.row
                     if isinstance(first, int) and isinstance(second, int):
                         yield first, second
 

@@ -283,12 +283,12 @@ def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: boo
     names = list(sketch.left)
     expected = list(matches(graph, sketch))
     found = engine.matches("r")
-    assert {match.values for match in found} == {tuple(m[name] for name in names) for m in expected}
+    assert {match.row for match in found} == {tuple(m[name] for name in names) for m in expected}
     assert len(found) == len(expected)
     assume(found)
     for match in found[:12]:
         result = rewritten(
-            graph, sketch, dict(zip(names, map(int, match.values), strict=True)), len(graph.classes)
+            graph, sketch, dict(zip(names, map(int, match.row), strict=True)), len(graph.classes)
         )
         savepoint = model.savepoint()
         try:

@@ -97,7 +97,7 @@ def test_the_left_class_of_a_retyping_matches_exactly() -> None:
     model.create("Item")
     model.create("Special")
     made = engine("derive d = retype among { Item, Box };", model=model)
-    assert [match.values for match in made.matches("d.Item.Box")] == [(0,)]
+    assert [match.row for match in made.matches("d.Item.Box")] == [(0,)]
     assert made.prepare("d.Item.Box").rows() == [(0,)]
     assert made.exists("d.Item.Box", object=0) and not made.exists("d.Item.Box", object=1)
 

@@ -85,7 +85,7 @@ def test_a_match_is_an_immutable_mapping() -> None:
     assert isinstance(match, Match)
     assert match.left == match["left"] == made.model.node(0) and isinstance(match.left, Node)
     assert match.value == 0
-    assert match.names == match.keys() == ("left", "right", "value") and match.values == (0, 1, 0)
+    assert match.names == tuple(match.keys()) == ("left", "right", "value") and match.row == (0, 1, 0)
     assert dict(match) == {"left": made.model.node(0), "right": made.model.node(1), "value": 0}
     assert list(match) == list(match.names) and len(match) == 3 and "left" in match and "up" not in match
     assert repr(match) == "following(left=<Item#0>, right=<Item#1>, value=0)"
@@ -115,7 +115,7 @@ def test_a_match_outlives_its_objects() -> None:
     made = engine("", NEXT, model=chain(2))
     (match,) = made.matches("following")
     made.model.delete(0, "spo")
-    assert match.values == (0, 1, 0)
+    assert match.row == (0, 1, 0)
     assert "deleted #0" in repr(match)
 
 
@@ -139,7 +139,7 @@ def test_a_match_is_drawn_uniformly_and_repeatably() -> None:
     def draws(seed: int) -> list[tuple]:
         made = engine("rule r { lhs { a : Item; } }", model=chain(4), seed=seed)
         found = [made.apply("r") for _ in range(400)]
-        return [application.match.values for application in found if application]
+        return [application.match.row for application in found if application]
 
     assert draws(1) == draws(1) != draws(2)
     assert all(70 < draws(1).count((node,)) < 130 for node in range(4))
@@ -176,7 +176,7 @@ def test_a_function_can_be_a_rule() -> None:
     assert swap.__doc__ == "Shorten the chain."
     assert made.matches("swap")[0].names == ("left", "right", "value")
     application = made.apply("swap")
-    assert application is not None and application.match.values == (0, 1, 0)
+    assert application is not None and application.match.row == (0, 1, 0)
     assert made.model.node(0).n == 10
     assert made.apply("swap") is None
 

@@ -15,7 +15,7 @@ pattern size(n : int) { n == count Item(_); }
 
 
 def rows(found: list) -> list[tuple]:
-    return sorted(match.values for match in found)
+    return sorted(match.row for match in found)
 
 
 def test_a_match_is_parameters_then_named_variables_without_those_of_blocks() -> None:

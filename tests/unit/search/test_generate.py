@@ -105,6 +105,22 @@ def test_an_interrupted_run_resumes_to_the_same_store(tmp_path: Path, last: int)
         assert cut.history() == uncut.history()
 
 
+def test_stagnation_is_counted_on_after_an_interruption(tmp_path: Path) -> None:
+    def interrupt(generation: Generation) -> None:
+        if generation.number == last // 2:
+            raise Interrupted
+
+    family = str(copied(tmp_path, toml=("generations = 1000", "generations = 1000\nstagnation = 60")))
+    generate(family, tmp_path / "whole.sqlite")
+    with RunStore.open(tmp_path / "whole.sqlite") as store:
+        last = len(store.history()) - 1
+    with pytest.raises(Interrupted):
+        generate(family, tmp_path / "cut.sqlite", progress=interrupt)
+    resume(tmp_path / "cut.sqlite")
+    with RunStore.open(tmp_path / "cut.sqlite") as store:
+        assert len(store.history()) - 1 == last < 1000
+
+
 def test_a_finished_run_resumes_to_itself(tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
     first = generate("burning_forest", path, **SMALL)
