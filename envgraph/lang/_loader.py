@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike, fspath
 from typing import NoReturn
@@ -22,7 +22,7 @@ from envgraph.lang._consequences import unread_names, without_echoes
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._environment import read_environment, with_enums
 from envgraph.lang._family import FamilySpec
-from envgraph.lang._family_check import check_family
+from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import FAMILY_FILE, load_family
 from envgraph.lang._files import DiskFiles, Files, in_directory, read_source
 from envgraph.lang._imports import Import, without_consequences
@@ -94,15 +94,21 @@ def load_behaviour(path: StrPath, name: str | None = None) -> Behaviour:
     return load_workspace([path]).behaviour(name)
 
 
-def load_workspace(paths: Iterable[StrPath], *, files: Files | None = None) -> Workspace:
+def load_workspace(
+    paths: Iterable[StrPath],
+    *,
+    files: Files | None = None,
+    components: Mapping[str, Collection[str]] = COMPONENTS,
+) -> Workspace:
     """Reads and checks files and what they import; errors are in `diagnostics` of the result.
 
     Args:
         paths: files of any language; family files, whose model and environment are read too; directories, of which all
             files are read; names of bundled domains.
         files: where files are read from; the disk if None. `TextFiles` for texts at hand.
+        components: the kinds of measures and selections that a family file may name, by role (see `check_family`).
     """
-    loader = _Loader(files or DiskFiles())
+    loader = _Loader(files or DiskFiles(), components)
     for path in paths:
         loader.add_root(fspath(path))
     return loader.workspace()
@@ -138,6 +144,7 @@ class _Loader:
     """Reads each file once; a file's imports are read right after it, so that the order is that of the text."""
 
     files: Files
+    components: Mapping[str, Collection[str]]
     diagnostics: list[Diagnostic] = field(default_factory=list)
     roots: list[str] = field(default_factory=list)
     order: dict[str, int] = field(default_factory=dict)
@@ -284,7 +291,7 @@ class _Loader:
         if len(self.metamodels) < 2:  # else nobody knows which of them the names are of
             found += without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
             for spec in self.families:
-                found += without_consequences(check_family(spec, workspace), lost)
+                found += without_consequences(check_family(spec, workspace, self.components), lost)
         found += self._conformance(models)
         self.diagnostics.extend(
             one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)

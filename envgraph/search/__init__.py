@@ -19,7 +19,7 @@ from envgraph.search._family import (
     write_family,
 )
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
-from envgraph.search._generate import export_ga4cl, generate, import_ga4cl, resume, with_overrides
+from envgraph.search._generate import export_ga4cl, generate, import_ga4cl, resume
 from envgraph.search._measures import MatchCount, ShortestPath, ShortestPlan
 from envgraph.search._options import Options
 from envgraph.search._paths import PathComplexity, count_paths
@@ -95,7 +95,6 @@ __all__ = [
     "retype_grid",
     "reward_schedule",
     "run_file",
-    "with_overrides",
     "write_family",
     "write_ga4cl",
 ]

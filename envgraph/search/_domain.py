@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from envgraph.env import Behaviour, KeyIndex, indexed_classes
@@ -84,7 +84,7 @@ class Domain:
 
     @classmethod
     def _read(cls, path: str, files: Files | None, components: Components) -> Domain:
-        workspace = load_workspace([path], files=files)
+        workspace = load_workspace([path], files=files, components=components.kinds())
         workspace.raise_errors()
         domain = cls(workspace.families[0], workspace, components)
         problems = domain.wrong_options()  # so that they are found when the files are read
@@ -101,6 +101,16 @@ class Domain:
             except LoadError as error:
                 problems += error.diagnostics
         return sort_diagnostics(problems)
+
+    def with_overrides(self, overrides: Mapping[str, int]) -> Domain:
+        """The domain with "seed", "generations" and "population" replaced where they are given."""
+        spec = self.spec
+        search = replace(
+            spec.search,
+            generations=overrides.get("generations", spec.search.generations),
+            population=overrides.get("population", spec.search.population),
+        )
+        return replace(self, spec=replace(spec, seed=overrides.get("seed", spec.seed), search=search))
 
     @property
     def metamodel(self) -> Metamodel:

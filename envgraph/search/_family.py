@@ -13,6 +13,7 @@ from envgraph.env import Behaviour, Explored, KeyIndex, Scene, explore, scene_of
 from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, LoadError, Source, did_you_mean
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import Bundle, parse_json
+from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._store import RunStore, dump_json
 
@@ -46,17 +47,16 @@ class Family:
         name: of the family.
         bundle: the texts of the domain; the first root is the family file.
         members: from the easiest to the hardest, by the measure that orders the curriculum.
+        domain: what the texts say, with the overrides.
+        overrides: seed, generations and population of the run where they are not those of the family file.
     """
 
     name: str
     bundle: Bundle
     members: tuple[Member, ...]
+    domain: Domain = field(compare=False, repr=False)
+    overrides: Mapping[str, int] = field(default_factory=dict)
     _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
-
-    @cached_property
-    def domain(self) -> Domain:
-        """The domain, read from the bundle."""
-        return Domain.from_bundle(self.bundle)
 
     @cached_property
     def keys(self) -> KeyIndex:
@@ -158,8 +158,15 @@ def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
     raise InvalidArgument(f"there is no run `{location}` in {directory}; {hint}")
 
 
-def open_family(location: str | Path, directory: Path = Path("runs")) -> Family:
+def open_family(
+    location: str | Path, directory: Path = Path("runs"), components: Components | None = None
+) -> Family:
     """The family of a run store or of a family file.
+
+    Args:
+        location: a run store, its directory, the name of a run below `directory`, or a family file (.json).
+        directory: where runs are kept.
+        components: what the names in the domain's family file mean; by default the ones that come with envgraph.
 
     Raises:
         InvalidArgument: there is no such run or file, or the run has no family yet.
@@ -167,13 +174,15 @@ def open_family(location: str | Path, directory: Path = Path("runs")) -> Family:
     """
     path = Path(location)
     if path.suffix == ".json":
-        return read_family(path)
+        return read_family(path, components)
     with RunStore.open(run_file(location, directory)) as store:
-        return family_of(store)
+        settings = store.settings()
+        domain = Domain.from_bundle(store.bundle(), components)
+        return family_of(store, domain.with_overrides(settings.get("overrides", {})))
 
 
-def family_of(store: RunStore) -> Family:
-    """The family of the last generation of a run.
+def family_of(store: RunStore, domain: Domain) -> Family:
+    """The family of the last generation of a run, of the domain whose texts it keeps.
 
     Raises:
         InvalidArgument: the run has no generation yet.
@@ -182,8 +191,6 @@ def family_of(store: RunStore) -> Family:
     if last is None:
         raise InvalidArgument(f"{store.path} has no generation yet: `envgraph generate --resume` goes on")
     settings = store.settings()
-    bundle = store.bundle()
-    domain = Domain.from_bundle(bundle)
     found = []
     for id_ in last.members:
         individual = store.individual(id_)
@@ -191,7 +198,8 @@ def family_of(store: RunStore) -> Family:
         found.append(
             (individual.measures, model, id_, individual.parent is None and not settings.get("imported"))
         )
-    return Family(str(settings.get("name", "family")), bundle, ordered(domain, found))
+    name, overrides = str(settings.get("name", "family")), settings.get("overrides", {})
+    return Family(name, store.bundle(), ordered(domain, found), domain, overrides)
 
 
 def _replayed(domain: Domain, store: RunStore, id_: int) -> str:
@@ -208,6 +216,7 @@ def write_family(family: Family) -> str:
         "name": family.name,
         "roots": list(family.bundle.roots),
         "texts": dict(family.bundle.texts),
+        "overrides": dict(family.overrides),
         "keys": family.keys.to_json(),
         "members": [
             {
@@ -222,8 +231,8 @@ def write_family(family: Family) -> str:
     return json.dumps(document, ensure_ascii=False, indent=1) + "\n"
 
 
-def read_family(path: Path) -> Family:
-    """Read what `write_family` wrote.
+def read_family(path: Path, components: Components | None = None) -> Family:
+    """Read what `write_family` wrote; `components` as for `open_family`.
 
     Raises:
         LoadError: the file is missing, or no family file.
@@ -235,7 +244,7 @@ def read_family(path: Path) -> Family:
         raise LoadError([Diagnostic("unreadable-file", f"{path} cannot be read: {reason}")]) from error
     value, spans = parse_json(source)
     try:
-        return _family(value)
+        return _family(value, components)
     except (KeyError, TypeError, AttributeError) as error:
         hint = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"
         raise LoadError([Diagnostic("bad-format", "this is no family file", spans[()], hint)]) from error
@@ -245,7 +254,7 @@ def read_family(path: Path) -> Family:
         raise LoadError([Diagnostic("bad-format", str(error), spans[()])]) from error
 
 
-def _family(value: Any) -> Family:
+def _family(value: Any, components: Components | None) -> Family:
     if value["format"] != FORMAT:
         raise InvalidArgument(f"format {value['format']!r} is not {FORMAT!r}")
     bundle = Bundle(tuple(value["roots"]), {str(name): str(text) for name, text in value["texts"].items()})
@@ -260,7 +269,9 @@ def _family(value: Any) -> Family:
     )
     if not members:
         raise InvalidArgument("the family is empty")
-    family = Family(str(value["name"]), bundle, members)
+    overrides = {str(name): int(number) for name, number in value["overrides"].items()}
+    domain = Domain.from_bundle(bundle, components).with_overrides(overrides)
+    family = Family(str(value["name"]), bundle, members, domain, overrides)
     stored = KeyIndex.from_json(value["keys"], family.domain.metamodel)
     if stored != family.keys:
         raise InvalidArgument("the keys are not those of the members")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from envgraph.env import DrawGrid
@@ -75,21 +74,10 @@ def resume(
 
 
 def _evolve(domain: Domain, store: RunStore, progress: Progress) -> Family:
-    domain = with_overrides(domain, store.settings().get("overrides", {}))
+    domain = domain.with_overrides(store.settings().get("overrides", {}))
     problem = domain.problem(domain.engine())
     Evolution(problem, domain.settings(), domain.spec.seed, store).run(progress)
-    return family_of(store)
-
-
-def with_overrides(domain: Domain, overrides: dict[str, int]) -> Domain:
-    """The domain with seed, generations and population replaced where they are given."""
-    spec = domain.spec
-    search = replace(
-        spec.search,
-        generations=overrides.get("generations", spec.search.generations),
-        population=overrides.get("population", spec.search.population),
-    )
-    return replace(domain, spec=replace(spec, seed=overrides.get("seed", spec.seed), search=search))
+    return family_of(store, domain)
 
 
 def import_ga4cl(
@@ -129,7 +117,7 @@ def import_ga4cl(
     with RunStore.create(store_path, settings, bundle.texts) as store:
         ids = tuple(one.id for one in individuals)
         store.write_generation(Generation(0, ids, score, len(ids), 0), individuals)
-        family = family_of(store)
+        family = family_of(store, domain)
     return family, tuple(_differences(family, variants, individuals))
 
 

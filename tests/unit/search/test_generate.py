@@ -13,14 +13,18 @@ from pathlib import Path
 import pytest
 
 from envgraph.errors import InvalidArgument, LoadError
+from envgraph.rewrite import Engine
 from envgraph.search import (
+    Components,
     Domain,
     Family,
     Generation,
     RunStore,
+    Variance,
     export_ga4cl,
     family_of,
     generate,
+    open_family,
     read_family,
     resume,
     write_family,
@@ -149,7 +153,7 @@ def test_the_family_of_an_unfinished_run_is_that_of_its_last_generation(tmp_path
     with RunStore.open(path) as store:
         # What a killed run lacks: the models, which are written at the end.
         store._db.execute("UPDATE individual SET model = NULL")
-        replayed = family_of(store)
+        replayed = family_of(store, Domain.from_bundle(store.bundle()))
     assert export_ga4cl(replayed) == export_ga4cl(
         generate("burning_forest", tmp_path / "b.sqlite", generations=3, population=4)
     )
@@ -245,6 +249,38 @@ def test_termination_by_target_and_by_stagnation(tmp_path: Path) -> None:
     with RunStore.open(tmp_path / "b.sqlite") as store:
         scores = [row[1] for row in store.history()]
     assert len(scores) < 1000 and len(set(scores[-8:])) == 1
+
+
+class Fires:
+    """A measure that only a program knows."""
+
+    def evaluate(self, engine: Engine) -> float:
+        return engine.count("burningTile") / 64
+
+
+def test_a_measure_of_ones_own_works_from_generation_to_reading_back(tmp_path: Path) -> None:
+    path = copied(tmp_path, toml=('[diversity]\nkind = "binned_entropy"', '[diversity]\nkind = "mine"'))
+    components = Components().with_("measure", "fires", lambda options, context: Fires())
+    components = components.with_("diversity", "mine", lambda options, context: Variance())
+    path.write_text(
+        path.read_text().replace('of = "complexity"', 'of = "fires"') + '\n[measures.fires]\nkind = "fires"\n'
+    )
+    family = generate(str(path), tmp_path / "run.sqlite", components=components, **SMALL)
+    again = open_family(tmp_path / "run.sqlite", components=components)
+    assert again == family and all("fires" in member.measures for member in again.members)
+    with pytest.raises(LoadError, match="unknown kind of measure `fires`"):
+        open_family(tmp_path / "run.sqlite")
+
+
+def test_the_overrides_of_a_run_belong_to_its_family(tmp_path: Path) -> None:
+    generate("burning_forest", tmp_path / "run.sqlite", seed=5, **SMALL)
+    family = open_family(tmp_path / "run.sqlite")
+    spec = family.domain.spec
+    assert (spec.seed, spec.search.generations, spec.search.population) == (5, 25, 4)
+    (tmp_path / "family.json").write_text(write_family(family))
+    assert read_family(tmp_path / "family.json").domain.spec == spec
+    with RunStore.open(tmp_path / "run.sqlite") as store:
+        assert family.diversity() == store.history()[-1][1]
 
 
 def test_a_store_is_not_overwritten(tmp_path: Path) -> None:
