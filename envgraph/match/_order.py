@@ -198,7 +198,8 @@ class Search:
         """Turn goals that no wanted variable depends on into questions of existence."""
         groups = self._groups(draft)
         if self._wanted:
-            groups = [group for group in groups if self._wanted.isdisjoint(self._names(group))]
+            missing = self._wanted - draft.bound
+            groups = [group for group in groups if missing.isdisjoint(self._names(group))]
         else:
             groups.pop()  # the last one is what is left to solve
         for group in groups:

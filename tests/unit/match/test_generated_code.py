@@ -239,3 +239,33 @@ def test_an_input_is_bound_before_the_call_of_a_recursive_pattern() -> None:
     user = pattern("user(a : Node)", [find("down", "a", "n"), path("Node.size", "a", "n")])
     nodes = matcher(ring(4), down, user)
     assert nodes.rows("user", (FREE,)) == [(0,), (1,), (2,), (3,)]
+
+
+def test_what_no_parameter_depends_on_is_asked_for_existence_once() -> None:
+    tail = [path("Node.to", "b", "c"), path("Node.to", "c", "d"), path("Node.to", "d", "e")]
+    nodes = matcher(ring(3), pattern("p(a : Node, b : Node)", [path("Node.to", "a", "b"), *tail]))
+    text = nodes.explain("p", (0,))
+    assert re.search(r"\n  for +Node\.to\(a, b\).*\n  if any", text)
+    assert "return True" in text
+    assert "reported once" not in text
+
+
+def test_what_depends_on_nothing_is_asked_before_any_loop() -> None:
+    other = [path("Node.to", "x", "y"), path("Node.to", "y", "z")]
+    nodes = matcher(ring(3), pattern("p(a : Node, b : Node)", [path("Node.to", "a", "b"), *other]))
+    steps = nodes.explain("p").partition("\n\n")[0].splitlines()[2:]
+    assert steps[0].split()[:2] == ["if", "any"]
+
+
+def test_rows_that_a_plan_cannot_repeat_are_not_compared() -> None:
+    nodes = matcher(
+        ring(3),
+        pattern("single(a : Node)", [path("Node.next", "a", "b")]),
+        pattern(
+            "apart(a : Node, n : int)", [is_a("Node", "a"), equal("n", 1)], [is_a("Node", "a"), equal("n", 2)]
+        ),
+        pattern("many(b : Node)", [path("Node.to", "a", "b"), path("Node.next", "a", "b")]),
+    )
+    assert "out = []" in nodes.source("single")
+    assert "out = []" in nodes.source("apart")
+    assert nodes.rows("many", (FREE,)) == [(1,), (2,), (0,)]
