@@ -113,7 +113,7 @@ def check(
 
 @app.command()
 def match(
-    model: Annotated[str, typer.Argument(help="A .model file.", show_default=False)],
+    model: Annotated[str, typer.Argument(help="A .model file, or a model as JSON.", show_default=False)],
     queries: Annotated[str, typer.Argument(metavar="QUERYFILE", help="A .query file.", show_default=False)],
     pattern: Annotated[
         str, typer.Argument(help="Name of a pattern, simple or qualified.", show_default=False)
@@ -134,7 +134,7 @@ def match(
 
 @app.command()
 def apply(
-    model: Annotated[str, typer.Argument(help="A .model file.", show_default=False)],
+    model: Annotated[str, typer.Argument(help="A .model file, or a model as JSON.", show_default=False)],
     rules: Annotated[str, typer.Argument(metavar="RULESFILE", help="A .rules file.", show_default=False)],
     rule: Annotated[str, typer.Argument(help="Name of a rule, unit or derived group.", show_default=False)],
     where: Annotated[
@@ -248,7 +248,8 @@ def train(
     steps: Annotated[
         str | None,
         typer.Option(
-            help="Training steps for each environment; several budgets are separated by commas.",
+            help="Training steps for each environment; several budgets are separated by commas. "
+            "A baseline gets as many steps as the whole family together.",
             show_default="as in family.toml",
         ),
     ] = None,
@@ -257,16 +258,21 @@ def train(
         typer.Option(min=1, help="How many agents for each curriculum.", show_default="as in family.toml"),
     ] = None,
     curricula: Annotated[
-        str,
-        typer.Option(help="Which: all, or some of suffixes, full, baselines, direct, separated by commas."),
-    ] = "all",
+        str | None,
+        typer.Option(
+            help="Some of suffixes (E1-E6, E2-E6 ...), full (E1-E6), baselines (each environment alone) and direct "
+            "(the target alone), separated by commas. With a curriculum among them, agents are also trained on the "
+            "family up to each environment, and evaluated there.",
+            show_default="as in family.toml, and the baselines",
+        ),
+    ] = None,
     workers: Annotated[
         int, typer.Option(min=1, help="How many agents learn at a time; changes no result.")
     ] = 1,
     directory: Directory = RUNS,
     format: Format = OutputFormat.TEXT,
 ) -> None:
-    """Train agents on the curricula of a family, and on the target alone, and evaluate them on the target."""
+    """Train agents on curricula and on single environments, and evaluate them on the target."""
     from envgraph.cli._learn import train_agents
 
     train_agents(

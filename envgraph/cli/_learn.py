@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import shutil
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -13,6 +14,7 @@ from envgraph.cli._output import OutputFormat, print_json, print_table, progress
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn import (
     Curriculum,
+    Experiment,
     FamilyMember,
     TrainingSettings,
     read_csv,
@@ -27,6 +29,9 @@ from envgraph.search import Family, RunStore, open_family, run_file
 TRAINING = "training"
 """Name of the directory of results, below that of the run; one directory a budget inside."""
 
+STAGES = "stages"
+"""Name of the directory of training on the curriculum up to each environment, below that of the budget."""
+
 _KINDS = ("suffixes", "full", "baselines", "direct")
 
 
@@ -36,7 +41,7 @@ def train_agents(
     *,
     steps: str | None,
     seeds: int | None,
-    curricula: str,
+    curricula: str | None,
     workers: int,
     format: OutputFormat,
 ) -> None:
@@ -46,6 +51,7 @@ def train_agents(
     budgets = [_settings(family, budget, seeds) for budget in _budgets(steps)]
     members = _members(family)
     base = run_directory(run, directory) / TRAINING
+    along = any(curriculum.kind == "curriculum" for curriculum in chosen)
     trained = []
     for settings in budgets:
         label = f"agents, {settings.steps_per_environment} steps"
@@ -53,12 +59,24 @@ def train_agents(
             experiment = run_experiment(
                 members, settings, chosen, workers=workers, progress=lambda done, _: advance(done)
             )
-        with progress_bar(f"{label}, stage by stage", len(members) * settings.seeds) as advance:
-            stages = run_stages(members, settings, workers=workers, progress=lambda done, _: advance(done))
-        write_csv(experiment, base / str(settings.steps_per_environment))
-        write_csv(stages, base / str(settings.steps_per_environment) / "stages")
+        stages = _stages(members, settings, workers, label) if along else None
+        _write(Trained(settings.steps_per_environment, experiment, stages), base)
         trained.append(Trained(settings.steps_per_environment, experiment, stages))
     _print_summary(family, trained, base, format)
+
+
+def _stages(members: list[FamilyMember], settings: TrainingSettings, workers: int, label: str) -> Experiment:
+    with progress_bar(f"{label}, up to each environment", len(members) * settings.seeds) as advance:
+        return run_stages(members, settings, workers=workers, progress=lambda done, _: advance(done))
+
+
+def _write(trained: Trained, base: Path) -> None:
+    """Replace the results of a budget."""
+    directory = base / str(trained.steps)
+    shutil.rmtree(directory, ignore_errors=True)
+    write_csv(trained.experiment, directory)
+    if trained.stages is not None:
+        write_csv(trained.stages, directory / STAGES)
 
 
 def write_report(run: str, directory: Path, output: Path | None) -> None:
@@ -70,7 +88,9 @@ def write_report(run: str, directory: Path, output: Path | None) -> None:
     if Path(run).suffix != ".json":
         with RunStore.open(run_file(run, directory)) as store:
             history = store.history()
-    page = family_report(family, history=history, trained=trained, facts=_facts(family, trained))
+    page = family_report(
+        family, history=history, trained=trained, facts=_facts(family, trained, searched=len(history) > 1)
+    )
     path = output or base / "report.html"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(render_html(page), encoding="utf-8")
@@ -83,7 +103,11 @@ def _read(directory: Path) -> list[Trained]:
     """The results of every budget, the smallest first."""
     budgets = sorted(int(path.name) for path in directory.glob("*") if path.name.isdecimal())
     return [
-        Trained(steps, read_csv(directory / str(steps)), read_csv(directory / str(steps) / "stages"))
+        Trained(
+            steps,
+            read_csv(directory / str(steps)),
+            read_csv(stages) if (stages := directory / str(steps) / STAGES).is_dir() else None,
+        )
         for steps in budgets
     ]
 
@@ -118,13 +142,14 @@ def _settings(family: Family, steps: int | None, seeds: int | None) -> TrainingS
     )
 
 
-def _curricula(family: Family, kinds: str) -> list[Curriculum]:
+def _curricula(family: Family, kinds: str | None) -> list[Curriculum]:
     names = [member.name for member in family.members]
-    wanted = [kind.strip() for kind in kinds.split(",")] if kinds != "all" else ["suffixes", "baselines"]
+    default = [family.domain.spec.curriculum.sequences, "baselines"]
+    wanted = default if kinds is None else [kind.strip() for kind in kinds.split(",")]
     chosen: dict[tuple[str, str], Curriculum] = {}
     for kind in wanted:
         if kind not in _KINDS:
-            hint = did_you_mean(kind, _KINDS) or f"there are all, {', '.join(_KINDS)}"
+            hint = did_you_mean(kind, _KINDS) or f"there are {', '.join(_KINDS)}"
             raise InvalidArgument(f"unknown curricula `{kind}`; {hint}")
         for one in sequences(names, kind):  # type: ignore[arg-type]
             chosen.setdefault((one.kind, one.label), one)
@@ -164,18 +189,28 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
     print(f"results: {directory}")
 
 
-def _facts(family: Family, trained: list[Trained]) -> dict[str, str]:
+def _facts(family: Family, trained: list[Trained], *, searched: bool) -> dict[str, str]:
     spec = family.domain.spec
-    facts = {
-        "family file": spec.path,
-        "seed": str(spec.seed),
-        "population": str(spec.search.population),
-        "generations": str(spec.search.generations),
-        "envgraph": __version__,
-        "Python": platform.python_version(),
-        "NumPy": version("numpy"),
-    }
+    facts = {"domain": f"{spec.name}, {spec.path}; its texts are kept in the run"}
+    if searched:
+        search, mutation = spec.search, spec.mutation
+        facts["search"] = (
+            f"seed {spec.seed}, population {search.population}, {search.generations} generations, mutation rate "
+            f"{mutation.rate:g}, parents {search.parents.kind}, survivors {search.survivors.kind} "
+            + " ".join(f"{name} {value}" for name, value in search.survivors.options.items())
+        )
+    if trained:
+        agent = _settings(family, None, None)
+        facts["agent"] = (
+            f"tabular Q-learning, learning rate {agent.learning_rate:g}, discount {agent.discount:g}, epsilon "
+            f"{agent.epsilon.start:g} to {agent.epsilon.minimum:g} by {agent.epsilon.decay:g} per "
+            f"{agent.epsilon.per}, reset per {agent.epsilon.reset}, initial value {agent.initial_value:g}, "
+            f"at most {agent.limit} steps an episode"
+        )
     for budget in trained:
         seeds = sorted({run.seed for run in budget.experiment.runs})
-        facts[f"training, {budget.steps} steps an environment"] = f"seeds {seeds[0]} to {seeds[-1]}"
+        facts[f"training at {budget.steps} steps"] = f"seeds {seeds[0]} to {seeds[-1]}"
+    facts["versions"] = (
+        f"envgraph {__version__}, Python {platform.python_version()}, NumPy {version('numpy')}"
+    )
     return facts

@@ -49,10 +49,8 @@ def print_json(value: object) -> None:
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
 ) -> None:
-    """A table on standard output; `right` names the columns to set flush right."""
-    table = Table(
-        title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
-    )
+    """A title and a table on standard output; `right` names the columns to set flush right."""
+    table = Table(header_style="bold", box=None, pad_edge=False)
     for place, column in enumerate(columns):
         table.add_column(
             column, justify="right" if place in set(right) else "left", no_wrap=not place, overflow="fold"
@@ -60,7 +58,10 @@ def print_table(
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     # Piped output is cut at 80 columns by default; a table must not lose its last columns there.
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+    console = Console(width=None if sys.stdout.isatty() else 200, highlight=False)
+    # Not the table's own title, which would be wrapped to the width of the table.
+    console.print(Text(title, "bold"))
+    console.print(table)
 
 
 def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:

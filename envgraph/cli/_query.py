@@ -9,7 +9,7 @@ from typing import Any
 
 import envgraph.lang
 from envgraph.cli._output import OutputFormat, print_json, print_table
-from envgraph.errors import InvalidArgument, did_you_mean, with_article
+from envgraph.errors import InvalidArgument, Source, did_you_mean, with_article
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
@@ -18,7 +18,7 @@ from envgraph.rewrite import Application, Engine, Firing, Match
 
 def print_matches(model: str, queries: str, pattern: str, where: list[str], format: OutputFormat) -> None:
     """Print the matches of a pattern."""
-    engine = envgraph.lang.open(model, queries)
+    engine = _open(model, queries)
     bound = _bound(engine, _pattern_types(engine, pattern), where)
     matches = engine.matches(pattern, **bound)
     if format is OutputFormat.JSON:
@@ -30,6 +30,24 @@ def print_matches(model: str, queries: str, pattern: str, where: list[str], form
     names = matches[0].names
     count = f"{len(matches)} match{'es' if len(matches) > 1 else ''} of {pattern}"
     print_table(count, names or ("",), [tuple(_shown(match[name]) for name in names) for match in matches])
+
+
+def _open(model: str, definitions: str, seed: int = 0) -> Engine:
+    """An engine on a `.model` file, or on a model as JSON, such as `envgraph apply --output` writes."""
+    if not model.endswith(".json"):
+        return envgraph.lang.open(model, definitions, seed=seed)
+    workspace = envgraph.lang.load_workspace([definitions])
+    workspace.raise_errors()
+    if workspace.metamodel is None:
+        raise InvalidArgument(f"{definitions} imports no metamodel, and a model as JSON needs one")
+    try:
+        text = Path(model).read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise InvalidArgument(f"{model} is not UTF-8: {error.reason} at byte {error.start}") from error
+    parsed = envgraph.lang.parse_model(Source(model, text), workspace.metamodel)
+    engine = Engine(parsed, seed=seed)
+    engine.add(*workspace.definitions)
+    return engine
 
 
 def apply_rule(
@@ -44,7 +62,7 @@ def apply_rule(
     format: OutputFormat,
 ) -> None:
     """Apply a rule or a unit some times, and print each application."""
-    engine = envgraph.lang.open(model, rules, seed=seed)
+    engine = _open(model, rules, seed)
     bound = _bound(engine, {p.name: p.type for p in engine.signature(rule).parameters}, where)
     done: list[dict[str, Any]] = []
     for number in range(1, times + 1):
@@ -99,6 +117,9 @@ def _told(application: Application) -> str:
 def _pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
     found = engine.library.resolve(pattern)
     if found is None:
+        private = [one for one in engine.library.patterns if one.private]
+        if any(pattern in {one.name, one.qualified_name} for one in private):
+            raise InvalidArgument(f"pattern `{pattern}` is private: it can be used in its own file only")
         simple = [one.name for one in engine.library.patterns if not one.private]
         hint = did_you_mean(pattern, simple if "." not in pattern else engine.library.names())
         raise InvalidArgument(f"unknown pattern `{pattern}`" + (f"; {hint}" if hint else ""))

@@ -20,7 +20,7 @@ from envgraph.lang._family import (
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import load_family
 from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles
-from envgraph.lang._json import JsonPath, parse_json
+from envgraph.lang._json import JsonPath, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
 from envgraph.lang._model import ModelText
 from envgraph.lang._workspace import Workspace
@@ -55,4 +55,5 @@ __all__ = [
     "load_workspace",
     "open",
     "parse_json",
+    "parse_model",
 ]

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from envgraph.errors import Diagnostic, LoadError, Source, Span
+from envgraph.graph import Model, model_from_json
+from envgraph.metamodel import Metamodel
 
 JsonPath = tuple[str | int, ...]
 """Keys and indices from the root to a value."""
 
+_PLACE = re.compile("`([^`]+)`: ")
+_STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
 
 
@@ -33,6 +38,33 @@ def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
         problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1))
         raise LoadError([problem]) from None
     return value, dict(_locate(source))
+
+
+def parse_model(source: Source, metamodel: Metamodel) -> Model:
+    """A model from the JSON text that `envgraph.graph.model_to_json` describes.
+
+    Raises:
+        LoadError: the text is no JSON, or no model of the metamodel; each diagnostic is at the value it is about.
+    """
+    value, spans = parse_json(source)
+    if not isinstance(value, dict):
+        raise LoadError([Diagnostic("bad-format", "a model is an object", spans[()])])
+    try:
+        return model_from_json(value, metamodel, file=source.name)
+    except LoadError as error:
+        raise LoadError([_placed(problem, spans) for problem in error.diagnostics]) from error
+
+
+def _placed(problem: Diagnostic, spans: Mapping[JsonPath, Span]) -> Diagnostic:
+    """The problem at the value that its message begins with, or at the nearest one around it."""
+    found = _PLACE.match(problem.message)
+    if problem.span is not None or found is None:
+        return replace(problem, span=problem.span or spans[()])
+    steps = _STEP.findall(found.group(1))
+    path: JsonPath = tuple(int(index) if index else key for key, index in steps)
+    while path not in spans:
+        path = path[:-1]
+    return replace(problem, span=spans[path])
 
 
 def _locate(source: Source) -> Iterator[tuple[JsonPath, Span]]:

@@ -27,12 +27,12 @@ class Trained:
     Attributes:
         steps: training steps an environment.
         experiment: curricula and baselines, evaluated on the target.
-        stages: the curriculum up to each environment, evaluated there.
+        stages: the curriculum up to each environment, evaluated there; None where no curriculum was trained on.
     """
 
     steps: int
     experiment: Experiment
-    stages: Experiment
+    stages: Experiment | None = None
 
 
 _MOST_POINTS = 400
@@ -80,7 +80,9 @@ def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
     """
     measures = list(family.members[0].measures)
     varying = family.class_counts()
-    reached = [{one.label: one for one in budget.stages.summaries()} for budget in trained]
+    reached = [
+        {one.label: one for one in budget.stages.summaries()} if budget.stages else {} for budget in trained
+    ]
     first, target = family.members[0].name, family.members[-1].name
     rows = []
     for place, member in enumerate(family.members):

@@ -168,6 +168,72 @@ def test_apply_tells_what_it_did_and_writes_the_model(envgraph: Envgraph, tmp_pa
     assert "no match of moveUp" in ok(envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveUp")).out
 
 
+def test_a_model_that_apply_wrote_can_be_matched_and_rewritten_again(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    files = ("maze/maze.rules", "moveRight")
+    ok(envgraph("apply", "maze/maze.model", *files, "-o", "one.json"))
+    ok(envgraph("apply", "one.json", *files, "-o", "two.json"))
+    at_once = ok(envgraph("apply", "maze/maze.model", *files, "--times", 2, "--format", "json")).json
+    assert json.loads(Path("two.json").read_text()) == at_once["model"]  # type: ignore[index]
+    moved = ok(envgraph("match", "two.json", "maze/maze.query", "neighbour", "--format", "json")).json
+    assert len(moved) == 80  # type: ignore[arg-type]
+
+
+def test_a_broken_model_as_json_is_a_diagnostic(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("new", "maze"))
+    (tmp_path / "bad.json").write_text(
+        '{"format": "envgraph-model-1", "objects": [{"id": 0, "class": "Wrld"}]}'
+    )
+    result = envgraph("match", "bad.json", "maze/maze.query", "onGoal")
+    assert result.code == 1 and "did you mean `World`?" in result.err
+    assert result.err.startswith("bad.json:1:63: ") and "^^^^^^" in result.err
+    (tmp_path / "bad.json").write_text('{"format": "envgraph-model-1",\n "objects": [}')
+    result = envgraph("match", "bad.json", "maze/maze.query", "onGoal")
+    assert result.code == 1 and result.err.startswith("bad.json:2:14: ")
+
+
+def test_titles_are_not_folded_into_narrow_tables(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    out = ok(envgraph("match", "maze/maze.model", "maze/maze.query", "neighbour", "-w", "from=1")).out
+    assert " of neighbour" in out.splitlines()[0]
+
+
+def test_a_private_pattern_is_named_as_private(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("new", "maze"))
+    query = tmp_path / "maze" / "maze.query"
+    query.write_text(query.read_text() + "\nprivate pattern hidden(cell : Rock) { Rock(cell); }\n")
+    result = envgraph("match", "maze/maze.model", "maze/maze.query", "hidden")
+    assert result.code == 1 and "is private" in result.err
+
+
+def test_training_follows_the_sequences_of_the_family_file(envgraph: Envgraph, tmp_path: Path) -> None:
+    ok(envgraph("new", "maze"))
+    file = tmp_path / "maze" / "family.toml"
+    file.write_text(file.read_text().replace('sequences = "suffixes"', 'sequences = "full"'))
+    ok(envgraph("generate", "maze", "--generations", 30, "--name", "m"))
+
+    def labels(*options: object) -> list[str]:
+        results = ok(envgraph("train", "m", "--steps", 50, "--seeds", 1, *options, "--format", "json")).json
+        return [f"{one['kind']} {one['label']}" for one in results["results"]]  # type: ignore[index]
+
+    assert labels() == ["curriculum E1-E5", *(f"baseline E{place}" for place in range(1, 6))]
+    assert (tmp_path / "runs" / "m" / "training" / "50" / "stages").is_dir()
+    assert labels("--curricula", "direct") == ["baseline E5"]
+    assert not (tmp_path / "runs" / "m" / "training" / "50" / "stages").exists()
+    assert "E5 alone" in ok(envgraph("report", "m")).out
+
+
+def test_the_report_tells_what_was_run_not_what_the_file_says(envgraph: Envgraph, tmp_path: Path) -> None:
+    small = ("--seed", 7, "--generations", 3, "--population", 3, "--name", "a")
+    ok(envgraph("generate", "burning_forest", *small))
+    ok(envgraph("report", "a", "-o", "a.html"))
+    page = (tmp_path / "a.html").read_text()
+    assert "seed 7, population 3, 3 generations" in page
+    ok(envgraph("import", DATA / "environment-config.json", "--name", "p"))
+    ok(envgraph("report", "p", "-o", "p.html"))
+    assert "generations" not in (tmp_path / "p.html").read_text()
+
+
 def test_apply_runs_a_unit_and_tells_each_step(envgraph: Envgraph) -> None:
     domain = bundled_domain("burning_forest")
     model = domain / "running_4x4.model"

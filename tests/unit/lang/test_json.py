@@ -1,0 +1,66 @@
+"""JSON with positions."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from envgraph.errors import LoadError, Source
+from envgraph.lang import parse_json, parse_model
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=20,
+)
+
+
+@given(values, st.sampled_from([None, 1, "\t"]), st.booleans())
+def test_every_span_holds_the_text_of_its_value(
+    value: object, indent: int | str | None, ascii_only: bool
+) -> None:
+    text = json.dumps(value, indent=indent, ensure_ascii=ascii_only)
+    found, spans = parse_json(Source("a.json", text))
+    assert found == value
+    count = 0
+    for path, span in spans.items():
+        part: object = value
+        for step in path:
+            part = part[step]  # type: ignore[index]
+        assert json.loads(span.text) == part
+        count += 1
+    assert count == size(value)
+
+
+def size(value: object) -> int:
+    """How many values there are, containers included."""
+    if isinstance(value, dict):
+        return 1 + sum(size(part) for part in value.values())
+    return 1 + sum(size(part) for part in value) if isinstance(value, list) else 1
+
+
+@pytest.mark.parametrize(
+    ("text", "column"), [("", 1), ('{"a": }', 7), ("[1, 2", 6), ('"open', 1), ("[" * 100_000, 1)]
+)
+def test_what_is_no_json_is_refused_at_its_place(text: str, column: int) -> None:
+    with pytest.raises(LoadError) as caught:
+        parse_json(Source("a.json", text))
+    (problem,) = caught.value.diagnostics
+    assert problem.span is not None and problem.span.column == column
+
+
+def test_problems_of_a_model_are_at_the_value_they_are_about() -> None:
+    metamodel = Metamodel("m", [Class("A", features=(Attribute("n", Scalar.INT), Reference("to", "A", 0)))])
+    text = """{"format": "envgraph-model-1",
+ "objects": [
+  {"id": 0, "class": "A", "features": {"n": "three"}},
+  {"id": 1, "class": "A", "features": {"to": 7}}
+ ]}"""
+    with pytest.raises(LoadError) as caught:
+        parse_model(Source("m.json", text), metamodel)
+    first = caught.value.diagnostics[0]
+    assert first.span is not None and first.span.text == '"three"' and str(first.span) == "m.json:3:45"
