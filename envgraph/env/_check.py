@@ -81,6 +81,8 @@ class _Checker(CallChecking, ViewChecking):
         if agent.variable in scope:
             self.report("duplicate-definition", f"`{agent.variable}` is a parameter already", agent.span)
         scope[agent.variable] = self.known_class(agent.cls, agent.cls_span or agent.span)
+        message, hint = "this can be checked, but not run yet", "to run it, move the clauses out of the block"
+        self.report("no-agents", message, agent.span, hint, Severity.WARNING)
         self._owner(agent, scope)
 
     def _owner(self, owner: Behaviour | Agent, scope: Scope) -> None:

@@ -75,6 +75,6 @@ def register(
 
 
 def register_entry_point() -> None:
-    """Register the bundled environments."""
+    """Register the bundled environments; `envgraph.env` does so when it is imported."""
     for name, domain, limit in BUNDLED:
         register(name, limit=limit, vector_entry_point=MAKE_VECTOR_ENVIRONMENT, domain=domain)
