@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -45,6 +46,10 @@ RUNS = Path("runs")
 
 def main() -> int:
     """The program `envgraph`: 0 when all went well, 1 for a problem of the input, 2 for one of the command line."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A terminal that cannot show a letter of a file shows its number.
+            stream.reconfigure(errors="backslashreplace")
     try:
         app()
     except (EnvgraphError, OSError) as error:

@@ -8,7 +8,7 @@ from typing import Any
 
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table, progress_bar
 from envgraph.env import scene_svg, scene_text
-from envgraph.errors import InvalidArgument, Source, did_you_mean
+from envgraph.errors import Diagnostic, InvalidArgument, Severity, Source, did_you_mean
 from envgraph.search import (
     Domain,
     Family,
@@ -67,6 +67,15 @@ def generate_family(
                 progress=progress,
             )
     _print_family(family, format, path)
+    wanted = population or domain.spec.search.population
+    if not resume and len(family.members) < wanted:
+        message = (
+            f"only {len(family.members)} of {wanted} environments were found that satisfy the constraints"
+        )
+        hint = "see whether the mutation rules match, what the constraints allow, and `max_attempts`"
+        rules = domain.spec.mutation.rules
+        span = rules[0].span if rules else None
+        print_diagnostics([Diagnostic("small-family", message, span, hint, Severity.WARNING)])
 
 
 def _run_path(directory: Path, name: str) -> Path:

@@ -43,7 +43,12 @@ class OutputFormat(StrEnum):
 
 def print_json(value: object) -> None:
     """One JSON document on standard output."""
-    sys.stdout.write(json.dumps(value, ensure_ascii=False, indent=2) + "\n")
+    try:
+        "\N{GREEK SMALL LETTER ALPHA}".encode(sys.stdout.encoding or "utf-8")
+        narrow = False
+    except UnicodeEncodeError:
+        narrow = True
+    sys.stdout.write(json.dumps(value, ensure_ascii=narrow, indent=2) + "\n")
 
 
 def print_table(

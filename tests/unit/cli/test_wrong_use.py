@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
 import shutil
 import sqlite3
+import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import closing
@@ -126,3 +129,32 @@ def test_a_resumed_run_that_cannot_be_written_is_refused(refused: Call, run_stor
         db.execute("DELETE FROM generation")
         db.commit()
     assert "cannot be written" in refused("generate", "forest", "--resume", "--name", "bad")
+
+
+@pytest.mark.parametrize("format", ["text", "json"])
+def test_names_that_the_terminal_cannot_show_are_spelt_out(refused: Call, format: str) -> None:
+    path = Path("forest/burning_forest.rules")
+    path.write_text(
+        path.read_text("utf-8").replace("retype tile : RoadTile", "retype tilé : RoadTile"), "utf-8"
+    )
+    command = [sys.executable, "-m", "envgraph", "check", "forest", "--format", format]
+    ended = subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"}
+    )
+    assert ended.returncode == 1
+    assert "Traceback" not in ended.stderr
+    if format == "json":
+        assert "`tilé`" in json.loads(ended.stdout)["diagnostics"][0]["message"]
+    else:
+        assert r"`til\xe9`" in ended.stderr
+
+
+def test_a_search_that_finds_too_little_says_so(refused: Call) -> None:
+    path = Path("forest/family.toml")
+    path.write_text(path.read_text().replace('rules = ["retypings"]', 'rules = ["collect"]'))
+    constraint = "forbid = []\n[constraints.count]\ncollectedWater = 0"
+    path.write_text(path.read_text().replace("forbid = []", constraint))
+    command = [sys.executable, "-m", "envgraph", "generate", "forest", "--generations", "1"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0
+    assert "warning: only 1 of 6 environments were found" in ended.stderr
