@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -50,6 +51,9 @@ def main() -> int:
         if isinstance(stream, io.TextIOWrapper):
             # A terminal that cannot show a letter of a file shows its number.
             stream.reconfigure(errors="backslashreplace")
+    if sys.stdout is None or sys.stderr is None:  # closed by the caller: `envgraph show a >&-`
+        sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, until the end
+        sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     try:
         app()
     except (EnvgraphError, OSError) as error:

@@ -50,22 +50,28 @@ def generate_family(
         if path.exists():
             raise InvalidArgument(f"{path} exists already: go on with --resume, or choose another --name")
         total = domain.spec.search.generations if generations is None else generations
-    with progress_bar("generations", total) as advance:
+    try:
+        with progress_bar("generations", total) as advance:
 
-        def progress(generation: Generation) -> None:
-            advance(generation.number, f"diversity {generation.diversity:.3f}")
+            def progress(generation: Generation) -> None:
+                advance(generation.number, f"diversity {generation.diversity:.3f}")
 
-        if resume:
-            family = resume_run(path, progress=progress)
-        else:
-            family = generate(
-                location,
-                path,
-                seed=seed,
-                generations=generations,
-                population=population,
-                progress=progress,
-            )
+            if resume:
+                family = resume_run(path, progress=progress)
+            else:
+                family = generate(
+                    location,
+                    path,
+                    seed=seed,
+                    generations=generations,
+                    population=population,
+                    progress=progress,
+                )
+    except KeyboardInterrupt:
+        if path.exists():
+            words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
+            sys.stderr.write(f"interrupted; `{words}` goes on\n")
+        raise
     _print_family(family, format, path)
     wanted = population or domain.spec.search.population
     if not resume and len(family.members) < wanted:

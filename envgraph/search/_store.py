@@ -7,6 +7,7 @@ whole generation. Nothing in the store is code: traces, measures and models are 
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -109,7 +110,7 @@ class RunStore:
             raise InvalidArgument(f"{path} exists already")
         path.parent.mkdir(parents=True, exist_ok=True)
         # Made under another name, so that a kill at this moment leaves no store that is half made.
-        draft = path.with_name(path.name + ".new")
+        draft = path.with_name(f"{path.name}.{os.getpid()}")
         draft.unlink(missing_ok=True)
         store = cls(sqlite3.connect(draft, isolation_level=None), draft)
         with store._transaction() as db:
@@ -120,7 +121,7 @@ class RunStore:
             db.executemany("INSERT INTO setting VALUES (?, ?)", [(k, dump_json(v)) for k, v in rows])
             db.executemany("INSERT INTO source VALUES (?, ?)", list(sources.items()))
         store.close()
-        draft.replace(path)
+        _publish(draft, path)
         return cls(_connect(path), path)
 
     @classmethod
@@ -284,6 +285,16 @@ class RunStore:
             self._db.execute("COMMIT")
         except sqlite3.DatabaseError as error:  # a full disk, another process, a file that was changed
             raise InvalidArgument(f"{self.path} cannot be written: {error}") from error
+
+
+def _publish(draft: Path, path: Path) -> None:
+    """Give a finished store its name, unless another process was faster."""
+    try:
+        os.link(draft, path)  # unlike a renaming, this fails when there is such a file
+    except FileExistsError:
+        raise InvalidArgument(f"{path} exists already") from None
+    finally:
+        draft.unlink()
 
 
 def _connect(path: Path) -> sqlite3.Connection:

@@ -325,6 +325,26 @@ def test_a_run_killed_in_the_middle_resumes_to_the_same_family(envgraph: Envgrap
     assert exported[0] == exported[1]
 
 
+def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "envgraph", "generate", "burning_forest", "--name", "cut"]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    while generations(tmp_path / "runs" / "cut" / "run.sqlite") < 5 and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, messages = process.communicate()
+    assert process.returncode == 130
+    assert "--name cut --directory runs --resume` goes on" in messages and "Traceback" not in messages
+
+
+def test_a_closed_output_is_no_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", "import os, sys; os.close(1); os.execv(sys.argv[1], sys.argv[1:])"]
+    words = [sys.executable, "-m", "envgraph", "check", str(bundled_domain("burning_forest"))]
+    done = subprocess.run([*command, *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 0 and "Traceback" not in done.stderr
+
+
 def generations(store: Path) -> int:
     """How many generations a store has that another process may be writing."""
     if not store.is_file():

@@ -78,6 +78,21 @@ def test_an_existing_store_is_not_overwritten(store: RunStore) -> None:
         RunStore.create(store.path, {}, {})
 
 
+def test_of_two_processes_that_make_one_store_the_second_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.sqlite"
+    RunStore.create(path, {"seed": 1}, {}).close()
+    monkeypatch.setattr(
+        Path, "exists", lambda self: False
+    )  # the other process was not yet done when we looked
+    with pytest.raises(InvalidArgument, match="exists already"):
+        RunStore.create(path, {"seed": 2}, {})
+    with RunStore.open(path) as store:
+        assert store.settings()["seed"] == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["run.sqlite"]
+
+
 def test_files_that_are_no_store_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="no run store"):
         RunStore.open(tmp_path / "missing.sqlite")
