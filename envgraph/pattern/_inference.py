@@ -111,11 +111,17 @@ class BodyTypes:
                 return None
 
     def path(self, path: PathConstraint) -> ResolvedPath | None:
-        """The path with its features looked up; without a type it starts at the static type of its source."""
+        """The path with its features looked up; without a type it starts at the static type of its source.
+
+        The steps of a closure start at any object that has the feature, not only at those of the source's own class.
+        """
         cls: str | None = path.type
         if not cls:
             source = self.of_term(path.source)
             cls = source.cls if isinstance(source, ObjectType) else None
+            if cls in self.metamodel.classes and path.features and path.closure is not Closure.ONCE:
+                feature = self.metamodel.feature(cls or "", path.features[0])
+                cls = feature.owner if feature else cls
         if cls is None or cls not in self.metamodel.classes or not path.features:
             return None
         resolved = resolve_path(cls, path.features, self.metamodel)

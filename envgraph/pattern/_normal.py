@@ -59,7 +59,8 @@ class _Normaliser:
 
     def body(self, raw: Sequence[Atom]) -> LoweredBody:
         atoms = [*self._declared(), *(kept for atom in raw for kept in self._resolved(atom))]
-        atoms = list(dict.fromkeys(atoms))
+        # By their text: as constants 1 and 1.0 are equal, but 1 / 2 and 1.0 / 2 are not.
+        atoms = list({repr(atom): atom for atom in atoms}.values())
         atoms = list(self._without_implied(atoms))
         order = self._order(atoms)
         numbers = {slot: number for number, slot in enumerate(order)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
@@ -13,7 +14,7 @@ from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
 from envgraph.match import _closures as closures
 from envgraph.match import _recursion as recursion
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
-from envgraph.pattern import Library
+from envgraph.pattern import Check, Library
 from tests.unit.match.writing import equal, find, is_a, neg, op, path, pattern, unequal, value
 
 CELLS = Metamodel(
@@ -192,3 +193,36 @@ def test_unreachable_pairs_are_found_with_one_search_for_each_source() -> None:
         model.set_target(number, model.metamodel.feature("Cell", "south"), None)  # type: ignore[arg-type]
     matcher = CompiledMatcher(model, library(STEP, REACHES, apart))
     assert matcher.count("apart", (FREE, FREE)) == 64 * 56
+
+
+@pytest.mark.parametrize("matcher", [NaiveMatcher, CompiledMatcher])
+def test_a_closure_without_a_class_goes_on_from_objects_of_other_classes(
+    matcher: Callable[[Model, Library], Matcher],
+) -> None:
+    metamodel = Metamodel(
+        "road",
+        (
+            Class("Place", abstract=True, features=(Reference("next", "Place", 0, 1),)),
+            Class("Start", supertypes=("Place",)),
+            Class("Road", supertypes=("Place",)),
+        ),
+    )
+    model = Model(metamodel)
+    places = [model.new("Start"), *(model.new("Road") for _ in range(3))]
+    for one, other in pairwise(places):
+        model.set_target(one, metamodel.references[0], other)
+    library = Library(metamodel)
+    library.add(pattern("ahead(a : Start, b : Place)", [path(".next+", "a", "b")]))
+    assert sorted(matcher(model, library).rows("ahead", (FREE, FREE))) == [(0, 1), (0, 2), (0, 3)]
+
+
+@pytest.mark.parametrize("matcher", [NaiveMatcher, CompiledMatcher])
+def test_checks_that_differ_in_the_type_of_a_constant_alone_both_count(
+    matcher: Callable[[Model, Library], Matcher],
+) -> None:
+    model = Model(CELLS)
+    model.new("Cell")
+    library = Library(CELLS)
+    exact, whole = (Check(op(0, "<", op(one, "/", 2))) for one in (1.0, 1))  # 0 < 0.5, and 0 < 0
+    library.add(pattern("both(a : Cell)", [is_a("Cell", "a"), exact, whole]))
+    assert not matcher(model, library).exists("both", (FREE,))
