@@ -7,7 +7,6 @@ from math import isfinite
 
 from envgraph.env._behaviour import Action, Branch, RuleCall
 from envgraph.env._check_base import Checking, Scope
-from envgraph.env._clauses import variables_of
 from envgraph.env._rulebook import callable_names, signature_of, written
 from envgraph.errors import did_you_mean
 from envgraph.metamodel import Scalar
@@ -20,6 +19,7 @@ from envgraph.pattern import (
     assignable,
     check_expression,
     type_text,
+    variables_in,
 )
 from envgraph.rewrite import Signature
 
@@ -59,7 +59,7 @@ class CallChecking(Checking):
 
     def _lacking(self, reward: Expression | None, names: set[str], why: str) -> None:
         """Report an output that has no value where a reward is counted."""
-        found = next((v for v in variables_of(reward) if v.name in names), None) if reward else None
+        found = next((v for v in variables_in(reward) if v.name in names), None) if reward else None
         if found is not None:
             self.report("unbound-output", f"`{found.name}` may have no value here", found.span, why)
 

@@ -13,25 +13,18 @@ from dataclasses import dataclass
 from envgraph.errors import Span
 from envgraph.pattern import (
     Aggregate,
-    Binary,
     Body,
     Comparison,
-    Conditional,
     Constraint,
     Evaluation,
-    Expression,
-    FunctionCall,
-    Navigation,
     Negation,
     Parameter,
-    PathConstraint,
     Pattern,
     PatternCall,
     Relation,
-    Term,
-    TypeConstraint,
-    Unary,
     Variable,
+    terms_of,
+    variables_in,
 )
 
 PACKAGE = "#environment"
@@ -101,45 +94,14 @@ def _helper(
     )
 
 
-def terms_of(relation: Relation) -> tuple[Term, ...]:
-    """The terms of a relation, in order."""
-    match relation:
-        case TypeConstraint():
-            return (relation.term,)
-        case PathConstraint():
-            return (relation.source, relation.target)
-        case PatternCall():
-            return relation.arguments
-
-
 def _variables(relation: Relation) -> Iterator[Variable]:
     for term in terms_of(relation):
         match term:
             case Variable():
                 yield term
             case Evaluation():
-                yield from variables_of(term.expression)
+                yield from variables_in(term.expression)
             case Aggregate():
                 yield from _variables(term.over)
             case _:
                 pass
-
-
-def variables_of(expression: Expression) -> Iterator[Variable]:
-    """The variables of an expression, each place, in the order of the text."""
-    match expression:
-        case Variable():
-            yield expression
-        case Navigation(inner) | Unary(_, inner):
-            yield from variables_of(inner)
-        case Binary(_, left, right):
-            yield from variables_of(left)
-            yield from variables_of(right)
-        case Conditional(test, then, otherwise):
-            for part in (test, then, otherwise):
-                yield from variables_of(part)
-        case FunctionCall(_, arguments):
-            for part in arguments:
-                yield from variables_of(part)
-        case _:
-            pass

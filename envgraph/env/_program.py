@@ -21,7 +21,7 @@ from envgraph.env._behaviour import (
     RuleCall,
 )
 from envgraph.env._binding import Reader, bind_parameters, reader
-from envgraph.env._clauses import Question, condition_question, count_question, variables_of
+from envgraph.env._clauses import Question, condition_question, count_question
 from envgraph.env._domains import MOST_VALUES, domain_type
 from envgraph.env._keys import KeyIndex
 from envgraph.env._observing import KeyedObjects, literal_index, object_index, observer, range_index
@@ -49,6 +49,7 @@ from envgraph.pattern import (
     Variable,
     check_expression,
     evaluate,
+    variables_in,
 )
 from envgraph.rewrite import Engine
 
@@ -161,7 +162,7 @@ class Program:
     def _reward(self, reward: Expression | None) -> Reward | None:
         if reward is None:
             return None
-        if not any(True for _ in variables_of(reward)):
+        if not any(True for _ in variables_in(reward)):
             return _fixed(_number(reward, evaluate(reward, {})))
         read = self._read
         return lambda scope: _number(reward, evaluate(reward, scope, read))

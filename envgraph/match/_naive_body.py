@@ -10,20 +10,16 @@ from itertools import count
 from envgraph.metamodel import Value
 from envgraph.pattern import (
     Aggregate,
-    Binary,
     Body,
     Check,
     Comparison,
-    Conditional,
     Constant,
     Constraint,
     EnumLiteral,
     Evaluation,
     Expression,
-    FunctionCall,
     Hash,
     Library,
-    Navigation,
     Negation,
     PathConstraint,
     Pattern,
@@ -31,8 +27,9 @@ from envgraph.pattern import (
     Relation,
     Term,
     TypeConstraint,
-    Unary,
     Variable,
+    terms_of,
+    variables_in,
 )
 
 
@@ -174,7 +171,7 @@ class _Reader:
             case Aggregate(function, over):
                 result = self._name()
                 terms = self._relation(over)
-                column = next((i for i, arg in enumerate(_terms(over)) if isinstance(arg, Hash)), None)
+                column = next((i for i, arg in enumerate(terms_of(over)) if isinstance(arg, Hash)), None)
                 self.items.append(Fold(function, over, terms, frozenset(), column, result))
                 return result
             case Hash():
@@ -196,36 +193,7 @@ def resolved(library: Library, caller: Pattern, call: PatternCall) -> Pattern:
 
 def variables(expression: Expression) -> tuple[str, ...]:
     """The variables of an expression, each once, in the order of the text."""
-    return tuple(dict.fromkeys(_variables(expression)))
-
-
-def _variables(expression: Expression) -> Iterator[str]:
-    match expression:
-        case Variable(name):
-            yield name
-        case Navigation(inner) | Unary(_, inner):
-            yield from _variables(inner)
-        case Binary(_, left, right):
-            yield from _variables(left)
-            yield from _variables(right)
-        case Conditional(test, then, otherwise):
-            for part in (test, then, otherwise):
-                yield from _variables(part)
-        case FunctionCall(_, arguments):
-            for part in arguments:
-                yield from _variables(part)
-        case Constant() | EnumLiteral():
-            pass
-
-
-def _terms(relation: Relation) -> tuple[Term, ...]:
-    match relation:
-        case TypeConstraint():
-            return (relation.term,)
-        case PathConstraint():
-            return (relation.source, relation.target)
-        case PatternCall():
-            return relation.arguments
+    return tuple(dict.fromkeys(one.name for one in variables_in(expression)))
 
 
 def _with_locals(items: list[Item], outside: set[str]) -> Iterator[Item]:

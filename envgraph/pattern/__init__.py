@@ -1,5 +1,6 @@
 """Queries and rules as frozen data, independent of any text; their checks, their types and their normal form."""
 
+from envgraph.pattern._bodies import children, terms_in, terms_of, variables_in
 from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
@@ -167,11 +168,15 @@ __all__ = [
     "Variable",
     "assignable",
     "check_expression",
+    "children",
     "compile_expression",
     "conformance_patterns",
     "evaluate",
     "holds",
     "static_type",
+    "terms_in",
+    "terms_of",
     "type_text",
     "value_of",
+    "variables_in",
 ]

@@ -134,6 +134,14 @@ def children(expression: Expression) -> tuple[Expression, ...]:
             return ()
 
 
+def variables_in(expression: Expression) -> Iterator[Variable]:
+    """The variables of an expression, each place, in the order of the text."""
+    if isinstance(expression, Variable):
+        yield expression
+    for child in children(expression):
+        yield from variables_in(child)
+
+
 def depth(expression: Expression) -> int:
     """Number of levels of the tree; counted without recursion, so that no input exhausts the stack."""
     levels = 0

@@ -17,10 +17,10 @@ from envgraph.pattern import (
     Variable,
     check_expression,
     type_text,
+    variables_in,
 )
 from envgraph.rewrite._plan import Assign, ChangeTargets, Compute, Increase, Link, SetTargets, SetValue
 from envgraph.rewrite._sight import Sight
-from envgraph.rewrite._variables import read_variables
 
 Operator = Literal["=", "+=", "-="]
 Values = Expression | tuple[Expression, ...]
@@ -137,7 +137,7 @@ class AssignmentReader:
 
     def _value(self, expression: Expression, expected: StaticType, span: Span | None) -> int | None:
         """The slot of a value on the state before the rule."""
-        read = {variable.name: variable for variable in read_variables(expression)}
+        read = {variable.name: variable for variable in variables_in(expression)}
         for name, variable in read.items():
             if name in self.sight.created:
                 message = f"`{name}` is created by this rule: it has no values before it"

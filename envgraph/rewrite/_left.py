@@ -36,6 +36,7 @@ from envgraph.pattern import (
     StaticType,
     TypeConstraint,
     Variable,
+    terms_in,
     type_text,
 )
 from envgraph.rewrite._variables import (
@@ -45,7 +46,6 @@ from envgraph.rewrite._variables import (
     equated,
     is_named,
     own_variables,
-    terms_of,
 )
 
 _CONDITIONS = ("not", "require")
@@ -120,7 +120,7 @@ class LeftLowering:
             term.name
             for constraint in left.constraints
             if not isinstance(constraint, Negation | Check)
-            for term in terms_of(constraint)
+            for term in terms_in(constraint)
             if isinstance(term, Variable)
         }
         return replace(parameter, direction=None if parameter.name in positive else "in")

@@ -9,29 +9,25 @@ from envgraph.errors import Span
 from envgraph.metamodel import Attribute, Metamodel, Reference
 from envgraph.pattern import (
     Aggregate,
-    Binary,
     Check,
     Comparison,
-    Conditional,
     Constraint,
     Evaluation,
-    Expression,
-    FunctionCall,
     LeftSide,
     Library,
-    Navigation,
     Negation,
     ObjectType,
     Parameter,
     PathConstraint,
     PatternCall,
-    Relation,
     StaticType,
     Term,
     TypeConstraint,
-    Unary,
     Variable,
     static_type,
+    terms_in,
+    terms_of,
+    variables_in,
 )
 
 Types = dict[str, StaticType | None]
@@ -43,54 +39,11 @@ def is_named(name: str) -> bool:
     return not name.startswith("_")
 
 
-def read_variables(expression: Expression) -> Iterator[Variable]:
-    """The variables of an expression, each place, in the order of the text."""
-    match expression:
-        case Variable():
-            yield expression
-        case Navigation(inner) | Unary(_, inner):
-            yield from read_variables(inner)
-        case Binary(_, left, right):
-            yield from read_variables(left)
-            yield from read_variables(right)
-        case Conditional(test, then, otherwise):
-            for part in (test, then, otherwise):
-                yield from read_variables(part)
-        case FunctionCall(_, arguments):
-            for part in arguments:
-                yield from read_variables(part)
-        case _:
-            pass
-
-
-def _arguments(relation: Relation) -> tuple[Term, ...]:
-    match relation:
-        case TypeConstraint():
-            return (relation.term,)
-        case PathConstraint():
-            return (relation.source, relation.target)
-        case PatternCall():
-            return relation.arguments
-
-
-def terms_of(constraint: Constraint) -> tuple[Term, ...]:
-    """The terms that stand in a constraint directly, those of a negation included."""
-    match constraint:
-        case Negation():
-            return _arguments(constraint.relation)
-        case Comparison():
-            return (constraint.left, constraint.right)
-        case Check():
-            return ()
-        case _:
-            return _arguments(constraint)
-
-
 def mentioned(constraint: Constraint) -> Iterator[Variable]:
     """Every place of a variable in a constraint, those that are quantified in it included."""
     if isinstance(constraint, Check):
-        yield from read_variables(constraint.expression)
-    yield from _in_terms(terms_of(constraint))
+        yield from variables_in(constraint.expression)
+    yield from _in_terms(terms_in(constraint))
 
 
 def _in_terms(terms: Iterable[Term]) -> Iterator[Variable]:
@@ -99,9 +52,9 @@ def _in_terms(terms: Iterable[Term]) -> Iterator[Variable]:
             case Variable():
                 yield term
             case Evaluation():
-                yield from read_variables(term.expression)
+                yield from variables_in(term.expression)
             case Aggregate():
-                yield from _in_terms(_arguments(term.over))
+                yield from _in_terms(terms_of(term.over))
             case _:
                 pass
 
@@ -109,17 +62,17 @@ def _in_terms(terms: Iterable[Term]) -> Iterator[Variable]:
 def _visible(constraint: Constraint) -> Iterator[Variable]:
     """The places that a negation or an aggregate does not quantify by itself."""
     if isinstance(constraint, Check):
-        yield from read_variables(constraint.expression)
+        yield from variables_in(constraint.expression)
     elif isinstance(constraint, Negation):
-        for term in terms_of(constraint):
+        for term in terms_in(constraint):
             if isinstance(term, Evaluation):
-                yield from read_variables(term.expression)
+                yield from variables_in(term.expression)
     else:
-        for term in terms_of(constraint):
+        for term in terms_in(constraint):
             if isinstance(term, Variable):
                 yield term
             elif isinstance(term, Evaluation):
-                yield from read_variables(term.expression)
+                yield from variables_in(term.expression)
 
 
 def node_names(left: LeftSide) -> dict[str, Span | None]:
