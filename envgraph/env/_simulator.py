@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
-from math import prod
+from math import fsum, prod
 
 import numpy as np
 
@@ -227,7 +227,7 @@ class _Recorded:
     def choose(self, probabilities: Sequence[float]) -> int | None:
         """See `Choices`."""
         possible: list[tuple[int | None, float]] = [(i, p) for i, p in enumerate(probabilities) if p > 0.0]
-        missing = 1.0 - sum(probabilities)
+        missing = 1.0 - fsum(probabilities)
         if missing > 1e-12:
             possible.append((None, missing))
         position, probability = possible[self._take(len(possible))]

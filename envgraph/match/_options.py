@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import fsum
 from typing import Final, Protocol
 
 from envgraph.match._calls import CallGraph
@@ -149,7 +150,7 @@ class Options:
             case Absence():
                 inner = self._plans_inside(goal)
                 return Option(
-                    Kind.ABSENT, goal, (), ACCESS + sum(plan.cost for plan in inner) / 2, 0.5, inner
+                    Kind.ABSENT, goal, (), ACCESS + fsum(plan.cost for plan in inner) / 2, 0.5, inner
                 )
         raise AssertionError(goal)
 

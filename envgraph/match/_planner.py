@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import fsum
 
 from envgraph.match._calls import CallGraph
 from envgraph.match._estimate import Sizes
@@ -50,8 +51,8 @@ class Planner:
     def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
         bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)
         distinct = not any(body.repeats for body in bodies) and _disjoint(key, conjunctions)
-        rows = sum(body.plan.rows for body in bodies)
-        return ViewPlan(key, bodies, distinct, rows, sum(body.plan.cost for body in bodies))
+        rows = fsum(body.plan.rows for body in bodies)
+        return ViewPlan(key, bodies, distinct, rows, fsum(body.plan.cost for body in bodies))
 
     def _plan_body(self, key: ViewKey, conjunction: Conjunction) -> BodyPlan:
         fixed = frozenset(number for number, _ in conjunction.constants)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import fsum
 from typing import Final
 
 from envgraph.errors import EvaluationError, RuleError
@@ -118,7 +119,7 @@ def draw_weighted(rng: Randomness, weights: Sequence[float]) -> int:
     """A number from 0, with probabilities in proportion to the weights; without a choice nothing is drawn."""
     if len(weights) == 1:
         return 0
-    point = rng.random() * sum(weights)
+    point = rng.random() * fsum(weights)
     for number, weight in enumerate(weights):
         point -= weight
         if point < 0:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import log2
+from math import fsum, log2
 from typing import Protocol
 
 from envgraph.errors import InvalidArgument
@@ -95,7 +95,7 @@ class BinnedEntropy:
         """The entropy; 0.0 for no values."""
         size = len(values)
         # 0.0 - ... keeps a family in one bin from scoring -0.0.
-        return 0.0 - sum(count / size * log2(count / size) for count in self.counts(values) if count)
+        return 0.0 - fsum(count / size * log2(count / size) for count in self.counts(values) if count)
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
         """Swaps in constant time."""
@@ -139,13 +139,13 @@ class Gini:
     def score(self, values: Sequence[float]) -> float:
         """The coefficient, in [0, 1)."""
         ordered = sorted(values)
-        total = sum(ordered)
+        total = fsum(ordered)
         if not ordered or total == 0:
             return 0.0
         if ordered[0] < 0:
             raise InvalidArgument("the Gini coefficient is defined for values that are not negative")
         size = len(ordered)
-        weighted = sum((2 * rank - size - 1) * value for rank, value in enumerate(ordered, start=1))
+        weighted = fsum((2 * rank - size - 1) * value for rank, value in enumerate(ordered, start=1))
         return weighted / (size * total)
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
@@ -165,8 +165,8 @@ class Variance:
         """The variance; 0.0 for no values."""
         if not values:
             return 0.0
-        mean = sum(values) / len(values)
-        return sum((value - mean) ** 2 for value in values) / len(values)
+        mean = fsum(values) / len(values)
+        return fsum((value - mean) ** 2 for value in values) / len(values)
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
         """Swaps by recomputation."""
