@@ -101,7 +101,13 @@ class CallChecking(Checking):
             message = f"`{call.rule}` is a pattern, not a rule"
             self.report("unknown-rule", message, span, "patterns are asked with `on find` or `observe find`")
             return
-        hint = did_you_mean(call.rule, [*callable_names(self.engine), "nothing"])
+        names = callable_names(self.engine)
+        several = [name for name in names if name.endswith(f".{call.rule}")]
+        if len(several) > 1:
+            message = f"`{call.rule}` may mean several rules"
+            self.report("ambiguous-rule", message, span, "write " + " or ".join(f"`{name}`" for name in several))
+            return
+        hint = did_you_mean(call.rule, [*names, "nothing"])
         self.report("unknown-rule", f"unknown rule `{call.rule}`", span, hint)
 
     def _arguments(self, call: RuleCall, signature: Signature, scope: Scope) -> Scope:

@@ -219,3 +219,18 @@ def test_two_metamodels_are_one_mistake() -> None:
         n_metamodel="metamodel n class B",
     )
     assert [one.code for one in found] == ["two-metamodels"]
+
+
+def test_a_rule_name_that_two_packages_define_is_said_to_be_ambiguous() -> None:
+    texts = {
+        "m.metamodel": METAMODEL,
+        "one.rules": 'package one import "m.metamodel" rule go { lhs { a : A; } modify { set a.i = 1; } }',
+        "two.rules": 'package two import "m.metamodel" rule go { lhs { a : A; } modify { set a.i = 2; } }',
+        "e.environment": 'import "one.rules" import "two.rules" environment E { action go = go() }',
+    }
+    found = load_workspace(["e.environment"], files=TextFiles(texts)).errors
+    assert [(one.code, place(one), one.hint) for one in found] == [
+        ("ambiguous-rule", ("e.environment", "go"), "write `one.go` or `two.go`")
+    ]
+    texts["e.environment"] = texts["e.environment"].replace("= go()", "= one.go()")
+    assert load_workspace(["e.environment"], files=TextFiles(texts)).errors == ()
