@@ -105,7 +105,9 @@ class CallChecking(Checking):
         several = [name for name in names if name.endswith(f".{call.rule}")]
         if len(several) > 1:
             message = f"`{call.rule}` may mean several rules"
-            self.report("ambiguous-rule", message, span, "write " + " or ".join(f"`{name}`" for name in several))
+            self.report(
+                "ambiguous-rule", message, span, "write " + " or ".join(f"`{name}`" for name in several)
+            )
             return
         hint = did_you_mean(call.rule, [*names, "nothing"])
         self.report("unknown-rule", f"unknown rule `{call.rule}`", span, hint)

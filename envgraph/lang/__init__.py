@@ -18,7 +18,7 @@ from envgraph.lang._family import (
     TrainingSpec,
 )
 from envgraph.lang._family_check import COMPONENTS, check_family
-from envgraph.lang._family_reader import load_family
+from envgraph.lang._family_reader import find_family, load_family
 from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles
 from envgraph.lang._json import JsonPath, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
@@ -49,6 +49,7 @@ __all__ = [
     "check_family",
     "conformance",
     "data_path",
+    "find_family",
     "load",
     "load_behaviour",
     "load_family",

@@ -70,20 +70,55 @@ def load_family(path: str, files: Files | None = None) -> FamilySpec:
             another question: see `check_family`.
     """
     files = files or DiskFiles()
+    found = read_family(find_family(path, files), files)
+    if found.diagnostics:
+        raise LoadError(found.diagnostics)
+    return found.spec
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyFile:
+    """A family file as far as it can be read.
+
+    Attributes:
+        spec: what has mistakes is at its default.
+        diagnostics: in the order of the text.
+        complete: whether all the files that it names are known; else nobody can say what the names in it mean.
+    """
+
+    spec: FamilySpec
+    diagnostics: tuple[Diagnostic, ...]
+    complete: bool
+
+
+def find_family(path: str, files: Files | None = None) -> str:
+    """The name of the family file that a path means: a file, a directory that holds one, or a bundled domain.
+
+    Raises:
+        LoadError: there is none, or it cannot be read.
+    """
+    files = files or DiskFiles()
     name = family_path(str(path), files)
     try:
-        source = read_source(files, name)
+        read_source(files, name)
     except LoadError as error:
         inside = files.is_directory(files.name(str(path)))
         raise LoadError(
             [one if inside else _no_family(str(path), one) for one in error.diagnostics]
         ) from None
-    text = parse_toml(source)
-    reader = _Reader(text, files, name)
+    return name
+
+
+def read_family(name: str, files: Files) -> FamilyFile:
+    """Reads a family file by its name, with all that is wrong with its text.
+
+    Raises:
+        LoadError: the file cannot be read, or is no TOML.
+    """
+    reader = _Reader(parse_toml(read_source(files, name)), files, name)
     spec = reader.family()
-    if reader.diagnostics:
-        raise LoadError(sorted(reader.diagnostics, key=lambda one: one.span.start if one.span else 0))
-    return spec
+    problems = sorted(reader.diagnostics, key=lambda one: one.span.start if one.span else 0)
+    return FamilyFile(spec, tuple(problems), reader.complete)
 
 
 def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
@@ -255,15 +290,19 @@ class _Section:
 class _Reader:
     def __init__(self, text: TomlText, files: Files, name: str) -> None:
         self.diagnostics: list[Diagnostic] = []
+        self.complete = True
         self._text = text
         self._files = files
         self._name = name
 
     def family(self) -> FamilySpec:
         top = _Section(self._text, (), self._text.data, self.diagnostics)
-        name, model = top.string("name"), self._path(top.string("model"))
+        model, environment = self._path(top.string("model")), self._path(top.string("environment"))
+        imports = tuple(path for one in top.names("imports") if (path := self._path(one)))
         if model is None and "model" not in top:
             self._missing(top, "model", 'write `model = "name.model"` at the top')
+        self.complete = not self.diagnostics
+        name = top.string("name")
         if name and re.search(r"[/\\\x00-\x1f]|^\.+$", str(name)):
             hint = "runs are kept in a directory of this name: leave out `/` and `\\`"
             top.error("bad-value", f"`{name}` cannot name a directory", top.span("name"), hint)
@@ -271,8 +310,8 @@ class _Reader:
         spec = FamilySpec(
             name=str(name) if name else self._directory(),
             model=model or Name(""),
-            environment=self._path(top.string("environment")),
-            imports=tuple(path for one in top.names("imports") if (path := self._path(one))),
+            environment=environment,
+            imports=imports,
             seed=top.integer("seed", 0, 0),
             limit=top.optional_integer("limit", 1),
             constraints=self._constraints(top.table("constraints")),
@@ -286,7 +325,10 @@ class _Reader:
             path=self._name,
             source=self._text.source,
         )
+        known = len(self.diagnostics)
         top.finish()
+        # An unknown key at the top may be what was meant to name a file.
+        self.complete = self.complete and len(self.diagnostics) == known
         return spec
 
     def _path(self, name: Name | None) -> Name | None:

@@ -23,7 +23,7 @@ from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._environment import read_environment, with_enums
 from envgraph.lang._family import FamilySpec
 from envgraph.lang._family_check import COMPONENTS, check_family
-from envgraph.lang._family_reader import FAMILY_FILE, load_family
+from envgraph.lang._family_reader import FAMILY_FILE, read_family
 from envgraph.lang._files import DiskFiles, Files, in_directory, read_source
 from envgraph.lang._imports import Import, without_consequences
 from envgraph.lang._metamodel import MetamodelFile, read_metamodel
@@ -156,6 +156,7 @@ class _Loader:
     definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
     behaviours: list[Behaviour] = field(default_factory=list)
     families: list[FamilySpec] = field(default_factory=list)
+    unclear: set[str] = field(default_factory=set)
     uris: list[Import] = field(default_factory=list)
     incomplete: bool = False
     """Whether a file is missing: then names that it may define are not reported as unknown."""
@@ -259,8 +260,12 @@ class _Loader:
 
     def _family(self, name: str) -> list[tuple[str, Import | None]]:
         self.sources[name] = read_source(self.files, name).text
-        spec = load_family(name, self.files)
+        found = read_family(name, self.files)
+        spec = found.spec
+        self.diagnostics.extend(found.diagnostics)
         self.families.append(spec)
+        if not found.complete:
+            self.unclear.add(spec.path)
         named = (spec.model, *spec.imports, spec.environment)
         return [(one.text, Import(one.text, one.span)) for one in named if one and one.span]
 
@@ -291,6 +296,8 @@ class _Loader:
         if len(self.metamodels) < 2:  # else nobody knows which of them the names are of
             found += without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
             for spec in self.families:
+                if spec.path in self.unclear:
+                    continue
                 found += without_consequences(check_family(spec, workspace, self.components), lost)
         found += self._conformance(models)
         self.diagnostics.extend(

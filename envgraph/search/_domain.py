@@ -18,7 +18,7 @@ from envgraph.lang import (
     Name,
     TextFiles,
     Workspace,
-    load_family,
+    find_family,
     load_workspace,
 )
 from envgraph.metamodel import Metamodel
@@ -71,7 +71,7 @@ class Domain:
         Raises:
             LoadError: all that is wrong with the files.
         """
-        return cls._read(load_family(location).path, None, components or Components())
+        return cls._read(find_family(location), None, components or Components())
 
     @classmethod
     def from_bundle(cls, bundle: Bundle, components: Components | None = None) -> Domain:

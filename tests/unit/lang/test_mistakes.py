@@ -234,3 +234,23 @@ def test_a_rule_name_that_two_packages_define_is_said_to_be_ambiguous() -> None:
     ]
     texts["e.environment"] = texts["e.environment"].replace("= go()", "= one.go()")
     assert load_workspace(["e.environment"], files=TextFiles(texts)).errors == ()
+
+
+def test_wrong_values_and_unknown_names_of_a_family_file_are_reported_together() -> None:
+    text = TEXTS["family.toml"].replace("seed = 42", "seed = -1").replace('"solvable"', '"solvble"')
+    text = text.replace("population = 6", 'population = "six"').replace(
+        'avoid = "BurningTile"', 'avoid = "Burning"'
+    )
+    found = list(load_workspace(["family.toml"], files=TextFiles(TEXTS | {"family.toml": text})).diagnostics)
+    assert [place(one)[1] for one in found] == ["-1", '"solvble"', '"Burning"', '"six"']
+
+
+def test_names_are_not_looked_up_when_a_file_is_not_known() -> None:
+    for old, new in (
+        ('model = "', 'modle = "'),
+        ('environment = "', 'enviroment = "'),
+        ('"target_8x8.model"', "3"),
+    ):
+        (one,) = changed("family.toml", old, new)[:1]
+        assert len([d for d in changed("family.toml", old, new) if d.code.startswith("unknown-")]) <= 1
+        assert one.span is not None
