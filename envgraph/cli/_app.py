@@ -296,8 +296,9 @@ def report(
         Path | None, typer.Option("--output", "-o", help="Where to.", show_default="report.html in the run")
     ] = None,
     directory: Directory = RUNS,
+    format: Format = OutputFormat.TEXT,
 ) -> None:
     """Write one self-contained HTML page: the family, the search, the training; and print a short table."""
     from envgraph.cli._learn import write_report
 
-    write_report(run, directory, output)
+    write_report(run, directory, output, format)

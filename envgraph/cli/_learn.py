@@ -79,7 +79,7 @@ def _write(trained: Trained, base: Path) -> None:
         write_csv(trained.stages, directory / STAGES)
 
 
-def write_report(run: str, directory: Path, output: Path | None) -> None:
+def write_report(run: str, directory: Path, output: Path | None, format: OutputFormat) -> None:
     """Write the page, and print the short table."""
     family = open_family(run, directory)
     base = run_directory(run, directory)
@@ -95,6 +95,10 @@ def write_report(run: str, directory: Path, output: Path | None) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(render_html(page), encoding="utf-8")
     table = stage_table(family, trained)
+    if format is OutputFormat.JSON:
+        rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+        print_json({"name": family.name, "report": str(path), "environments": rows})
+        return
     print_table(family.name, table.columns, table.rows, table.numeric)
     print(f"report: {path}")
 

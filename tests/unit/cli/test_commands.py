@@ -79,6 +79,8 @@ def test_a_new_domain_checks_generates_trains_and_reports(envgraph: Envgraph, tm
     ok(envgraph("train", "m", "--steps", 300, "--seeds", 2))
     shown = ok(envgraph("report", "m")).out
     assert "E5" in shown and "report.html" in shown
+    told = ok(envgraph("report", "m", "--format", "json")).json
+    assert [one["environment"] for one in told["environments"]] == ["E1", "E2", "E3", "E4", "E5", "E5 alone"]  # type: ignore[index]
     assert "<svg" in (tmp_path / "runs" / "m" / "report.html").read_text()
 
 
