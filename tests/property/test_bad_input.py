@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import PurePosixPath
-from time import perf_counter
+from time import process_time
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -61,29 +61,29 @@ def assert_placed(diagnostics: tuple[Diagnostic, ...]) -> None:
 @given(st.sampled_from(LANGUAGES), SLIPS)
 def test_slips_in_a_file_are_reported_with_positions(name: str, slips: list[Slip]) -> None:
     texts = TEXTS | {name: slipped(TEXTS[name], slips)}
-    started = perf_counter()
+    started = process_time()
     assert_placed(load_workspace([name], files=TextFiles(texts)).diagnostics)
-    assert perf_counter() - started < SECONDS
+    assert process_time() - started < SECONDS
 
 
 @given(SLIPS)
 def test_slips_in_a_family_file_are_reported_with_positions(slips: list[Slip]) -> None:
     files = TextFiles(TEXTS | {FAMILY: slipped(TEXTS[FAMILY], slips)})
-    started = perf_counter()
+    started = process_time()
     try:
         load_family(FAMILY, files)
     except LoadError as error:
         assert error.diagnostics
         assert_placed(error.diagnostics)
     assert_placed(load_workspace([FAMILY], files=files).diagnostics)
-    assert perf_counter() - started < SECONDS
+    assert process_time() - started < SECONDS
 
 
 @settings(max_examples=60)
 @given(st.sampled_from([*TEXTS]), SLIPS)
 def test_a_domain_loads_or_says_why_not(name: str, slips: list[Slip]) -> None:
     texts = TEXTS | {name: slipped(TEXTS[name], slips)}
-    started = perf_counter()
+    started = process_time()
     try:
         Domain.from_bundle(Bundle((FAMILY,), texts))
     except LoadError as error:
@@ -91,7 +91,7 @@ def test_a_domain_loads_or_says_why_not(name: str, slips: list[Slip]) -> None:
         assert_placed(error.diagnostics)
     except InvalidArgument as error:
         assert str(error)
-    assert perf_counter() - started < SECONDS
+    assert process_time() - started < SECONDS
 
 
 @given(st.sampled_from([*TEXTS]), st.floats(0, 1))

@@ -1,7 +1,7 @@
 """Random mistakes in real files: nothing but diagnostics comes of them, all with a position, soon."""
 
 from pathlib import PurePosixPath
-from time import perf_counter
+from time import process_time
 
 import pytest
 from hypothesis import given
@@ -53,14 +53,14 @@ EDITS = st.lists(
 @given(st.sampled_from(LANGUAGE_FILES), EDITS)
 def test_mistakes_in_a_file_are_diagnosed_with_positions(name: str, edits: list[Edit]) -> None:
     texts = TEXTS | {name: edited(TEXTS[name], edits)}
-    started = perf_counter()
+    started = process_time()
     workspace = load_workspace([name], files=TextFiles(texts))
     for diagnostic in workspace.diagnostics:
         assert diagnostic.span is not None
         assert 0 <= diagnostic.span.start <= diagnostic.span.end <= len(diagnostic.span.source.text)
         assert str(diagnostic).startswith(f"{diagnostic.span.source.name}:")
     assert sum(1 for one in workspace.diagnostics) <= 2000
-    assert perf_counter() - started < 5
+    assert process_time() - started < 5
 
 
 @given(EDITS)
@@ -97,11 +97,11 @@ def test_any_text_is_diagnosed(language: str, text: str) -> None:
     ids=["brackets", "nesting", "objects", "mistakes", "signs", "comments", "quotes", "closing", "imports"],
 )
 def test_hostile_texts_end_soon(text: str) -> None:
-    started = perf_counter()
+    started = process_time()
     workspace = load_workspace(["a.model"], files=TextFiles({"a.model": text}))
     assert workspace.errors
     assert len(workspace.errors) <= 3100
-    assert perf_counter() - started < 5
+    assert process_time() - started < 5
 
 
 @pytest.mark.parametrize("operator", ["+", "||", "? 1 :", "=="])
@@ -120,7 +120,7 @@ def test_time_grows_with_the_size_of_the_text_and_not_with_its_square() -> None:
         "m.metamodel": "metamodel m class Box { int size refers Box[0..*] links }",
         "a.model": f'import "m.metamodel" model a : m {{ {objects} }}',
     }
-    started = perf_counter()
+    started = process_time()
     workspace = load_workspace(["a.model"], files=TextFiles(texts))
-    assert perf_counter() - started < 15
+    assert process_time() - started < 15
     assert not workspace.errors

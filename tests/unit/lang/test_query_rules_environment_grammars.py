@@ -54,7 +54,7 @@ def test_a_grammar_has_no_conflicts_and_its_tables_are_built_quickly(language: s
             language, data_path("grammars", f"{language}.lark"), RECOVERY[language]
         )  # strict: conflicts raise
         times.append(process_time() - started)
-    assert min(times) < 0.2
+    assert min(times) < 1.0  # processor time; a table that explodes takes far longer
 
 
 @pytest.mark.parametrize("language", READERS)
