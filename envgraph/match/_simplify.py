@@ -28,6 +28,7 @@ from envgraph.pattern import (
     RelationAtom,
     StaticType,
     UnequalAtom,
+    renumbered_relation,
 )
 
 MOST_INLINED: Final = 8
@@ -279,22 +280,10 @@ def _renumbered(goal: Goal, numbers: Mapping[int, int]) -> Goal:
         case AggregateAtom():
             return replace(
                 goal,
-                relation=_renumbered_relation(goal.relation, numbers),
+                relation=renumbered_relation(goal.relation, numbers),
                 local=frozenset(numbers[number] for number in goal.local),
                 result=numbers[goal.result],
                 column=None if goal.column is None else numbers[goal.column],
             )
         case _:
-            return _renumbered_relation(goal, numbers)
-
-
-def _renumbered_relation(relation: RelationAtom, numbers: Mapping[int, int]) -> RelationAtom:
-    match relation:
-        case InstanceAtom():
-            return replace(relation, variable=numbers[relation.variable])
-        case AttributeAtom():
-            return replace(relation, object=numbers[relation.object], value=numbers[relation.value])
-        case LinkAtom() | ClosureAtom():
-            return replace(relation, source=numbers[relation.source], target=numbers[relation.target])
-        case CallAtom():
-            return replace(relation, arguments=tuple(numbers[number] for number in relation.arguments))
+            return renumbered_relation(goal, numbers)

@@ -24,6 +24,7 @@ from envgraph.pattern._lowered import (
     StaticType,
     UnequalAtom,
 )
+from envgraph.pattern._normal import renumbered_relation
 from envgraph.pattern._operations import EXPRESSION_NAMESPACE, FUNCTIONS, Function
 from envgraph.pattern._queries import (
     Aggregate,
@@ -173,6 +174,7 @@ __all__ = [
     "conformance_patterns",
     "evaluate",
     "holds",
+    "renumbered_relation",
     "static_type",
     "terms_in",
     "terms_of",

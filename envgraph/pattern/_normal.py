@@ -179,11 +179,11 @@ def renumbered(atom: Atom, numbers: Mapping[int, int], names: Sequence[str] | Ma
     match atom:
         case NegationAtom():
             local = frozenset(numbers[slot] for slot in atom.local)
-            return NegationAtom(_relation(atom.relation, numbers), local)
+            return NegationAtom(renumbered_relation(atom.relation, numbers), local)
         case AggregateAtom():
             local = frozenset(numbers[slot] for slot in atom.local)
             column = None if atom.column is None else numbers[atom.column]
-            relation = _relation(atom.relation, numbers)
+            relation = renumbered_relation(atom.relation, numbers)
             return AggregateAtom(atom.function, relation, local, numbers[atom.result], column)
         case UnequalAtom():
             return UnequalAtom(numbers[atom.left], numbers[atom.right])
@@ -193,14 +193,15 @@ def renumbered(atom: Atom, numbers: Mapping[int, int], names: Sequence[str] | Ma
             expression = _named(atom.expression, numbers, names)
             return EvaluationAtom(expression, _distinct(atom.variables, numbers), numbers[atom.result])
         case _:
-            return _relation(atom, numbers)
+            return renumbered_relation(atom, numbers)
 
 
 def _distinct(variables: Iterable[int], numbers: Mapping[int, int]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(numbers[slot] for slot in variables))
 
 
-def _relation(atom: RelationAtom, numbers: Mapping[int, int]) -> RelationAtom:
+def renumbered_relation(atom: RelationAtom, numbers: Mapping[int, int]) -> RelationAtom:
+    """The same relation over other numbers: every variable replaced by what `numbers` has for it."""
     match atom:
         case InstanceAtom():
             return replace(atom, variable=numbers[atom.variable])
