@@ -125,10 +125,13 @@ def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
     """A path without an extension was meant as a directory or a bundled domain."""
     if problem.code != "missing-file" or problem.hint or "." in path.rpartition("/")[2]:
         return problem
-    known = ", ".join(f"`{one}`" for one in bundled_domains())
-    hint = did_you_mean(path, bundled_domains()) or f"the bundled domains are {known}"
-    message = f"there is no directory and no bundled domain `{path}`"
-    return replace(problem, message=message, hint=hint)
+    families = [one for one in bundled_domains() if data_path("rules", one, FAMILY_FILE).is_file()]
+    if path in bundled_domains():
+        message = f"the bundled domain `{path}` has no `{FAMILY_FILE}`: it is there for its queries and rules"
+    else:
+        message = f"there is no directory and no bundled domain `{path}`"
+    known = "those with a family are " + ", ".join(f"`{one}`" for one in families)
+    return replace(problem, message=message, hint=did_you_mean(path, families) or known)
 
 
 def family_path(path: str, files: Files) -> str:

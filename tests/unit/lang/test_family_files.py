@@ -189,6 +189,15 @@ def test_a_missing_family_is_an_error_of_its_own(tmp_path: Path) -> None:
         load_family(str(tmp_path / "family.toml"))
 
 
+def test_a_bundled_domain_without_a_family_is_not_said_to_be_missing() -> None:
+    with pytest.raises(LoadError, match="the bundled domain `social_media` has no `family.toml`") as caught:
+        load_family("social_media")
+    hint = caught.value.diagnostics[0].hint
+    assert hint is not None
+    assert "`burning_forest`" in hint
+    assert "social_media" not in hint
+
+
 def test_components_of_the_user_are_known_when_they_are_passed() -> None:
     spec = load_family("burning_forest")
     workspace = load_workspace(spec.files)
