@@ -24,6 +24,7 @@ from envgraph.pattern import (
 )
 
 _MEANT = {"=": "==", "===": "==", "and": "&&", "or": "||"}
+_JAVA_CLASSES = frozenset({"Boolean", "Double", "Float", "Integer", "Long", "Math", "Objects", "String"})
 _REFUSED = frozenset({"=", "and", "or"})
 _ORDERINGS = frozenset({"<", "<=", ">", ">="})
 
@@ -233,8 +234,24 @@ def _method(reading: Reading, tree: Tree[Token]) -> FunctionCall:
     """`text.startsWith("a")` is another spelling of `startsWith(text, "a")`."""
     name = tokens(tree.children)[0]
     owner = expression_of(reading, trees(tree.children)[0])
-    arguments = (owner, *expressions_of(reading, tree))
+    arguments = expressions_of(reading, tree)
+    if isinstance(owner, Variable) and owner.name in _JAVA_CLASSES:
+        hint = "expressions have a library of functions of their own: `abs(x)`, `toString(x)` ..."
+        reading.error("java-call", f"`{owner.name}` is a class of Java", trees(tree.children)[0], hint)
+        reading.gap(tree)
+        return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
+    arguments = (owner, *arguments)
     return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
+
+
+def _cast(reading: Reading, tree: Tree[Token]) -> Expression:
+    """`x as Type`, which is refused."""
+    type_ = tokens(tree.children)[0]
+    inner = trees(tree.children)[0]
+    hint = f"constrain it outside of the expression: `{type_}({reading.text(inner)})`"
+    reading.error("cast", "there are no casts in expressions", tree, hint)
+    reading.gap(tree)
+    return expression_of(reading, inner)
 
 
 def _function(reading: Reading, tree: Tree[Token]) -> FunctionCall:
@@ -293,6 +310,7 @@ _READERS: Mapping[str, Callable[[Reading, Tree[Token]], Expression]] = {
     "group": _group,
     "navigation": _navigation,
     "method": _method,
+    "cast": _cast,
     "function": _function,
     "unary": _unary,
     "binary": _binary,

@@ -17,7 +17,7 @@ _VALUES = frozenset(
 )
 _OPERATORS = frozenset(
     f"`{sign}`"
-    for group in (".?+-*/%<>=", ("<=", ">=", "==", "===", "!=", "&&", "||", "and", "or"))
+    for group in (".?+-*/%<>=", ("<=", ">=", "==", "===", "!=", "&&", "||", "and", "or", "as", "instanceof"))
     for sign in group
 )
 _MOST_SHOWN = 9

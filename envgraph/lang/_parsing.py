@@ -102,13 +102,15 @@ def annotation_of(source: Source, tree: Tree[Token]) -> Annotation:
     name, *arguments = [child for child in tree.children if child is not None]
     positional: list[Value] = []
     named: list[tuple[str, Value]] = []
+    places = [("@", span_of(source, name))]
     for argument in trees(arguments):
         if argument.data == "annotation_named":
             key = str(argument.children[0])
             named.extend((key, _annotation_value(value)) for value in trees(argument.children))
+            places.extend((key, span_of(source, value)) for value in trees(argument.children))
         else:
             positional.extend(_annotation_value(value) for value in trees(argument.children))
-    return Annotation(str(name), tuple(positional), tuple(named), span_of(source, tree))
+    return Annotation(str(name), tuple(positional), tuple(named), span_of(source, tree), tuple(places))
 
 
 def _annotation_value(tree: Tree[Token]) -> Value:

@@ -72,10 +72,15 @@ def condition_of(reading: Reading, tree: Tree[Token]) -> Constraint | None:
             relation = relation_of(reading, trees(tree.children)[0])
             return Negation(relation, reading.span(tree)) if relation else None
         case "check":
-            return Check(expression_of(reading, trees(tree.children)[0]), reading.span(tree))
+            return Check(_in_brackets(reading, trees(tree.children)[0]), reading.span(tree))
         case "comparison":
             return _comparison(reading, tree)
     return relation_of(reading, tree)
+
+
+def _in_brackets(reading: Reading, tree: Tree[Token]) -> Expression:
+    """An expression; the brackets of `check(..)` are no part of it, so that a caret below it is not lopsided."""
+    return expression_of(reading, trees(tree.children)[0] if tree.data == "group" else tree)
 
 
 def relation_of(reading: Reading, tree: Tree[Token]) -> Relation | None:

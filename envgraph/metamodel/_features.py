@@ -43,12 +43,16 @@ class Annotation:
     """`@name(1, key = "v")`: positional values, then named ones in the order of the text.
 
     A value is a data value, or a tuple of names (`@key(y, x)`, `@hom(a, b)` give their names as positional `str`).
+
+    Attributes:
+        places: "@" for the name, and where each of the `named` values stands, in their order and by their keys.
     """
 
     name: str
     arguments: tuple[Value, ...] = ()
     named: tuple[tuple[str, Value], ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
+    places: Places = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from envgraph.errors import Diagnostic, Severity, did_you_mean, has_errors, sort_diagnostics, with_article
+from envgraph.metamodel import Value
 from envgraph.pattern._analysis import Analysis, calls_of
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (
@@ -58,7 +59,8 @@ def _unused(patterns: Sequence[Pattern], analysis: Analysis) -> Iterator[Diagnos
         annotated = any(annotation.name == "Constraint" for annotation in pattern.annotations)
         if pattern.private and not annotated and pattern.qualified_name not in called:
             message = f"private pattern `{pattern.name}` is never called"
-            yield Diagnostic("unused-private-pattern", message, pattern.span, severity=Severity.WARNING)
+            hint = "leave out `private` if others are to call it"
+            yield Diagnostic("unused-private-pattern", message, pattern.span, hint, Severity.WARNING)
 
 
 def _untyped(pattern: Pattern, analysis: Analysis) -> Iterator[Diagnostic]:
@@ -278,8 +280,19 @@ def _trivial(comparison: Comparison) -> Iterator[Diagnostic]:
     if any(isinstance(side, Constant) and side.value is None for side in (left, right)):
         return  # an error of its own
     if isinstance(left, Constant | EnumLiteral) and isinstance(right, Constant | EnumLiteral):
-        message = "both sides are constants"
-        yield Diagnostic("constant-comparison", message, comparison.span, severity=Severity.WARNING)
+        code, message, same = (
+            "constant-comparison",
+            "both sides are constants",
+            _literal(left) == _literal(right),
+        )
     elif isinstance(left, Variable) and isinstance(right, Variable) and left.name == right.name != "_":
-        message = f"`{left.name}` is compared with itself"
-        yield Diagnostic("self-comparison", message, comparison.span, severity=Severity.WARNING)
+        code, message, same = "self-comparison", f"`{left.name}` is compared with itself", True
+    else:
+        return
+    always = same == (comparison.operator == "==")
+    hint = "this always holds: leave it out" if always else "this never holds, so the body has no match"
+    yield Diagnostic(code, message, comparison.span, hint, Severity.WARNING)
+
+
+def _literal(term: Constant | EnumLiteral) -> Value | None:
+    return term.value if isinstance(term, Constant) else term.literal

@@ -18,6 +18,7 @@ The language, the same in check, eval, set and rewards:
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Final
 
@@ -366,7 +367,7 @@ class ExpressionChecker:
     def _call(self, node: FunctionCall) -> StaticType | None:
         function = FUNCTIONS.get(node.function)
         if function is None:
-            hint = did_you_mean(node.function, FUNCTIONS)
+            hint = self._getter_hint(node) or did_you_mean(node.function, FUNCTIONS)
             span = node.function_span or node.span
             self._at("unknown-function", f"unknown function `{node.function}`", span, hint)
             return None
@@ -379,6 +380,17 @@ class ExpressionChecker:
             for position, argument in enumerate(node.arguments)
         ]
         return function.result or _common_number(function, types)
+
+    def _getter_hint(self, node: FunctionCall) -> str | None:
+        """For `x.getLength()` of Java: the feature `x.length`."""
+        owner = node.arguments[0] if len(node.arguments) == 1 else None
+        type_ = self.scope.get(owner.name) if isinstance(owner, Variable) else None
+        if not isinstance(owner, Variable) or not isinstance(type_, ObjectType):
+            return None
+        name = re.sub("^(get|is)(?=[A-Z])", "", node.function)
+        feature = name[:1].lower() + name[1:]
+        known = feature in self.metamodel.features(type_.cls)
+        return f"write `{owner.name}.{feature}`" if known else None
 
 
 _KINDS: Final[Mapping[str, str]] = {

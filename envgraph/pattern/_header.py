@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import zip_longest
 from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
@@ -74,32 +75,47 @@ def _annotation(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic
     if annotation.name not in KNOWN_ANNOTATIONS:
         hint = did_you_mean(annotation.name, KNOWN_ANNOTATIONS)
         message = f"unknown annotation `@{annotation.name}`"
-        yield Diagnostic("unknown-annotation", message, annotation.span, hint, Severity.WARNING)
+        yield Diagnostic("unknown-annotation", message, _name_span(annotation), hint, Severity.WARNING)
     elif annotation.name == "Constraint":
         yield from _constraint(annotation, pattern)
     elif annotation.name == "FunctionalDependency":
-        for key, value in annotation.named:
+        for key, value, span in _named(annotation):
             if key in ("forEach", "determines"):
-                yield from _parameter_names(value, annotation, pattern)
+                yield from _parameter_names(value, span, pattern)
+
+
+def _named(annotation: Annotation) -> Iterator[tuple[str, object, Span | None]]:
+    """The named values of an annotation, with the place of each."""
+    spans = [span for key, span in annotation.places if key != "@"]
+    for (key, value), span in zip_longest(annotation.named, spans):
+        yield key, value, span or annotation.span
+
+
+def _name_span(annotation: Annotation) -> Span | None:
+    return dict(annotation.places).get("@", annotation.span)
 
 
 def _constraint(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic]:
     named = dict(annotation.named)
-    for wanted in ("key", "severity", "message"):
+    for wanted, example in (("key", "{x}"), ("severity", '"error"'), ("message", '"..."')):
         if wanted not in named:
-            yield Diagnostic("annotation-argument", f"`@Constraint` lacks `{wanted}`", annotation.span)
-    if "key" in named:
-        yield from _parameter_names(named["key"], annotation, pattern)
-    if "severity" in named and named["severity"] not in _SEVERITIES:
-        message = f"unknown severity `{named['severity']}`"
-        hint = f"one of {', '.join(f'`{severity}`' for severity in _SEVERITIES)}"
-        yield Diagnostic("annotation-argument", message, annotation.span, hint)
+            message = f"`@Constraint` lacks `{wanted}`"
+            yield Diagnostic(
+                "annotation-argument", message, _name_span(annotation), f"add `{wanted} = {example}`"
+            )
+    for key, value, span in _named(annotation):
+        if key == "key":
+            yield from _parameter_names(value, span, pattern)
+        elif key == "severity" and value not in _SEVERITIES:
+            message = f"unknown severity `{value}`"
+            hint = f"one of {', '.join(f'`{severity}`' for severity in _SEVERITIES)}"
+            yield Diagnostic("annotation-argument", message, span, hint)
 
 
-def _parameter_names(value: object, annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic]:
+def _parameter_names(value: object, span: Span | None, pattern: Pattern) -> Iterator[Diagnostic]:
     known = [parameter.name for parameter in pattern.parameters]
     for name in value if isinstance(value, tuple) else (value,):
         if name not in known:
             message = f"`{name}` is no parameter of `{pattern.name}`"
             hint = did_you_mean(str(name), known)
-            yield Diagnostic("annotation-argument", message, annotation.span, hint)
+            yield Diagnostic("annotation-argument", message, span, hint)

@@ -105,4 +105,5 @@ def _diagnostic(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
         hint = "write the recursion out, or take the closure of another pattern"
         return Diagnostic("recursion-through-closure", f"recursion through a closure: {path}", span, hint)
     what = "a negation" if edge.word == "neg" else "an aggregate"
-    return Diagnostic("recursion-through-negation", f"recursion through {what}: {path}", span)
+    hint = f"take a pattern here that does not depend on `{edge.caller}`"
+    return Diagnostic("recursion-through-negation", f"recursion through {what}: {path}", span, hint)

@@ -162,7 +162,8 @@ class RelationCheck:
         wanted, given = len(callee.parameters), len(call.arguments)
         if call.closure is not Closure.ONCE and wanted != 2:
             message = f"`{call.pattern}{call.closure}` needs a pattern of two parameters, `{callee.name}` has {wanted}"
-            yield Diagnostic("closure-not-binary", message, call.span)
+            hint = f"give `{call.closure}` a pattern that calls it and has the two ends as its parameters"
+            yield Diagnostic("closure-not-binary", message, call.span, hint)
         elif wanted != given:
             parameters = ", ".join(parameter.name for parameter in callee.parameters)
             message = f"`{callee.name}` takes {wanted} argument{'s' * (wanted != 1)}, not {given}"
@@ -215,7 +216,10 @@ class RelationCheck:
             message = (
                 f"a step leads from `{type_text(source)}` to `{type_text(target)}`: no second step can follow"
             )
-            yield Diagnostic("closure-ends", message, relation.span)
+            hint = (
+                f"leave the `{relation.closure}` out, or follow steps that lead back to `{type_text(source)}`"
+            )
+            yield Diagnostic("closure-ends", message, relation.span, hint)
         elif closure_target(source, target, relation.closure, self._metamodel) is None:
             message = f"`*` needs a common supertype of `{type_text(source)}` and `{type_text(target)}`"
             yield Diagnostic("closure-ends", message, relation.span, "use `+`")
@@ -255,7 +259,8 @@ class RelationCheck:
             mark: Term = next(term for term in terms_of(aggregate.over) if isinstance(term, Hash))
             what = "numbers or strings" if aggregate.function in ("min", "max") else "numbers"
             message = f"`{aggregate.function}` aggregates {what}, not `{type_text(type_)}`"
-            yield Diagnostic("aggregate-type", message, mark.span or aggregate.span)
+            hint = "`count` tells how many there are"
+            yield Diagnostic("aggregate-type", message, mark.span or aggregate.span, hint)
 
     def _marked(self, aggregate: Aggregate) -> StaticType | None:
         columns = zip(terms_of(aggregate.over), self._types.columns(aggregate.over), strict=True)

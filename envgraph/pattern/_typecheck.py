@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
 from envgraph.metamodel import EnumType, Scalar
@@ -24,6 +25,12 @@ from envgraph.pattern._types import (
     type_text,
     value_type,
 )
+
+_EMPTY: Final = {
+    "": "the negation always holds: leave it out",
+    "count": "the count is always 0",
+    "sum": "the sum is always 0",
+}
 
 
 class TypeCheck:
@@ -78,11 +85,27 @@ class TypeCheck:
             )
         notes = (Note(f"`{type_text(type_)}` because of {earlier.what}", earlier.span),)
         earlier_type, later_type = with_article(type_text(type_)), with_article(type_text(fact.type))
+        link = self._link(earlier.term, fact.term)
+        if link is not None:
+            assert isinstance(earlier.term, Variable)
+            both = (*notes, Note(f"`{type_text(fact.type)}` because of {fact.what}", fact.span))
+            message = f"`{earlier.term.name}`, {earlier_type}, is never equal to `{name}`, {later_type}"
+            return Diagnostic("type-conflict", message, link.span, hint, notes=both)
         if fact.origin == "call":
             message = f"{fact.what} takes {later_type} here, and `{name}` is {earlier_type}"
             return Diagnostic("argument-type", message, fact.span, hint, notes=notes)
         message = f"`{name}` cannot be both {earlier_type} and {later_type}"
         return Diagnostic("type-conflict", message, fact.span, hint, notes=notes)
+
+    def _link(self, one: Term, other: Variable) -> Comparison | None:
+        """The `==` that unites two different variables, if that is why they have one type."""
+        if isinstance(one, Variable) and one.name != other.name:
+            for constraint in self._reading.body.constraints:
+                if isinstance(constraint, Comparison) and constraint.operator == "==":
+                    names = _names(constraint)
+                    if other.name in names and len(names) == 2:
+                        return constraint
+        return None
 
     def ambiguous(self, name: str) -> list[StaticType]:
         """The classes that a variable must all be of, when no single class says so; else []."""
@@ -100,7 +123,6 @@ class TypeCheck:
 
     def arguments(self, place: Place) -> Iterator[Diagnostic]:
         """Literals of the wrong type in a relation; in a negation or an aggregate, arguments that never match."""
-        what = relation_text(place.relation)
         for term, type_ in zip(terms_of(place.relation), self._types.columns(place.relation), strict=True):
             span = term.span or place.relation.span
             if isinstance(term, Constant | EnumLiteral):
@@ -111,7 +133,7 @@ class TypeCheck:
                 if isinstance(term, Evaluation | Aggregate):
                     yield from self._value(term, type_, span)
             else:
-                yield from self._never(term, type_, what, span)
+                yield from self._never(place, term, type_, span)
 
     def _value(
         self, term: Evaluation | Aggregate, type_: StaticType, span: Span | None
@@ -121,15 +143,17 @@ class TypeCheck:
             message = f"expected `{type_text(type_)}`, found `{type_text(actual)}`"
             yield Diagnostic("wrong-type", message, span)
 
-    def _never(self, term: Term, type_: StaticType, what: str, span: Span | None) -> Iterator[Diagnostic]:
+    def _never(self, place: Place, term: Term, type_: StaticType, span: Span | None) -> Iterator[Diagnostic]:
         if isinstance(term, Variable) and (term.anonymous or self._reading.root(term.name) in self._tainted):
             return
         actual = self._types.of_term(term)
         if actual is None or comparable(actual, type_, self._metamodel):
             return
         wanted, found = with_article(type_text(type_)), with_article(type_text(actual))
-        message = f"{what} takes {wanted} here, so {found} never matches"
-        yield Diagnostic("never-matches", message, span, severity=Severity.WARNING)
+        message = f"{relation_text(place.relation)} takes {wanted} here, so {found} never matches"
+        function = place.aggregate.function if place.aggregate else ""
+        hint = _EMPTY.get(function, f"`{function}` of nothing has no value, so the body has no match")
+        yield Diagnostic("never-matches", message, span, hint, Severity.WARNING)
 
     def literal(
         self, term: Constant | EnumLiteral, type_: StaticType | None, span: Span | None
@@ -212,6 +236,11 @@ class TypeCheck:
 
     def _is_tainted(self, term: Term) -> bool:
         return isinstance(term, Variable) and self._reading.root(term.name) in self._tainted
+
+
+def _names(comparison: Comparison) -> set[str]:
+    """Names of the variables on both sides."""
+    return {side.name for side in (comparison.left, comparison.right) if isinstance(side, Variable)}
 
 
 def shared_classes(types: list[StaticType], body_types: BodyTypes) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
 from envgraph.pattern._binding import Binding, inputs_of
 from envgraph.pattern._bodies import Reading, Use, names_read, positive_relations, terms_of
 from envgraph.pattern._inference import BodyTypes, relation_text
@@ -67,20 +67,21 @@ class UsageCheck:
                 self._tainted.add(name)
                 message = f"parameter `{name}` is never referenced{self._where}"
                 span = parameter.span or self._pattern.span
-                near = self._mistyped(name)
-                yield Diagnostic("unreferenced-parameter", message, span, near)
+                near, notes = self._mistyped(name)
+                hint = near or "constrain it in the body, or leave it out of the parameters"
+                yield Diagnostic("unreferenced-parameter", message, span, hint, notes=notes)
 
-    def _mistyped(self, name: str) -> str | None:
-        """A local variable that is used once and spelt almost like an unreferenced parameter."""
+    def _mistyped(self, name: str) -> tuple[str | None, tuple[Note, ...]]:
+        """A hint at a local variable that is used once and spelt almost like an unreferenced parameter."""
         once = [
             n
             for n in self._reading.names
             if n not in self._parameters and len(self._reading.occurrences[n]) == 1
         ]
         hint = did_you_mean(name, once)
-        if hint is not None:
-            self._tainted.update(n for n in once if f"`{n}`" in hint)
-        return hint
+        near = [n for n in once if hint and f"`{n}`" in hint]
+        self._tainted.update(near)
+        return hint, tuple(Note(f"`{n}` is used only here", self._reading.span(n)) for n in near)
 
     def _unbound(self) -> Iterator[Diagnostic]:
         circular: list[str] = []
@@ -98,11 +99,22 @@ class UsageCheck:
                         yield self._only_given(name, given)
                 else:
                     yield self._not_enumerable(name, group)
+        circular = self._not_explained(circular)
         if circular:
             # What depends on a circle is unbound, too, so all of them are one mistake.
             names = ", ".join(f"`{name}`" for name in circular)
             message = f"nothing enumerates {names}{self._where}: what it is computed from depends on it"
             yield Diagnostic("not-enumerable", message, self._reading.span(circular[0]))
+
+    def _not_explained(self, names: list[str]) -> list[str]:
+        """Those of the names that would be unbound even if the errors reported so far were mended."""
+        known = [
+            name
+            for name in self._reading.names
+            if self._binding.binds(name) or (name in self._tainted and name not in names)
+        ]
+        mended = Binding(self._types, self._pattern.parameters, known)
+        return [name for name in names if not mended.binds(name)]
 
     def _given_to(self, group: list[str]) -> Relation | None:
         """A positive call that takes one of the variables for an `in` parameter, if there is one."""
@@ -191,7 +203,8 @@ class UsageCheck:
         for term in sides[:1] if both else sides:
             span: Span | None = term.span or comparison.span
             if isinstance(term, Hash):
-                yield Diagnostic("stray-hash", "`#` marks the column of an aggregate", span)
+                hint = "write it inside one: `sum Type.feature(_, #)`"
+                yield Diagnostic("stray-hash", "`#` marks the column of an aggregate", span, hint)
             elif isinstance(term, Constant) and term.value is None:
                 hint = "only a path can be `none`: `check(x.f == none)`"
                 yield Diagnostic("none-argument", "`none` is no value", span, hint)
@@ -211,7 +224,8 @@ class UsageCheck:
             for term in terms
         ):
             message = f"{relation_text(place.relation)} must have no match at all for the body to hold"
-            yield _warning("global-negation", message, place.relation.span)
+            hint = "an argument that stands elsewhere in the body ties it to that"
+            yield _warning("global-negation", message, place.relation.span, hint)
 
 
 def _warning(code: str, message: str, span: Span | None, hint: str | None = None) -> Diagnostic:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import isfinite
+from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
 from envgraph.metamodel import Annotation, Metamodel, Scalar
 from envgraph.pattern import Library, Parameter, Pattern
+
+_GENERATED: Final = re.compile(r"\w#")
+"""In a text: the name of a generated pattern, such as `walk#lhs`."""
 
 
 def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | None) -> Iterable[Diagnostic]:
@@ -50,7 +55,7 @@ def left_problems(library: Library, *patterns: Pattern) -> list[Diagnostic]:
 
 
 def _plain(problem: Diagnostic, library: Library) -> Diagnostic:
-    if problem.hint is None or "#" not in problem.hint:
+    if problem.hint is None or not _GENERATED.search(problem.hint):
         return problem
     quoted = problem.message.split("`")
     known = [pattern.name for pattern in library.patterns if "#" not in pattern.name]
