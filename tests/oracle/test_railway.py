@@ -1,0 +1,122 @@
+"""The Train Benchmark: published counts, and the six queries against loops by hand after every batch of edits."""
+
+from __future__ import annotations
+
+from inspect import signature
+
+import pytest
+
+from benchmarks._railway import QUERIES, build, generate, workspace
+from benchmarks._railway_edits import BATCHES, QUOTAS, Operation, Protocol, Quota, rows_of, steps
+from envgraph.lang import Workspace
+from envgraph.match import FREE, NaiveMatcher, Row
+from envgraph.rewrite import Engine
+from tests.oracle.railway_by_hand import BY_HAND
+
+RUNS = [
+    pytest.param(kind, size, quota, id=f"{kind}-{size}-{quota}")
+    for kind in ("repair", "inject")
+    for size in (1, 8)
+    for quota in QUOTAS
+]
+
+
+@pytest.fixture(scope="module")
+def domain() -> Workspace:
+    """The bundled domain, which has no problems."""
+    found = workspace()
+    assert found.diagnostics == ()
+    return found
+
+
+def engine_on(domain: Workspace, scenario: str, size: int) -> Engine:
+    """An engine with all queries and rules on a generated railway."""
+    assert domain.metamodel is not None
+    engine = Engine(build(generate(scenario, size), domain.metamodel))
+    engine.add(*domain.definitions)
+    return engine
+
+
+def counts(engine: Engine) -> list[int]:
+    return [engine.count(f"railway.{query}") for query in QUERIES]
+
+
+def assert_as_by_hand(engine: Engine) -> None:
+    """Each query has the matches that the loops find, and each once."""
+    for query in QUERIES:
+        rows = rows_of(engine, f"railway.{query}")
+        assert sorted(rows) == sorted(BY_HAND[query](engine.model)), query
+
+
+@pytest.mark.parametrize(
+    ("scenario", "size", "expected"),
+    [
+        ("batch", 1, [0, 0, 0, 0, 0, 0]),
+        ("repair", 1, [52, 0, 12, 1, 4, 8]),
+        ("repair", 8, [868, 5, 145, 24, 70, 47]),
+        ("repair", 64, [8_163, 78, 1_415, 232, 821, 236]),
+    ],
+)
+def test_counts_are_the_published_ones(
+    domain: Workspace, scenario: str, size: int, expected: list[int]
+) -> None:
+    engine = engine_on(domain, scenario, size)
+    assert counts(engine) == expected
+    assert_as_by_hand(engine)
+
+
+@pytest.mark.parametrize("scenario", ["batch", "repair", "inject"])
+def test_the_naive_matcher_finds_the_same(domain: Workspace, scenario: str) -> None:
+    engine = engine_on(domain, scenario, 1)
+    naive = NaiveMatcher(engine.model, engine.library)
+    for query in QUERIES:
+        pattern = f"railway.{query}"
+        free = (FREE,) * len(engine.library.parameter_types(pattern))
+        assert list(naive.rows(pattern, free)) == list(rows_of(engine, pattern))
+
+
+@pytest.mark.parametrize(("kind", "size", "quota"), RUNS)
+def test_queries_are_right_after_every_batch(domain: Workspace, kind: str, size: int, quota: Quota) -> None:
+    engine = engine_on(domain, kind, size)
+    protocol = Protocol(engine, kind, quota)
+    for _ in range(BATCHES):
+        for operation, row in steps(protocol.choose()):
+            operation.edit(*row)
+        assert_as_by_hand(engine)
+    engine.model.check_integrity()
+
+
+def test_enough_repairs_leave_nothing_to_repair(domain: Workspace) -> None:
+    engine = engine_on(domain, "repair", 1)
+    protocol = Protocol(engine, "repair", Quota(fixed=10))
+    for _ in range(BATCHES):
+        for operation, row in steps(protocol.choose()):
+            operation.edit(*row)
+    assert counts(engine) == [0, 0, 0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("kind", ["repair", "inject"])
+def test_the_rules_do_what_the_operations_do(domain: Workspace, kind: str) -> None:
+    """At each chosen match, unless it is gone by then: the same facts, ids of new elements included."""
+    engine = engine_on(domain, kind, 8)
+    model = engine.model
+    protocol = Protocol(engine, kind, Quota(fixed=10))
+    done: set[str] = set()
+    for _ in range(BATCHES):
+        for operation, row in steps(protocol.choose()):
+            savepoint = model.savepoint()
+            applied = engine.apply(operation.rule, **arguments(engine, operation, row))
+            by_rule = model.state_hash()
+            model.rollback(savepoint)
+            operation.edit(*row)
+            if applied is not None:
+                assert model.state_hash() == by_rule, operation.rule
+                done.add(operation.query)
+    assert done == set(QUERIES)
+
+
+def arguments(engine: Engine, operation: Operation, row: Row) -> dict[str, object]:
+    """The variables of the rule that the match of an operation has."""
+    variables = engine.prepare(operation.rule).shape.names
+    found = zip(signature(operation.edit).parameters, row, strict=True)
+    return {name: value for name, value in found if name in variables}
