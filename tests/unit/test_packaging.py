@@ -125,4 +125,14 @@ def test_every_transitive_dependency_is_pinned() -> None:
         for requirement in map(Requirement, needs):
             if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
                 todo.append(requirement)
-    assert set(PINS) == seen, "pinned, but nothing needs it"
+    # What the benchmarks compare with is not installed by `make test`, so nobody knows here what it needs.
+    unknown = {name for name in PINS if not installed(name)}
+    assert set(PINS) - unknown <= seen, "pinned, but nothing needs it"
+
+
+def installed(name: str) -> bool:
+    try:
+        distribution(name)
+    except PackageNotFoundError:
+        return False
+    return True
