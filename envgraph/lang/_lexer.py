@@ -27,6 +27,7 @@ _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "\\": "\\", '"': '"', "'": "'"}
 _ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)")
 _LARGEST_INT = 2**63 - 1
 _MOST_NESTED = 100
+_TOUCHING = re.compile(r"[\w#@$]")
 
 
 @dataclass(slots=True)
@@ -250,12 +251,28 @@ class _Scanner:
         self._report(
             "unterminated-string",
             "the string is not closed on its line",
-            start,
+            self._closed_too_soon(start),
             end,
             f'close it with `{quote}`; a text of several lines stands between `"""`',
         )
         self._append(Lexeme("STRING", self._text[start + 1 : end], start, end))
         return end
+
+    def _closed_too_soon(self, start: int) -> int:
+        """Where the strings of this line begin to be wrong: in `"S, "#b0"` it is the first that lacks its end.
+
+        Nothing but a sign may touch the end of a string. What was wrong since then is the same mistake.
+        """
+        line = self._text.rfind("\n", 0, start) + 1
+        for lexeme in reversed(self._scan.lexemes):
+            if lexeme.start < line:
+                break
+            if lexeme.kind == "STRING" and _TOUCHING.match(self._text, lexeme.end):
+                start = lexeme.start
+        found = self._scan.diagnostics
+        while found and found[-1].span is not None and found[-1].span.start >= start:
+            found.pop()
+        return start
 
     def _stray(self, start: int) -> int:
         end = start + 1

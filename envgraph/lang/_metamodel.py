@@ -35,6 +35,11 @@ from envgraph.metamodel import (
     type_name,
 )
 
+_FEATURE_ANNOTATIONS = ("derived",)
+_PLACES = dict.fromkeys(("key", "glyph", "frozen"), "classes") | dict.fromkeys(
+    _FEATURE_ANNOTATIONS, "features"
+)
+
 
 @dataclass(frozen=True, slots=True)
 class MetamodelFile:
@@ -131,6 +136,9 @@ class _Reader:
         self._annotations(headers[0], ())
         name, uri = tokens(headers[0].children, "NAME", "STRING")[0], tokens(headers[0].children, "STRING")
         self.span = self._span(name)
+        following = self.parsed.source.text[self.span.end :].split(maxsplit=1)
+        if self.span.text == "abstract" and following[:1] == ["class"]:
+            self._error("unexpected-token", "unexpected `abstract`", name, "expected a name")
         return str(name), str(uri[0]) if uri else None
 
     def _enum(self, tree: Tree[Token]) -> EnumType:
@@ -176,7 +184,7 @@ class _Reader:
 
     def _attribute(self, tree: Tree[Token]) -> Attribute | None:
         type_token, name = tokens(tree.children, "NAME")
-        annotations = self._annotations(tree, ())
+        annotations = self._annotations(tree, _FEATURE_ANNOTATIONS)
         type_ = self._type(type_token, name)
         if type_ is None:
             self.lost.add(str(name))
@@ -248,7 +256,7 @@ class _Reader:
         self._error("wrong-type", f"default of `{name}` is not of type `{type_name(type_)}`", tree, hint)
 
     def _reference(self, tree: Tree[Token]) -> Reference:
-        annotations = self._annotations(tree, ())
+        annotations = self._annotations(tree, _FEATURE_ANNOTATIONS)
         target, name, *opposite = tokens(tree.children, "NAME")
         multiplicity = trees(tree.children, "multiplicity")
         lower, upper = self._bounds(multiplicity[0]) if multiplicity else (1, 1)
@@ -311,8 +319,8 @@ class _Reader:
         for part, annotation in zip(trees(tree.children, "annotation"), found, strict=True):
             if annotation.name not in known:
                 name = tokens(part.children)[0]
-                elsewhere = annotation.name in {"key", "glyph", "frozen"}
-                message = f"`@{name}` is for classes" if elsewhere else f"unknown annotation `@{name}`"
+                place = _PLACES.get(annotation.name)
+                message = f"`@{name}` is for {place}" if place else f"unknown annotation `@{name}`"
                 self.diagnostics.append(
                     Diagnostic(
                         "unknown-annotation",

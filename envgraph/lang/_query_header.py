@@ -57,7 +57,11 @@ def definitions_of(reading: Reading) -> Iterator[Tree[Token]]:
 
 
 def unused_imports(reading: Reading, header: Header) -> None:
-    """Warns of imports by name that nothing in the file mentions."""
+    """Warns of imports by name, and of aliases, that nothing in the file mentions."""
+    for name, span in reading.aliases.items():
+        if name not in reading.used:
+            hint = f"leave `as {name}` out, or write `{name}::Type`"
+            reading.warn("unused-import", f"nothing here writes `{name}::`", span, hint)
     for pattern in header.patterns:
         simple = pattern.name.rpartition(".")[2]
         if simple not in reading.used and pattern.name not in reading.used:
@@ -91,5 +95,10 @@ def _file(reading: Reading, tree: Tree[Token]) -> Import:
 def _pattern(reading: Reading, tree: Tree[Token]) -> PatternImport:
     part = trees(tree.children, "qualified_name")[0]
     name = qualified_name_of(part)
-    reading.imported[name.rpartition(".")[2]] = name
+    simple = name.rpartition(".")[2]
+    other = reading.imported.setdefault(simple, name)
+    if other != name:
+        hint = f"leave one of the imports out, and call its pattern by the full name, such as `{name}`"
+        message = f"`{simple}` is imported already: `{other}`"
+        reading.error("duplicate-definition", message, part, hint)
     return PatternImport(name, reading.span(part))

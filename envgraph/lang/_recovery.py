@@ -416,8 +416,19 @@ class Recovery:
             return
         shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]
         shown = shown if len(shown) <= 30 else shown[:27] + "..."
-        hint = self._escape_hint(index) or self._meant(index) or self._expectation()
+        hint = (
+            self._arrow_hint(index) or self._escape_hint(index) or self._meant(index) or self._expectation()
+        )
         self._report("unexpected-token", f"unexpected `{shown}`", lexeme, hint)
+
+    def _arrow_hint(self, index: int) -> str | None:
+        """For `-ref-> x` at the start of a statement."""
+        if not 0 < index < len(self._lexemes) - 1:
+            return None
+        before, feature, after = (one.value for one in self._lexemes[index - 1 : index + 2])
+        if before != "-" or after != "->":
+            return None
+        return f"an arrow starts at an object: write `x -{feature}-> ..`"
 
     def _foreign(self, index: int) -> Level | None:
         """The statement under way, if a keyword of other places starts it, with a word after it."""

@@ -10,6 +10,8 @@ from envgraph.pattern._analysis import Analysis, calls_of
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (
     Use,
+    base_of,
+    children,
     expressions,
     grouped_relations,
     positive_relations,
@@ -19,12 +21,13 @@ from envgraph.pattern._bodies import (
 from envgraph.pattern._expressions import check_expression
 from envgraph.pattern._header import check_duplicates, check_header
 from envgraph.pattern._inference import BodyTypes
-from envgraph.pattern._lowered import StaticType
+from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._partitions import check_connected
+from envgraph.pattern._paths import ResolvedPath, derived, derived_feature, resolve_path
 from envgraph.pattern._queries import Body, Check, Comparison, Parameter, Pattern, Relation
 from envgraph.pattern._recursion import check_recursion
 from envgraph.pattern._relations import Place, RelationCheck
-from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Variable
+from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Navigation, Variable
 from envgraph.pattern._typecheck import TypeCheck, shared_classes
 from envgraph.pattern._types import is_subtype, joins, static_type, type_text
 from envgraph.pattern._usage import UsageCheck
@@ -233,7 +236,7 @@ class _BodyCheck:
             type_, problems = check_expression(
                 expression, scope, self._analysis.metamodel, bare_objects=False
             )
-            found.extend(problems)
+            found.extend(problems or self._derived(expression, scope))
             if isinstance(owner, Check) and type_ is not None and type_text(type_) != "bool" and not problems:
                 message = f"a check needs a truth value, not `{type_text(type_)}`"
                 found.append(Diagnostic("check-not-boolean", message, expression.span or owner.span))
@@ -259,6 +262,23 @@ class _BodyCheck:
                 message = f"nothing says of what class `{variable.name}` is"
                 hint = hint or f"write `Class({variable.name})`"
                 yield Diagnostic("untyped-source", message, variable.span or expression.span, hint)
+
+    def _derived(
+        self, expression: Expression, scope: Mapping[str, StaticType | None]
+    ) -> Iterator[Diagnostic]:
+        """Warnings of the derived features that an expression without errors reads."""
+        if isinstance(expression, Navigation):
+            start, features = base_of(expression)
+            type_ = scope.get(start.name) if isinstance(start, Variable) else None
+            path = (
+                resolve_path(type_.cls, features, self._analysis.metamodel)
+                if isinstance(type_, ObjectType)
+                else None
+            )
+            if isinstance(path, ResolvedPath) and derived(path.steps[-1]):
+                yield derived_feature(path.steps[-1], expression.feature_span or expression.span)
+        for child in children(expression):
+            yield from self._derived(child, scope)
 
     def _taint_results(self, owner: object) -> None:
         """What an eval without a type is compared with has no type from it, either."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from envgraph.errors import Diagnostic, Severity, Span
 from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._queries import Closure
@@ -58,6 +59,18 @@ def resolve_path(cls: str, features: tuple[str, ...], metamodel: Metamodel) -> R
         if isinstance(feature, Reference):
             current = feature.target
     return ResolvedPath(cls, tuple(steps))
+
+
+def derived(feature: Feature) -> bool:
+    """Whether the metamodel says that the values of a feature are computed (`@derived`)."""
+    return any(annotation.name == "derived" for annotation in feature.annotations)
+
+
+def derived_feature(feature: Feature, span: Span | None) -> Diagnostic:
+    """The warning that a query reads a derived feature."""
+    message = f"`{feature.name}` is derived: nothing computes it here, it has the values that were stored"
+    hint = "write a pattern for what it is computed from"
+    return Diagnostic("derived-feature", message, span, hint, Severity.WARNING)
 
 
 def closure_target(

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import zip_longest
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, with_article
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, has_errors, with_article
 from envgraph.metamodel import Metamodel, Reference, Scalar
 from envgraph.pattern._analysis import Names
 from envgraph.pattern._bodies import Reading, terms_of
 from envgraph.pattern._expressions import subclass_hint
 from envgraph.pattern._inference import BodyTypes, Signature
 from envgraph.pattern._lowered import ObjectType, StaticType
-from envgraph.pattern._paths import BrokenPath, ResolvedPath, closure_target, resolve_path
+from envgraph.pattern._paths import (
+    BrokenPath,
+    ResolvedPath,
+    closure_target,
+    derived,
+    derived_feature,
+    resolve_path,
+)
 from envgraph.pattern._queries import (
     Aggregate,
     Closure,
@@ -68,9 +76,9 @@ class RelationCheck:
             case PatternCall():
                 found = list(self._call(place.relation))
         found.extend(self._arguments(place))
-        if not found:
+        if not has_errors(found):
             found.extend(self._closure(place))
-        if not found and place.aggregate:
+        if not has_errors(found) and place.aggregate:
             found.extend(self._aggregate(place.aggregate))
         return found
 
@@ -113,6 +121,10 @@ class RelationCheck:
         resolved = resolve_path(cls, path.features, self._metamodel)
         if isinstance(resolved, BrokenPath):
             yield self._broken(path, resolved)
+            return
+        for step, span in zip_longest(resolved.steps, path.feature_spans):
+            if derived(step):
+                yield derived_feature(step, span or path.span)
 
     def _source_class(self, path: PathConstraint) -> str | None:
         source = self._types.of_term(path.source)
