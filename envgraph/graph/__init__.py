@@ -21,6 +21,7 @@ from envgraph.graph._json import model_from_json, model_to_json
 from envgraph.graph._model import Model
 from envgraph.graph._networkx import from_networkx, to_networkx
 from envgraph.graph._node import Node, Targets
+from envgraph.graph._picture import PictureOptions
 from envgraph.graph._store import Relation, Store
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "Listener",
     "Model",
     "Node",
+    "PictureOptions",
     "Relation",
     "Savepoint",
     "Store",

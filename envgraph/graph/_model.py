@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Literal
+from typing import Literal, Unpack
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import _refusals as refusals
@@ -16,8 +16,10 @@ from envgraph.graph._incidence import contained_tree, dangling_links, links_at, 
 from envgraph.graph._integrity import check_store
 from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
+from envgraph.graph._picture import PictureOptions, model_picture
 from envgraph.graph._store import Relation, Store
 from envgraph.metamodel import Attribute, Metamodel, Reference, Value, accepts
+from envgraph.metamodel.picture import Picture
 
 Semantics = Literal["dpo", "spo"]
 
@@ -610,6 +612,27 @@ class Model:
                 del self.store.listeners[index]
                 return
         raise InvalidArgument("the listener is not subscribed")
+
+    # --- pictures
+
+    def picture(self, **options: Unpack[PictureOptions]) -> Picture:
+        """A picture of the present state; `PictureOptions` says what can be asked for.
+
+        Raises:
+            InvalidArgument: an unknown name or layout, a node of another model.
+        """
+        return model_picture(self, **options)
+
+    def to_dot(self, **options: Unpack[PictureOptions]) -> str:
+        """The picture as DOT, the text that Graphviz draws: the same state gives the same text."""
+        return self.picture(**options).to_dot()
+
+    def to_svg(self, **options: Unpack[PictureOptions]) -> str:
+        """The picture as an `<svg>` element: drawn by Graphviz, without it by us; see `Picture.to_svg`."""
+        return self.picture(**options).to_svg()
+
+    def _repr_svg_(self) -> str | None:
+        return self.picture()._repr_svg_()
 
     # --- checks
 

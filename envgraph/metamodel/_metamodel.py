@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import count
+from typing import TYPE_CHECKING
 
 from envgraph.errors import ResolutionError, has_errors
 from envgraph.metamodel._check import check_classes, linearise
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Reference
+
+if TYPE_CHECKING:
+    from envgraph.metamodel.picture import Picture
 
 
 def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
@@ -103,6 +107,23 @@ class Metamodel:
     def key(self, name: str) -> tuple[str, ...]:
         """The key attributes of a class, its own or those of the nearest supertype that has any; () without."""
         return next((self.classes[above].key for above in self._supers[name] if self.classes[above].key), ())
+
+    def picture(self) -> Picture:
+        """The class diagram; `to_dot` and `to_svg` are short for those of the picture."""
+        from envgraph.metamodel._diagram import class_diagram
+
+        return class_diagram(self)
+
+    def to_dot(self) -> str:
+        """The class diagram as DOT, the text that Graphviz draws."""
+        return self.picture().to_dot()
+
+    def to_svg(self) -> str:
+        """The class diagram as an `<svg>` element; see `Picture.to_svg`."""
+        return self.picture().to_svg()
+
+    def _repr_svg_(self) -> str | None:
+        return self.picture()._repr_svg_()
 
     def __repr__(self) -> str:
         return f"<Metamodel {self.name}: {len(self.class_list)} classes>"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Unpack
 
 from envgraph.errors import InvalidArgument, did_you_mean
-from envgraph.graph import Model, Node
+from envgraph.graph import Model, Node, PictureOptions
 from envgraph.metamodel import Value
+from envgraph.metamodel.picture import Picture
 from envgraph.pattern import ObjectType, StaticType
 
 Row = tuple[Value, ...]
@@ -114,6 +115,19 @@ class Match(Mapping[str, "Node | Value"]):
 
     def __hash__(self) -> int:
         return hash((self.definition, self.row))
+
+    def picture(self, **options: Unpack[PictureOptions]) -> Picture:
+        """The matched objects, highlighted, and those one link away; `options` are those of `Model.picture`."""
+        wanted: PictureOptions = {"highlight": self, "around": self, **options}
+        return self.model.picture(**wanted)
+
+    def to_dot(self, **options: Unpack[PictureOptions]) -> str:
+        """The picture as DOT, the text that Graphviz draws."""
+        return self.picture(**options).to_dot()
+
+    def to_svg(self, **options: Unpack[PictureOptions]) -> str:
+        """The picture as an `<svg>` element; see `Picture.to_svg`."""
+        return self.picture(**options).to_svg()
 
     def __repr__(self) -> str:
         inside = ", ".join(f"{name}={self._text(position)}" for position, name in enumerate(self.names))

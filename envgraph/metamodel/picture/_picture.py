@@ -1,0 +1,154 @@
+"""What a picture of boxes and arrows shows, before it is DOT text or SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from envgraph.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from envgraph.metamodel._features import Class
+
+End = Literal["none", "arrow", "diamond", "triangle"]
+"""What an edge ends with: a diamond sits at the container, a triangle at the superclass."""
+
+LAYOUTS = ("dot", "neato", "fdp", "sfdp", "circo", "twopi")
+"""The layouts of Graphviz that a picture may ask for."""
+
+INK = "#212529"
+MARK = "#e03131"
+
+TIMEOUT = 10.0
+"""How long Graphviz may take for a picture, in seconds."""
+
+_PALE = ("#e7f5ff", "#fff3bf", "#ebfbee", "#fff0f6", "#f3f0ff", "#e6fcf5", "#fff4e6", "#f1f3f5")
+_LONGEST = 40
+
+
+@dataclass(frozen=True, slots=True)
+class PictureNode:
+    """A box.
+
+    Attributes:
+        title: its first line; `stereotype` stands small above it.
+        lines: what else it says, top to bottom.
+        fill: "#rrggbb".
+        marks: what it is called in what is highlighted; None if it is not highlighted.
+        slanted: the title is in italics.
+        place: (x, y), y down, in units of the picture's own; None where the layout decides.
+    """
+
+    key: str
+    title: str
+    lines: tuple[str, ...] = ()
+    fill: str = "#ffffff"
+    marks: tuple[str, ...] | None = None
+    slanted: bool = False
+    stereotype: str = ""
+    place: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PictureEdge:
+    """A line between two boxes, from `source` to `target`; a layout in layers puts the source above the target."""
+
+    source: str
+    target: str
+    label: str = ""
+    tail: End = "none"
+    head: End = "arrow"
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Boxes and lines in the order in which they are written; all text is as `visible` makes it.
+
+    Attributes:
+        note: stands below; "" for none.
+        layout: one of `LAYOUTS`.
+    """
+
+    name: str
+    nodes: tuple[PictureNode, ...]
+    edges: tuple[PictureEdge, ...]
+    note: str = ""
+    layout: str = "dot"
+
+    def to_dot(self) -> str:
+        """The picture as DOT, the text that Graphviz draws."""
+        from envgraph.metamodel.picture._dot import picture_dot
+
+        return picture_dot(self)
+
+    def to_svg(self, *, graphviz: bool | None = None, timeout: float = TIMEOUT) -> str:
+        """The picture as one `<svg>` element that can stand in an HTML page.
+
+        Where the boxes stand depends on who draws; do not compare pictures of different machines.
+
+        Args:
+            graphviz: True insists on Graphviz, False does without (then networkx places the boxes); None takes it where
+                it works.
+            timeout: how long Graphviz may take, in seconds.
+
+        Raises:
+            InvalidArgument: Graphviz is insisted on, and its program `dot` is not on the PATH, fails or takes too long;
+                or there is neither Graphviz nor networkx.
+        """
+        from envgraph.metamodel.picture._svg import picture_svg
+
+        return picture_svg(self, graphviz, timeout)
+
+    def _repr_svg_(self) -> str | None:
+        """For notebooks; None where nothing can draw it, so that they show the `repr`."""
+        try:
+            return self.to_svg()
+        except InvalidArgument:
+            return None
+
+
+def visible(text: str) -> str:
+    r"""A text whose characters all show: what is not printable becomes an escape.
+
+    >>> print(visible("a\n\x00b"))
+    a\n\x00b
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def shortened(text: str) -> str:
+    """The text, cut where it would make a box too wide."""
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+
+
+def shown_value(value: object) -> str:
+    r"""A data value in one line: strings in quotes, Booleans as in the languages.
+
+    >>> print(shown_value('say "hi"\n'), shown_value(True), shown_value(2.0))
+    "say \"hi\"\n" true 2.0
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        text = value[: _LONGEST + 1].replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{shortened(visible(text))}"'
+    return shortened(str(value))
+
+
+def class_colours(classes: Iterable[Class]) -> dict[str, str]:
+    """A colour for each class: that of its glyph, else a pale one by its place."""
+    return {
+        cls.name: cls.glyph.colour if cls.glyph else _PALE[number % len(_PALE)]
+        for number, cls in enumerate(classes)
+    }
+
+
+def ink_on(fill: str) -> str:
+    """The colour of text that can be read on another.
+
+    >>> ink_on("#ffffff"), ink_on("#343a40")
+    ('#212529', '#ffffff')
+    """
+    red, green, blue = (int(fill[at : at + 2], 16) for at in (1, 3, 5))
+    return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else "#ffffff"
