@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from envgraph import __version__
-from envgraph.cli._output import OutputFormat, print_error
-from envgraph.errors import EnvgraphError
+from envgraph.cli._output import OutputFormat, ShowFormat, print_error
+from envgraph.errors import EnvgraphError, InvalidArgument
 
 app = typer.Typer(
     name="envgraph",
@@ -199,17 +199,38 @@ def generate(
 
 @app.command()
 def show(
-    run: Run,
+    run: Annotated[
+        str,
+        typer.Argument(
+            help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json), a .model "
+            "or a .metamodel.",
+            show_default=False,
+        ),
+    ],
     variant: Annotated[
         str | None, typer.Option(help="Only this environment: its name (E6) or number.", show_default=False)
     ] = None,
     directory: Directory = RUNS,
-    format: Format = OutputFormat.TEXT,
+    format: Annotated[
+        ShowFormat,
+        typer.Option(
+            "--format", help="text or json; a .model and a .metamodel also as a picture: dot or svg."
+        ),
+    ] = ShowFormat.TEXT,
 ) -> None:
-    """Print a family: its measures and its maps."""
+    """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
+    from envgraph.cli._picture import PICTURED, show_file
+
+    if run.endswith(PICTURED):
+        show_file(run, variant, format)
+        return
     from envgraph.cli._family import show_family
 
-    show_family(run, directory, variant, format)
+    if format in (ShowFormat.DOT, ShowFormat.SVG):
+        raise InvalidArgument(
+            f"`envgraph export {run} --format svg` draws a run; `show` draws models and metamodels"
+        )
+    show_family(run, directory, variant, OutputFormat(format.value))
 
 
 @app.command()

@@ -41,6 +41,15 @@ class OutputFormat(StrEnum):
     JSON = "json"
 
 
+class ShowFormat(StrEnum):
+    """What `envgraph show` prints; the last two are pictures of models and metamodels."""
+
+    TEXT = "text"
+    JSON = "json"
+    DOT = "dot"
+    SVG = "svg"
+
+
 def print_json(value: object) -> None:
     """One JSON document on standard output."""
     try:

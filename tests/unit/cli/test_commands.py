@@ -354,3 +354,33 @@ def generations(store: Path) -> int:
     with closing(sqlite3.connect(f"file:{store}?mode=ro", uri=True, timeout=30)) as connection:
         (count,) = connection.execute("SELECT count(*) FROM generation").fetchone()
     return int(count)
+
+
+def test_models_and_metamodels_are_shown_and_drawn(
+    envgraph: Envgraph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ok(envgraph("new", "maze"))
+    monkeypatch.setenv("PATH", "")
+    model, metamodel = tmp_path / "maze" / "maze.model", tmp_path / "maze" / "maze.metamodel"
+    assert "Robot" in ok(envgraph("show", model)).out
+    assert ok(envgraph("show", model, "--format", "json")).json["metamodel"] == "maze"  # type: ignore[index]
+    assert ok(envgraph("show", model, "--format", "dot")).out.startswith('digraph "')
+    assert ok(envgraph("show", model, "--format", "svg")).out.endswith("</svg>\n")
+    assert "abstract" in ok(envgraph("show", metamodel)).out
+    assert ok(envgraph("show", metamodel, "--format", "dot")).out.startswith('digraph "maze" {')
+    assert "<svg" in ok(envgraph("show", metamodel, "--format", "svg")).out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("show", "maze/maze.metamodel", "--format", "json"), "no form in JSON"),
+        (("show", "maze/maze.model", "--variant", "E1"), "a file has no variants"),
+        (("show", "maze/none.model", "--format", "svg"), "there is no such file"),
+        (("show", "maze", "--format", "dot"), "`envgraph export maze --format svg` draws a run"),
+    ],
+)
+def test_what_cannot_be_drawn_is_said(envgraph: Envgraph, arguments: tuple[str, ...], message: str) -> None:
+    ok(envgraph("new", "maze"))
+    result = envgraph(*arguments)
+    assert result.code == 1 and message in result.err

@@ -1,0 +1,55 @@
+"""`envgraph show` for models and metamodels."""
+
+from __future__ import annotations
+
+from envgraph.cli._output import ShowFormat, print_json, print_table
+from envgraph.errors import InvalidArgument
+from envgraph.graph import Model, model_to_json
+from envgraph.lang import load_workspace
+from envgraph.metamodel import Attribute, Class, Metamodel
+
+PICTURED = (".model", ".metamodel")
+"""Files that are shown as they are; everything else is a run."""
+
+
+def show_file(path: str, variant: str | None, format: ShowFormat) -> None:
+    """Print a model or a metamodel: as a table, as JSON, or as a picture."""
+    if variant is not None:
+        raise InvalidArgument("`--variant` chooses from a run; a file has no variants")
+    workspace = load_workspace([path])
+    workspace.raise_errors()
+    shown = workspace.model() if path.endswith(".model") else workspace.metamodel
+    if shown is None:
+        raise InvalidArgument(f"there is no metamodel in {path}")
+    if format is ShowFormat.DOT:
+        print(shown.to_dot(), end="")
+    elif format is ShowFormat.SVG:
+        print(shown.to_svg())
+    elif isinstance(shown, Metamodel):
+        if format is ShowFormat.JSON:
+            raise InvalidArgument("a metamodel has no form in JSON; there are text, dot and svg")
+        print_table(
+            shown.name, ("class", "extends", "features"), [_class_row(cls) for cls in shown.class_list]
+        )
+    elif format is ShowFormat.JSON:
+        print_json(model_to_json(shown))
+    else:
+        _print_model(shown)
+
+
+def _class_row(cls: Class) -> tuple[str, ...]:
+    features = ", ".join(
+        one.name if isinstance(one, Attribute) else f"{one.name} [{one.multiplicity}]" for one in cls.features
+    )
+    return f"{'abstract ' if cls.abstract else ''}{cls.name}", ", ".join(cls.supertypes), features
+
+
+def _print_model(model: Model) -> None:
+    counts = {cls.name: len(model.exact_extent(cls.name)) for cls in model.metamodel.class_list}
+    rows = [(name, str(count)) for name, count in counts.items() if count]
+    print_table(
+        f"{model.name}: {len(model)} objects of {model.metamodel.name}",
+        ("class", "objects"),
+        rows,
+        right=(1,),
+    )
