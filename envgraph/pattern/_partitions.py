@@ -68,13 +68,16 @@ class Partitions:
 
     def _read(self) -> None:
         self._tie(self._given)
+        computed: list[tuple[list[str], list[str]]] = []
         for relation in positive_relations(self._reading.body):
-            self._tie(self._names(terms_of(relation)))
+            names = self._names(terms_of(relation))
+            self._tie(names)
+            values = [t for t in terms_of(relation) if isinstance(t, Evaluation | Aggregate)]
+            computed.extend((names, self._sources(value)) for value in values)
         for expression, owner in expressions(self._reading.body):
             if isinstance(owner, Check):
                 for left, right in equations(expression):
                     self._tie([self._reading.root(name) for name in (*names_read(left), *names_read(right))])
-        computed: list[tuple[list[str], list[str]]] = []
         for constraint in self._reading.body.constraints:
             everything = list(self._all_names(constraint))
             self.strict.unite(everything)

@@ -1,0 +1,117 @@
+"""Every construct of the query language as text, on a small harbour: the rows are known, and the matchers agree.
+
+The queries are the golden files `constructs_*.query`; `query_language.txt` has their rows on `harbour.model`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+from envgraph.graph import Model
+from envgraph.lang import open as open_files
+from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.pattern import Library, ObjectType
+from envgraph.rewrite import Engine
+
+GOLDEN = Path(__file__).parent.parent / "golden"
+FILES = sorted(path.stem for path in (GOLDEN / "query").glob("constructs_*.query"))
+EXPECTED = {
+    name.strip(): rows.strip()
+    for name, _, rows in (
+        line.partition("=")
+        for line in (Path(__file__).parent / "query_language.txt").read_text("utf-8").splitlines()
+    )
+}
+MATCHERS = [CompiledMatcher, NaiveMatcher]
+
+Row = tuple[object, ...]
+
+
+@cache
+def names_in(file: str) -> list[str]:
+    """The patterns of a file."""
+    return [pattern.name for pattern in engine_of(file).library.patterns if pattern.package == "harbour"]
+
+
+def engine_of(file: str) -> Engine:
+    return open_files(GOLDEN / "query" / f"{file}.query", GOLDEN / "shared" / "harbour.model")
+
+
+def rows_of(matcher: Matcher, library: Library, pattern: str, arguments: Row) -> str:
+    """The rows as in the file of expected ones: objects by their names, other values as in Python."""
+    types = library.parameter_types(pattern)
+    rows = [
+        " ".join(
+            getattr(matcher.model.node(value), "name", "port")
+            if isinstance(type_, ObjectType)
+            else repr(value)
+            for value, type_ in zip(row, types, strict=True)
+        )
+        for row in matcher.rows(pattern, arguments)
+    ]
+    assert len(set(rows)) == len(rows), "a row is reported twice"
+    return " | ".join(sorted(rows))
+
+
+@pytest.mark.parametrize("make", MATCHERS)
+@pytest.mark.parametrize("file", FILES)
+def test_each_construct_has_the_rows_that_it_should_have(
+    file: str, make: Callable[[Model, Library], Matcher]
+) -> None:
+    engine = engine_of(file)
+    matcher = make(engine.model, engine.library)
+    for name in names_in(file):
+        if engine.library.inputs(f"harbour.{name}"):
+            continue
+        free = (FREE,) * len(engine.library.parameter_types(f"harbour.{name}"))
+        found = rows_of(matcher, engine.library, f"harbour.{name}", free)
+        assert (name, found) == (name, EXPECTED[f"{file}.{name}"])
+
+
+def values_of(engine: Engine, pattern: str, rows: list[Row]) -> list[Row]:
+    """Rows to take bound values from: the first and last match, and one of other objects."""
+    types = engine.library.parameter_types(pattern)
+    nodes = [node for cls in engine.model.metamodel.classes for node in engine.model.exact_extent(cls)]
+    others = tuple(nodes[-1] if isinstance(type_, ObjectType) else 60 for type_ in types)
+    fits = all(isinstance(type_, ObjectType) or str(type_) == "int" for type_ in types)
+    return [*rows[:1], *rows[-1:], *([others] if fits else [])]
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_the_matchers_agree_on_every_binding_before_and_after_edits(file: str) -> None:
+    engine = engine_of(file)
+    compiled, naive = (make(engine.model, engine.library) for make in MATCHERS)
+    ada, cyd, dan = (engine.model[name] for name in ("ada", "cyd", "dan"))
+    edits: list[Callable[[], object]] = [
+        lambda: None,
+        lambda: setattr(dan, "at", ada.at),
+        lambda: setattr(ada, "length", 60),
+        lambda: engine.model.delete(cyd.id, "spo"),
+        lambda: ada.at.next.remove(ada.at),
+    ]
+    for edit in edits:
+        edit()
+        for name in names_in(file):
+            assert_agree(engine, compiled, naive, f"harbour.{name}")
+
+
+def assert_agree(engine: Engine, compiled: Matcher, naive: Matcher, pattern: str) -> None:
+    size, needed = len(engine.library.parameter_types(pattern)), engine.library.inputs(pattern)
+    everything = list(naive.rows(pattern, (FREE,) * size)) if not needed else []
+    for values in values_of(engine, pattern, everything):
+        for mask in product((False, True), repeat=size):
+            arguments = tuple(value if given else FREE for value, given in zip(values, mask, strict=True))
+            if all(mask[position] for position in needed):
+                expected = list(naive.rows(pattern, arguments))
+                assert sorted(compiled.rows(pattern, arguments)) == expected
+                assert compiled.exists(pattern, arguments) is bool(expected)
+
+
+def test_the_files_have_every_row_that_is_expected() -> None:
+    known = {f"{file}.{name}" for file in FILES for name in names_in(file)}
+    assert set(EXPECTED) <= known
