@@ -144,6 +144,8 @@ class History:
         if self._loading:
             raise TransactionError("a model that is loading has no journal to roll back")
         store = self._store
+        for follower in store.followers:
+            follower.settle()
         store.recording = True
         savepoint = Savepoint(len(store.journal), store.next_id, store.total)
         self._stack.append(savepoint)
@@ -158,6 +160,8 @@ class History:
             store.next_id = savepoint._next_id
             store.total = savepoint._total
             store.restored()
+            for follower in store.followers:
+                follower.rolled_back()
         if not self._stack:
             self._settle()
 
@@ -166,6 +170,11 @@ class History:
         self._close(savepoint)
         if not self._stack:
             self._settle()
+            self._tell_released()
+
+    def _tell_released(self) -> None:
+        for follower in self._store.followers[:]:
+            follower.released()
 
     def _close(self, savepoint: Savepoint) -> None:
         if not self._stack or self._stack[-1] is not savepoint:
@@ -197,11 +206,15 @@ class History:
             raise TransactionError(
                 "a model with versions cannot load without its journal: load before the first commit"
             )
+        for follower in self._store.followers:
+            follower.suspend()
         self._loading = True
 
     def end_loading(self) -> None:
         """Allow savepoints again."""
         self._loading = False
+        for follower in self._store.followers:
+            follower.loaded()
 
     # --- versions
 
@@ -222,6 +235,13 @@ class History:
         self._refuse_inside("commit")
         self._settle()
         store = self._store
+        for follower in store.followers:
+            follower.settle()
+        version = self._commit(store)
+        self._tell_released()
+        return version
+
+    def _commit(self, store: Store) -> Version:
         before = self._current
         if before is not None and not self.changed:
             return self._handle(before)
@@ -265,6 +285,14 @@ class History:
         self._store.total = goal.total
         self._prune(start)
         self._store.restored()
+        for follower in self._store.followers:
+            follower.checked_out()
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is under way: no savepoint is open, nobody holds a version, and it is not loading."""
+        self._settle()
+        return not self._stack and not self._held and not self._loading
 
     def _refuse_inside(self, action: str) -> None:
         if self._stack:

@@ -240,8 +240,7 @@ class Model:
         for attribute in dropped:
             if store.values[attribute][node] is not None:
                 store.put(node, attribute, None)
-        store.leave(node)
-        store.enter(node, new)
+        store.move(node, new)
         for attribute, initial in gained:
             store.put(node, attribute, initial)
 
@@ -574,6 +573,16 @@ class Model:
     def in_transaction(self) -> bool:
         """Whether a savepoint is open."""
         return self._history.depth > 0
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is under way: no savepoint is open, nobody holds a version, and it is not loading."""
+        return self._history.idle
+
+    @property
+    def depth(self) -> int:
+        """How many savepoints are open."""
+        return self._history.depth
 
     # --- observation
 

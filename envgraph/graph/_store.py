@@ -6,10 +6,10 @@ the hash and told to the listeners.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import repeat
 from sys import maxsize
-from typing import Any
+from typing import Any, Protocol
 
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._hashing import class_code, node_salts, reference_code, value_code
@@ -39,9 +39,11 @@ class Relation:
         containment, contained: the source owns the target, or the other way round.
         plain: single-valued, no containment, and never refuses to replace a target.
         code: the reference's number in the hash.
+        added, removing: what follows the links, see `Follower`; called with the ends of the fact.
     """
 
     __slots__ = (
+        "added",
         "backward",
         "code",
         "contained",
@@ -53,6 +55,7 @@ class Relation:
         "opposite_upper",
         "plain",
         "reference",
+        "removing",
         "source_ok",
         "symmetric",
         "target_ok",
@@ -80,6 +83,8 @@ class Relation:
             and self.opposite_upper in (1, maxsize)
         )
         self.code = reference_code(self.fact)
+        self.added: Callable[[int, int], object] | None = None
+        self.removing: Callable[[int, int], object] | None = None
 
     def ends(self, source: int, target: int) -> tuple[int, int]:
         """Source and target of the fact for a link of this reference."""
@@ -90,6 +95,37 @@ class Relation:
 
 def _accepted(metamodel: Metamodel, above: str) -> tuple[bool, ...]:
     return (*(metamodel.is_a(cls.name, above) for cls in metamodel.class_list), False)
+
+
+class Follower(Protocol):
+    """What keeps something current with a model, such as views do.
+
+    It is told of changes through the functions that it hangs into the store (`Relation.added` and `removing`,
+    `Store.value_added` and `value_removing`, `class_added` and `class_removing`, `retyping`): `added` after the fact has come,
+    `removing` before it goes. What it does then is recorded in the journal, so that a rollback takes it back.
+    """
+
+    def settle(self) -> None:
+        """Work off what is pending: a savepoint or a commit follows."""
+
+    def rolled_back(self) -> None:
+        """A rollback has restored everything that was recorded: what is pending is void."""
+
+    def released(self) -> None:
+        """The outermost transaction has ended well, or the present state has become a version."""
+
+    def checked_out(self) -> None:
+        """The model is in another version, and what was recorded has been replayed: what is pending is void."""
+
+    def suspend(self) -> None:
+        """The model is about to be loaded: changes will not be told."""
+
+    def loaded(self) -> None:
+        """The load has ended."""
+
+
+NodeHook = Callable[[int], object]
+ValueHook = Callable[[int, Any], object]
 
 
 class Store:
@@ -109,6 +145,10 @@ class Store:
         journal: see `_journal`; written only while `recording`.
         total: the sum behind the state hash.
         revision: grows with every change and every restoration.
+        followers: see `Follower`.
+        value_added, value_removing: for each attribute (by `index`) a function of node and value, or None.
+        class_added, class_removing: for each class (by index) a function of the node, or None.
+        retyping: gives the two functions for a change from one class index to another, or None.
 
     Invariants: an adjacency is a tuple if it has at most `CROWD` elements, else an `IndexedSet`; forward and backward
     hold the same links; a node that does not exist has no name, value or link.
@@ -131,6 +171,12 @@ class Store:
         self.journal: Journal = []
         self.recording = False
         self.listeners: list[Listener] = []
+        self.followers: list[Follower] = []
+        self.value_added: list[ValueHook | None] = [None] * len(metamodel.attributes)
+        self.value_removing: list[ValueHook | None] = [None] * len(metamodel.attributes)
+        self.class_added: list[NodeHook | None] = [None] * len(metamodel.class_list)
+        self.class_removing: list[NodeHook | None] = [None] * len(metamodel.class_list)
+        self.retyping: Callable[[int, int], tuple[NodeHook | None, NodeHook | None]] | None = None
         self.total = 0
         self.revision = 0
         self.salts: tuple[list[int], list[int]] = ([], [])
@@ -166,6 +212,12 @@ class Store:
 
     def enter(self, node: int, cls: int) -> None:
         """The object becomes an instance of a class; it was none of any."""
+        self._enter(node, cls)
+        hook = self.class_added[cls]
+        if hook is not None:
+            hook(node)
+
+    def _enter(self, node: int, cls: int) -> None:
         extent = self.extents[cls]
         extent.add(node)
         if self.recording:
@@ -177,6 +229,22 @@ class Store:
 
     def leave(self, node: int) -> None:
         """The object is no longer an instance of its class."""
+        hook = self.class_removing[self.classes[node]]
+        if hook is not None:
+            hook(node)
+        self._leave(node)
+
+    def move(self, node: int, cls: int) -> None:
+        """The object becomes an instance of another class; what both classes are it never ceases to be."""
+        removing, added = self.retyping(self.classes[node], cls) if self.retyping else (None, None)
+        if removing is not None:
+            removing(node)
+        self._leave(node)
+        self._enter(node, cls)
+        if added is not None:
+            added(node)
+
+    def _leave(self, node: int) -> None:
         cls = self.classes[node]
         if self.listeners:
             self._removing(ClassFact(self.metamodel.class_list[cls].name, node))
@@ -194,6 +262,9 @@ class Store:
         codes = self._value_codes[attribute]
         change = 0
         if old is not None:
+            hook = self.value_removing[attribute]
+            if hook is not None:
+                hook(node, old)
             if self.listeners:
                 self._removing(ValueFact(self.metamodel.attributes[attribute], node, old))
             change -= codes.get(old) or self._code(attribute, old)
@@ -204,8 +275,12 @@ class Store:
             self.journal.extend((column, node, old, SET))
         self.total += self._source_salts[node] * change
         self.revision += 1
-        if value is not None and self.listeners:
-            self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
+        if value is not None:
+            hook = self.value_added[attribute]
+            if hook is not None:
+                hook(node, value)
+            if self.listeners:
+                self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
 
     def connect(self, relation: Relation, source: int, target: int) -> None:
         """A link that was not there."""
@@ -215,12 +290,16 @@ class Store:
         first, second = relation.ends(source, target)
         self.total += relation.code * self._source_salts[first] * self._target_salts[second]
         self.revision += 1
+        if relation.added is not None:
+            relation.added(first, second)
         if self.listeners:
             self._inserted(LinkFact(relation.fact, first, second))
 
     def disconnect(self, relation: Relation, source: int, target: int) -> None:
         """A link goes."""
         first, second = relation.ends(source, target)
+        if relation.removing is not None:
+            relation.removing(first, second)
         if self.listeners:
             self._removing(LinkFact(relation.fact, first, second))
         self._drop(relation.forward, source, target)

@@ -3,5 +3,15 @@
 from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Free, Matcher, Row
 from envgraph.match._naive import NaiveMatcher
+from envgraph.match.views import Subscription, ViewMatcher
 
-__all__ = ["FREE", "CompiledMatcher", "Free", "Matcher", "NaiveMatcher", "Row"]
+__all__ = [
+    "FREE",
+    "CompiledMatcher",
+    "Free",
+    "Matcher",
+    "NaiveMatcher",
+    "Row",
+    "Subscription",
+    "ViewMatcher",
+]

@@ -72,6 +72,8 @@ class Search:
         explore: whether several first loops are tried.
     """
 
+    options: type[Options] = Options
+
     def __init__(
         self,
         views: Views,
@@ -86,7 +88,7 @@ class Search:
         self._wanted = wanted
         self._explore = explore
         self._plans_left = 0
-        self._options = Options(views, conjunction, self._plan_inside)
+        self._options = self.options(views, conjunction, self._plan_inside)
         self._variables: dict[int, tuple[int, ...]] = {}
         self._mentions: dict[int, list[int]] = {}
 
@@ -147,7 +149,7 @@ class Search:
         return found
 
     def _plan_inside(self, goals: Sequence[Goal], bound: frozenset[int], wanted: frozenset[int]) -> Plan:
-        return Search(self._views, self._conjunction, bound, wanted).plan(goals)
+        return type(self)(self._views, self._conjunction, bound, wanted).plan(goals)
 
     def _enter(self, draft: Draft, loop: Option) -> None:
         """Execute a loop, and drop the goals that it meets."""
@@ -204,7 +206,7 @@ class Search:
             groups.pop()  # the last one is what is left to solve
         for group in groups:
             known = frozenset(self._names(group) & draft.bound)
-            plan = Search(self._views, self._conjunction, known, frozenset(), explore=False).plan(group)
+            plan = type(self)(self._views, self._conjunction, known, frozenset(), explore=False).plan(group)
             draft.add(Option(Kind.EXISTS, group[0], (), plan.cost / 2 + ACCESS, min(0.5, plan.rows), (plan,)))
             self._drop(draft, group)
         return bool(groups)

@@ -50,7 +50,9 @@ class Planner:
 
     def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
         bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)
-        distinct = not any(body.repeats for body in bodies) and _disjoint(key, conjunctions)
+        distinct = not any(body.repeats for body in bodies) and disjoint(
+            (*key.outputs, *key.bound), conjunctions
+        )
         rows = fsum(body.plan.rows for body in bodies)
         return ViewPlan(key, bodies, distinct, rows, fsum(body.plan.cost for body in bodies))
 
@@ -67,40 +69,42 @@ class Planner:
     def _repeats(self, conjunction: Conjunction, plan: Plan, known: frozenset[int]) -> bool:
         """Whether the loops of a plan bind a variable that the known ones do not determine."""
         looped = {number for step in plan.steps if step.kind is Kind.LOOP for number in step.binds}
-        return not looped <= self._determined(conjunction.goals, known)
-
-    def _determined(self, goals: Sequence[Goal], known: Iterable[int]) -> set[int]:
-        found = set(known)
-        size = -1
-        while size != len(found):
-            size = len(found)
-            for goal in goals:
-                match goal:
-                    case LinkAtom(reference, source, target):
-                        if source in found and not reference.many:
-                            found.add(target)
-                        if target in found and self.sizes.single_source(reference):
-                            found.add(source)
-                    case AttributeAtom(_, owner, value):
-                        if owner in found:
-                            found.add(value)
-                    case Valuation() | AggregateAtom():
-                        if found.issuperset(inputs(goal)):
-                            found.add(goal.result)
-                    case _:
-                        pass
-        return found
+        return not looped <= determined(conjunction.goals, known, self.sizes)
 
 
-def _disjoint(key: ViewKey, bodies: Sequence[Conjunction]) -> bool:
-    """Whether no two bodies can give the same wanted values: some output differs by a constant."""
+def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set[int]:
+    """The variables that have one value at most once the known ones have theirs."""
+    found = set(known)
+    size = -1
+    while size != len(found):
+        size = len(found)
+        for goal in goals:
+            match goal:
+                case LinkAtom(reference, source, target):
+                    if source in found and not reference.many:
+                        found.add(target)
+                    if target in found and sizes.single_source(reference):
+                        found.add(source)
+                case AttributeAtom(_, owner, value):
+                    if owner in found:
+                        found.add(value)
+                case Valuation() | AggregateAtom():
+                    if found.issuperset(inputs(goal)):
+                        found.add(goal.result)
+                case _:
+                    pass
+    return found
+
+
+def disjoint(positions: Sequence[int], bodies: Sequence[Conjunction]) -> bool:
+    """Whether no two bodies can give the same values at some positions: one differs by a constant."""
     fixed = [dict(body.constants) for body in bodies]
     return all(
         any(
             body.parameters[p] in fixed[i]
             and other.parameters[p] in fixed[j]
             and fixed[i][body.parameters[p]] != fixed[j][other.parameters[p]]
-            for p in (*key.outputs, *key.bound)
+            for p in positions
         )
         for i, body in enumerate(bodies)
         for j, other in enumerate(bodies[:i])

@@ -116,6 +116,15 @@ class Builtin:
     name: str
 
 
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Something that a view holds: `what` it is, of the view with this name, at these positions of its rows."""
+
+    what: str
+    name: str
+    positions: tuple[int, ...] = ()
+
+
 Symbol = (
     Classes
     | ClassTable
@@ -128,6 +137,7 @@ Symbol = (
     | Recursive
     | Closed
     | Builtin
+    | Held
 )
 
 

@@ -12,6 +12,7 @@ from envgraph.match._symbols import (
     ClassTable,
     Closed,
     Forward,
+    Held,
     Literal,
     Members,
     Recursive,
@@ -72,6 +73,8 @@ class Module:
                 return self.fresh("f")
             case Closed():
                 return self.fresh("r")
+            case Held(what):
+                return self.fresh(f"{what}_")
 
     def fresh(self, prefix: str) -> str:
         """A name with a number that nothing else has."""

@@ -17,7 +17,7 @@ from envgraph.errors import (
     has_errors,
 )
 from envgraph.graph import Model, Node, Savepoint, Version
-from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.match import FREE, Matcher, NaiveMatcher, Subscription, ViewMatcher
 from envgraph.metamodel import Value, accepts, type_name
 from envgraph.pattern import Derivation, Library, ObjectType, Pattern, Rule, Unit
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
@@ -53,7 +53,7 @@ class Engine:
     Args:
         model: the model; it may also be changed directly.
         seed: of `rng`.
-        matcher: "compiled", or "naive": slow, and sure.
+        matcher: "compiled", which can watch patterns, or "naive": slow, and sure.
 
     Attributes:
         model: the model.
@@ -69,9 +69,7 @@ class Engine:
         self.library = Library(model.metamodel)
         if matcher not in ("compiled", "naive"):
             raise InvalidArgument(f'matcher is "compiled" or "naive", not {matcher!r}')
-        self.matcher: Matcher = (CompiledMatcher if matcher == "compiled" else NaiveMatcher)(
-            model, self.library
-        )
+        self.matcher: Matcher = (ViewMatcher if matcher == "compiled" else NaiveMatcher)(model, self.library)
         self.step_limit = STEP_LIMIT
         self.seed = seed
         self._rng: numpy.random.Generator | None = None
@@ -134,6 +132,8 @@ class Engine:
             builder = UnitBuilder(checked, self._rules, self._units, self.group, self.model, self.matcher)
             name = checked.unit.qualified_name
             self._units[name] = builder.build(self._directory.signatures[name])
+        if isinstance(self.matcher, ViewMatcher):
+            self.matcher.watch_later(*_incremental(definitions))
 
     def _forget(self) -> None:
         """Names may mean something else now."""
@@ -297,9 +297,92 @@ class Engine:
             InvalidArgument: an unknown name or variable, or a matcher that has no plans.
         """
         shape, pattern = self._asked(name)
-        if not isinstance(self.matcher, CompiledMatcher):
+        if not isinstance(self.matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher tries everything, and has no plans")
         return self.matcher.explain(pattern, tuple(sorted(shape.position(variable) for variable in bound)))
+
+    # --- views
+
+    @property
+    def watched(self) -> tuple[str, ...]:
+        """Qualified names of the patterns that are kept current."""
+        return self._views.watched if isinstance(self.matcher, ViewMatcher) else ()
+
+    @property
+    def _views(self) -> ViewMatcher:
+        if not isinstance(self.matcher, ViewMatcher):
+            raise InvalidArgument("the naive matcher keeps nothing current: it cannot watch")
+        return self.matcher
+
+    def watch(self, *names: str) -> None:
+        """Keep the matches of patterns, and of the left sides of rules, current from now on.
+
+        Asking for them then costs nothing but reading, and every change of the model costs what it changes in them.
+        Watch before the first commit, and all together: each call makes the functions of all views anew.
+
+        Raises:
+            InvalidArgument: an unknown name, a `search` pattern, or one that needs values for parameters.
+            TransactionError: inside a transaction, or while somebody holds a version.
+        """
+        self._views.watch(*(self._asked(name)[1] for name in names))
+
+    def unwatch(self, *names: str) -> None:
+        """Look for the matches of these patterns when they are asked for again.
+
+        Raises:
+            InvalidArgument: an unknown name, or somebody listens to it.
+        """
+        self._views.unwatch(*(self._asked(name)[1] for name in names))
+
+    def listen(
+        self,
+        name: str,
+        changed: Callable[[list[Match], list[Match]], object],
+        restored: Callable[[list[Match], list[Match]], object] | None = None,
+    ) -> Subscription:
+        """Be told the net changes of the matches of a pattern, which is watched from now on.
+
+        They are told at the end of the outermost transaction (`apply` and `run` are transactions), at a commit, and by
+        `settle`; changes that were rolled back are never told.
+
+        Args:
+            name: of the pattern or rule.
+            changed: called with the matches that have appeared, and those that have disappeared, since it was last
+                called.
+            restored: called instead with what a checkout has changed; `changed`, if None.
+
+        Returns:
+            For `unlisten`.
+
+        Raises:
+            InvalidArgument, TransactionError: as `watch`.
+        """
+        shape, pattern = self._asked(name)
+
+        def matches(rows: list[Row]) -> list[Match]:
+            return [Match(self.model, shape, row) for row in rows]
+
+        def told(
+            call: Callable[[list[Match], list[Match]], object],
+        ) -> Callable[[list[Row], list[Row]], object]:
+            return lambda appeared, disappeared: call(matches(appeared), matches(disappeared))
+
+        return self._views.listen(pattern, told(changed), restored and told(restored))
+
+    def unlisten(self, subscription: Subscription) -> None:
+        """Take back a `listen`."""
+        self._views.unlisten(subscription)
+
+    def settle(self) -> None:
+        """Tell listeners now what has changed since they were last told."""
+        if isinstance(self.matcher, ViewMatcher):
+            self.matcher.deliver()
+
+    def check_integrity(self) -> None:
+        """Assert that model and views hold what a computation from scratch finds; for tests."""
+        self.model.check_integrity()
+        if isinstance(self.matcher, ViewMatcher):
+            self.matcher.check_integrity()
 
     def _question(self, name: str, bound: Mapping[str, object]) -> tuple[Shape, str, tuple[object, ...]]:
         shape, pattern = self._asked(name)
@@ -576,6 +659,15 @@ class Engine:
                 to be discarded.
         """
         self.model.checkout(version, discard=discard)
+
+
+def _incremental(definitions: Iterable[Definition]) -> list[str]:
+    """The patterns that ask to be kept current."""
+    return [
+        each.qualified_name
+        for each in definitions
+        if isinstance(each, Pattern) and each.strategy == "incremental"
+    ]
 
 
 class _Choice:

@@ -1,0 +1,143 @@
+"""From lowered patterns to the conjunctions that views are made of.
+
+A body becomes a conjunction over relations that have one visible state each: facts of the model, and views. What is
+negated is a single relation, what is aggregated is a relation of its own, and what only has to exist is told apart
+from what is counted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+from envgraph.graph import Store
+from envgraph.match._plan import Absence, Conjunction, Goal, arguments, inputs, variables
+from envgraph.match._simplify import Simplifier
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    ClosureAtom,
+    InstanceAtom,
+    LinkAtom,
+    RelationAtom,
+)
+
+MOST_LOCAL: Final = 2
+"""Local variables of a called body that may be inlined: each can multiply the derivations of a match."""
+
+Relation = InstanceAtom | AttributeAtom | LinkAtom | CallAtom | ClosureAtom
+
+
+class ViewSimplifier(Simplifier):
+    """Inlines what keeps derivations few, and into a negation only what is a single relation."""
+
+    def _inlinable(self, pattern: str) -> tuple[Conjunction, ...] | None:
+        bodies = super()._inlinable(pattern)
+        if bodies is None or any(len(set(body.types)) and _locals(body) > MOST_LOCAL for body in bodies):
+            return None
+        return bodies
+
+    def _alternatives(self, relation: RelationAtom, draft: object) -> tuple[tuple[Goal, ...], ...]:
+        if isinstance(relation, CallAtom):
+            bodies = self._inlinable(relation.pattern)
+            if bodies is not None and all(_single(body) for body in bodies):
+                return super()._alternatives(relation, draft)  # type: ignore[arg-type]
+        return ((relation,),)
+
+    def _inside(self, alternative: tuple[Goal, ...], outside: object) -> tuple[Goal, ...]:
+        return alternative  # a relation whose meaning follows from elsewhere is still a relation
+
+
+def _locals(body: Conjunction) -> int:
+    fixed = {number for number, _ in body.constants}
+    used = {number for goal in body.goals for number in variables(goal)}
+    return len(used - fixed - set(body.parameters))
+
+
+def _single(body: Conjunction) -> bool:
+    return len(body.goals) == 1 and isinstance(body.goals[0], Relation)
+
+
+def canonical(goal: Goal, store: Store) -> Goal:
+    """The goal over facts as the store tells them: the two references of an opposite pair are one relation."""
+    match goal:
+        case LinkAtom(reference, source, target):
+            relation = store.relations[reference.index]
+            return LinkAtom(relation.fact, target, source) if relation.flipped else goal
+        case Absence(alternatives):
+            return replace(
+                goal, alternatives=tuple(tuple(canonical(g, store) for g in each) for each in alternatives)
+            )
+        case AggregateAtom(_, relation):
+            inner = canonical(relation, store)
+            assert isinstance(inner, Relation)
+            return replace(goal, relation=inner)
+        case _:
+            return goal
+
+
+def split_negations(goals: Iterable[Goal]) -> Iterator[Goal]:
+    """A negation of several relations is one of each."""
+    for goal in goals:
+        if isinstance(goal, Absence):
+            for (relation,) in goal.alternatives:
+                assert isinstance(relation, Relation)
+                called = set(arguments(relation))
+                yield Absence(((relation,),), tuple(v for v in goal.outer if v in called))
+        else:
+            yield goal
+
+
+def negated(goal: Absence) -> Relation:
+    """The one relation of a negation."""
+    ((relation,),) = goal.alternatives
+    assert isinstance(relation, Relation)
+    return relation
+
+
+def free_inside(goal: Absence | AggregateAtom) -> tuple[int, ...]:
+    """The variables of the relation inside that have a value in there only."""
+    outer = set(inputs(goal))
+    relation = negated(goal) if isinstance(goal, Absence) else goal.relation
+    return tuple(v for v in arguments(relation) if v not in outer)
+
+
+def existential(conjunction: Conjunction) -> frozenset[int]:
+    """Variables at the one end of a single link, or the value of a single attribute, that stand nowhere else.
+
+    Whether such a link is one or many makes no difference to the match: what counts is whether there is any.
+    """
+    uses = Counter(v for goal in conjunction.goals for v in set(variables(goal)))
+    known = {*conjunction.parameters, *(number for number, _ in conjunction.constants)}
+
+    def alone(variable: int) -> bool:
+        return uses[variable] == 1 and variable not in known
+
+    found: set[int] = set()
+    for goal in conjunction.goals:
+        match goal:
+            case LinkAtom(_, source, target) if source != target and alone(source) != alone(target):
+                found.add(source if alone(source) else target)
+            case AttributeAtom(_, owner, value) if alone(value) and not alone(owner):
+                found.add(value)
+            case _:
+                pass
+    return frozenset(found)
+
+
+def component(goals: Sequence[Goal], start: int, fixed: frozenset[int]) -> list[Goal]:
+    """The goals that are linked to a variable through variables without a fixed value."""
+    reached = {start}
+    chosen: dict[int, Goal] = {}
+    size = -1
+    while size != len(chosen):
+        size = len(chosen)
+        for goal in goals:
+            own = set(variables(goal)) - fixed
+            if id(goal) not in chosen and own & reached:
+                chosen[id(goal)] = goal
+                reached |= own
+    return [goal for goal in goals if id(goal) in chosen]

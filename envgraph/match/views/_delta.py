@@ -1,0 +1,411 @@
+"""Source of the functions that build a view and keep it current.
+
+The delta function of an occurrence starts at a changed tuple and finds the derivations that have it there. While it
+runs the tuple is present. All occurrences of its relation in the body are numbered, positive, negated and aggregated
+together: those before this one see the relation as it is, those after it as it would be without the tuple.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from envgraph.match._generate import Translation
+from envgraph.match._plan import Absence, Conjunction, Goal, Kind, Plan, Step, arguments, inputs
+from envgraph.match._sinks import Sink, gathering, row, value
+from envgraph.match._symbols import Backward, Forward, Held, Source, Values
+from envgraph.match._write import Block, Module
+from envgraph.match.views._bodies import Relation, existential, free_inside, negated
+from envgraph.match.views._planning import ViewPlanner
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    ClosureAtom,
+    InstanceAtom,
+    LinkAtom,
+)
+
+
+class Role(Enum):
+    """How a tuple of a relation counts where it occurs."""
+
+    EACH = "each"
+    """Every tuple is a derivation of its own."""
+    SOME = "some"
+    """Only whether there is any."""
+    NONE = "none"
+    """Only whether there is none."""
+    NUMBER = "number"
+    """Their number is the value of a variable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Occurrence:
+    """A place of a body where a relation stands.
+
+    Attributes:
+        goal: its goal, by position in the body.
+        relation: the atom; for a negation or a number the one inside.
+        role: see `Role`.
+        columns: number of the variable at each position of the relation; None for one that has no value outside.
+    """
+
+    goal: int
+    relation: Relation
+    role: Role
+    columns: tuple[int | None, ...]
+
+
+def occurrences(conjunction: Conjunction) -> list[Occurrence]:
+    """All places of a body where a relation stands, in the order of its goals."""
+    loose = existential(conjunction)
+    found: list[Occurrence] = []
+    for number, goal in enumerate(conjunction.goals):
+        match goal:
+            case Absence():
+                relation = negated(goal)
+                local = set(free_inside(goal))
+                columns = tuple(None if v in local else v for v in arguments(relation))
+                found.append(Occurrence(number, relation, Role.NONE, columns))
+            case AggregateAtom(_, LinkAtom() as relation):
+                local = set(free_inside(goal))
+                columns = tuple(None if v in local else v for v in arguments(relation))
+                found.append(Occurrence(number, relation, Role.NUMBER, columns))
+            case AggregateAtom():
+                # A value that a view holds for each group: the columns are the group and the value.
+                folded = CallAtom(fold_of(goal), (*group_of(goal), goal.result))
+                found.append(Occurrence(number, folded, Role.EACH, folded.arguments))
+            case InstanceAtom() | AttributeAtom() | LinkAtom() | CallAtom() | ClosureAtom():
+                columns = tuple(None if v in loose else v for v in arguments(goal))
+                role = Role.SOME if None in columns else Role.EACH
+                found.append(Occurrence(number, goal, role, columns))
+            case _:
+                pass
+    return found
+
+
+def group_of(goal: AggregateAtom) -> tuple[int, ...]:
+    """The variables whose values tell the groups of an aggregate apart."""
+    return tuple(dict.fromkeys(inputs(goal)))
+
+
+def fold_of(goal: AggregateAtom) -> str:
+    """Name of the view that holds the values of an aggregate over a view."""
+    assert isinstance(goal.relation, CallAtom)
+    return goal.relation.pattern
+
+
+@dataclass(frozen=True, slots=True)
+class Delta:
+    """What one function does: find the derivations with a tuple at an occurrence.
+
+    Attributes:
+        name, body: of the view, and the number of its body.
+        conjunction: the body.
+        occurrence: where the tuple stands.
+        later: the occurrences after it that must not see the tuple.
+        symmetric: the tuple is a link that counts in both directions, and comes and goes in both at once.
+    """
+
+    name: str
+    body: int
+    conjunction: Conjunction
+    occurrence: Occurrence
+    later: tuple[Occurrence, ...]
+    symmetric: bool = False
+
+
+SINKS: Final = {True: "derive", False: "underive"}
+
+
+def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
+    """The source of a delta function, which takes the tuple.
+
+    Args:
+        planner: orders the other goals.
+        delta: what to find.
+        coming: whether the tuple has just come, or is about to go.
+
+    Raises:
+        Unplannable: some variables cannot be enumerated.
+    """
+    conjunction, occurrence = delta.conjunction, delta.occurrence
+    module, block = Module(), Block()
+    names = [f"a{position}" for position in range(len(occurrence.columns))]
+    others = [goal for number, goal in enumerate(conjunction.goals) if number != occurrence.goal]
+    goal = conjunction.goals[occurrence.goal]
+    plus = coming != (occurrence.role is Role.NONE)
+    known = frozenset(v for v in occurrence.columns if v is not None)
+    if occurrence.role is Role.NUMBER:
+        assert isinstance(goal, AggregateAtom)
+        plan = planner.plan(conjunction, others, known | {goal.result})
+        # With the tuple there is one more. A coming tuple ends the smaller number first, a going one the larger.
+        halves = ((1, False), (0, True)) if coming else ((0, False), (1, True))
+        for less, adding in halves:
+            translation = DeltaTranslation(planner, module, block, delta, names)
+            number = translation.number(occurrence, names, less)
+            translation.run(plan, view_sink(module, delta, adding), {goal.result: number})
+    else:
+        plan = planner.plan(conjunction, others, known)
+        translation = DeltaTranslation(planner, module, block, delta, names)
+        alone = translation.alone(occurrence, names)
+        translation.run(plan, view_sink(module, delta, plus), {}, alone)
+    module.function("delta", names, block)
+    return module.source("delta")
+
+
+def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:
+    """The source of a function that lists all derivations of one body.
+
+    Raises:
+        Unplannable: some variables cannot be enumerated.
+    """
+    module, block = Module(), Block()
+    plan = planner.plan(conjunction, conjunction.goals, frozenset())
+    heads = conjunction.parameters
+    sink = gathering(heads, lambda names: row(heads, names), "return out")
+    block.raw(sink.head)
+    delta = Delta(name, body, conjunction, Occurrence(-1, _NOTHING, Role.EACH, ()), ())
+    DeltaTranslation(planner, module, block, delta, []).run(plan, sink, {})
+    block.raw(sink.tail)
+    module.function("build_rows", [], block)
+    return module.source("build_rows")
+
+
+_NOTHING = CallAtom("", ())
+
+
+def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
+    """Adds or removes a derivation of the view."""
+    heads = delta.conjunction.parameters
+    call = module.name(Held(SINKS[adding], delta.name))
+    return Sink(heads, (), lambda names: [f"{call}({row(heads, names)})"], ())
+
+
+class DeltaTranslation(Translation):
+    """Turns the plan of a body into lines, with the relation of a changed tuple seen as each place has to.
+
+    Args:
+        planner: tells about views.
+        module: receives symbols and functions.
+        block: where the lines go.
+        delta: the body, and where the tuple stands.
+        tuple_: source of the tuple's values.
+    """
+
+    def __init__(
+        self, planner: ViewPlanner, module: Module, block: Block, delta: Delta, tuple_: Sequence[str]
+    ) -> None:
+        super().__init__(planner, module, delta.conjunction, block, {})  # type: ignore[arg-type]
+        self._held = planner.held
+        self._delta = delta
+        self._tuple = list(tuple_)
+        goals = delta.conjunction.goals
+        self._later = {id(goals[each.goal]): each for each in delta.later}
+
+    def run(self, plan: Plan, sink: Sink, given: dict[int, str], condition: str = "") -> None:
+        """Write everything.
+
+        Args:
+            plan: the other goals.
+            sink: what is done with a derivation.
+            given: further variables with their source.
+            condition: of the whole.
+        """
+        block = self._block
+        depth, loops = block.depth, block.loops
+        if condition:
+            block.test(condition)
+        named = list(zip(self._delta.occurrence.columns, self._tuple, strict=True))
+        for variable, source in [*named, *given.items()]:
+            if variable is None:
+                continue
+            if self._known(variable):
+                block.test(f"{self._source(variable)} == {source}")
+            elif source.isidentifier():
+                self._names[variable] = source
+            else:
+                block.line(f"v{variable} = {source}")
+                self._names[variable] = f"v{variable}"
+        self._steps(plan.steps, sink)
+        block.flush()
+        block.depth, block.loops = depth, loops
+
+    def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
+        self._block.flush()
+        return super()._inputs(steps, sink)
+
+    def _function(self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False) -> str:
+        """As in `Translation`; the tuple goes along."""
+        inputs_ = self._inputs(steps, sink)
+        inner = DeltaTranslation(self._planner, self._module, Block(), self._delta, self._tuple)  # type: ignore[arg-type]
+        inner._names = {v: f"v{v}" for v in inputs_}
+        shared = sink.shared if continuation else ()
+        inner._block.raw(() if shared else sink.head)
+        inner._steps(steps, sink)
+        inner._block.raw(() if shared and not sink.relay else sink.tail)
+        name = self._module.fresh(prefix)
+        passed = [*shared, *self._tuple]
+        self._module.function(name, [*passed, *(f"v{v}" for v in inputs_)], inner._block)
+        return f"{name}({', '.join([*passed, *(self._source(v) for v in inputs_)])})"
+
+    # --- the relation without the tuple
+
+    def _here(self, columns: Sequence[int | None]) -> str:
+        """Whether the tuple agrees with what a place asks for; columns without a value agree with everything."""
+        straight = self._agrees(columns, self._tuple)
+        if not self._delta.symmetric:
+            return straight
+        crossed = self._agrees(columns, self._tuple[::-1])
+        return straight if straight == crossed else f"({straight} or {crossed})"
+
+    def _agrees(self, columns: Sequence[int | None], tuple_: Sequence[str]) -> str:
+        tests = []
+        for variable, source in zip(columns, tuple_, strict=True):
+            if variable is not None:
+                own = self._source(variable)
+                if own != source:
+                    tests.append(f"{own} == {source}")
+        return f"({' and '.join(tests)})" if tests else "True"
+
+    def _loop(self, step: Step) -> None:
+        goal = step.goal
+        if isinstance(goal, CallAtom):
+            self._loop_view(goal)
+        else:
+            super()._loop(step)
+        self._exclude(goal)
+
+    def _bind(self, step: Step, inline: bool) -> None:
+        super()._bind(step, inline)
+        self._exclude(step.goal)
+
+    def _exclude(self, goal: Goal) -> None:
+        """The tuple itself is not what this place may find."""
+        place = self._later.get(id(goal))
+        if place is not None and place.role is Role.EACH:
+            here = self._here(place.columns)
+            self._block.test("False" if here == "True" else f"not {here}")
+        elif place is not None and place.role is Role.SOME and isinstance(goal, AttributeAtom):
+            self._block.test(f"not {self._here(place.columns)}")
+
+    def _test(self, step: Step) -> str:
+        goal = step.goal
+        assert step.kind is Kind.TEST
+        place = self._later.get(id(goal))
+        match goal:
+            case Absence():
+                return self._absent(goal, place)
+            case LinkAtom() if not (self._known(goal.source) and self._known(goal.target)):
+                return self._number_of(goal) if place is None else f"{self._number_without(goal, place)} > 0"
+            case CallAtom():
+                found = self._has(goal)
+            case AttributeAtom() if not self._known(goal.value):
+                found = f"{self._value(step)} is not None"
+            case _:
+                found = super()._test(step)
+        if place is None or place.role is Role.NUMBER:
+            return found
+        here = self._here(place.columns)
+        return "False" if here == "True" else f"{found} and not {here}"
+
+    def _number_of(self, goal: LinkAtom) -> str:
+        return self._ends(goal)
+
+    def _number_without(self, goal: LinkAtom, place: Occurrence) -> str:
+        here = self._here(place.columns)
+        return f"len({self._ends(goal)}) - {'1' if here == 'True' else here}"
+
+    def _absent(self, goal: Absence, place: Occurrence | None) -> str:
+        relation = negated(goal)
+        if isinstance(relation, LinkAtom) and free_inside(goal):
+            if place is None:
+                return f"not {self._ends(relation)}"
+            return f"{self._number_without(relation, place)} == 0"
+        found = self._holds(relation)
+        if place is None:
+            return f"not {found}"
+        here = self._here(place.columns)
+        return "True" if here == "True" else f"(not {found} or {here})"
+
+    def _holds(self, relation: Relation) -> str:
+        """Whether a relation has a tuple."""
+        match relation:
+            case InstanceAtom():
+                return f"({self._is_instance(relation)})"
+            case AttributeAtom(attribute, owner, held):
+                column = f"{self._module.name(Values(attribute.index))}[{self._source(owner)}]"
+                if self._known(held):
+                    return f"({column} == {self._source(held)})"
+                return f"({column} is not None)"
+            case LinkAtom():
+                return f"({self._is_linked(relation)})"
+            case CallAtom():
+                return f"({self._has(relation)})"
+            case ClosureAtom():
+                return f"({self._closure(relation)})"
+
+    def alone(self, occurrence: Occurrence, names: Sequence[str]) -> str:
+        """Whether the tuple is the only one of its group; nothing for a group of one."""
+        relation = occurrence.relation
+        if isinstance(relation, LinkAtom) and None in occurrence.columns:
+            return f"len({self._group(occurrence, names)}) == 1"
+        return ""
+
+    def number(self, occurrence: Occurrence, names: Sequence[str], less: int) -> str:
+        """How many tuples the group of the tuple has, with it or without."""
+        size = f"len({self._group(occurrence, names)})"
+        return f"{size} - 1" if less else size
+
+    def _group(self, occurrence: Occurrence, names: Sequence[str]) -> str:
+        relation = occurrence.relation
+        assert isinstance(relation, LinkAtom)
+        if occurrence.columns[0] is not None:
+            return f"{self._module.name(Forward(relation.reference.index))}[{names[0]}]"
+        return f"{self._module.name(Backward(relation.reference.index))}[{names[1]}]"
+
+    # --- views
+
+    def _has(self, goal: CallAtom) -> str:
+        """Whether a view has a row, all of which is known."""
+        rows = self._module.name(Held("position", goal.pattern))
+        return f"{row(goal.arguments, self._source)} in {rows}"
+
+    def _loop_view(self, goal: CallAtom) -> None:
+        given = tuple(p for p, v in enumerate(goal.arguments) if self._known(v))
+        if given:
+            table = self._module.name(Held("group", goal.pattern, given))
+            key = value([goal.arguments[p] for p in given], self._source)
+            iterable = f"{table}({key}, ())"
+        else:
+            iterable = self._module.name(Held("rows", goal.pattern))
+        columns = [None if p in given else v for p, v in enumerate(goal.arguments)]
+        self._each(columns, iterable, tuples=True)
+
+    def _value(self, step: Step) -> str:
+        goal = step.goal
+        if not isinstance(goal, AggregateAtom):
+            return super()._value(step)
+        if isinstance(goal.relation, LinkAtom):
+            place = self._later.get(id(goal))
+            if place is None:
+                return f"len({self._ends(goal.relation)})"
+            return f"({self._number_without(goal.relation, place)})"
+        table = self._module.name(Held("fold", fold_of(goal)))
+        return f"{table}({row(group_of(goal), self._source)})"
+
+    # --- closures
+
+    def _closure(self, goal: ClosureAtom) -> str:
+        forward, _, _ = self._held.reached(goal.step)
+        table = self._module.name(Held("reach", goal.step))
+        start, other = (goal.source, goal.target) if forward else (goal.target, goal.source)
+        if self._known(start) and self._known(other):
+            return f"{self._source(other)} in {table}({self._source(start)}, ())"
+        if self._known(start):
+            return f"{table}({self._source(start)}, ())"
+        pairs = self._module.name(Held("starts" if self._known(other) else "pairs", goal.step))
+        return f"{pairs}({self._source(other)})" if self._known(other) else f"{pairs}()"

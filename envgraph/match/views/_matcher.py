@@ -1,0 +1,362 @@
+"""The matcher that keeps some patterns current, and looks for the others when it is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from envgraph.errors import InvalidArgument, TransactionError
+from envgraph.graph import Model
+from envgraph.match._compiled import CompiledMatcher
+from envgraph.match._matcher import FREE, Row, check_arguments
+from envgraph.match._symbols import Source
+from envgraph.match.views._network import Network
+from envgraph.match.views._operators import Rows
+from envgraph.match.views._sets import net
+from envgraph.pattern import Library
+
+Change = Callable[[list[Row], list[Row]], object]
+"""Called with the rows that have appeared, and those that have disappeared."""
+
+
+class Subscription:
+    """Somebody who wants to hear of the changes of a pattern; made by `ViewMatcher.listen`."""
+
+    __slots__ = ("changed", "pattern", "restored")
+
+    def __init__(self, pattern: str, changed: Change, restored: Change) -> None:
+        self.pattern = pattern
+        self.changed = changed
+        self.restored = restored
+
+
+class ViewMatcher:
+    """A `Matcher` whose watched patterns are views: kept current with every change of the model.
+
+    A rollback or checkout brings the views back without evaluating a query. The matches of a watched pattern are
+    listed in the order of the view, which is a function of the version like every other order.
+
+    Args:
+        model: what is searched.
+        library: the patterns; more may be added later.
+    """
+
+    def __init__(self, model: Model, library: Library) -> None:
+        self.model = model
+        self.library = library
+        self.demand = CompiledMatcher(model, library)
+        self._views: dict[str, Rows] = {}
+        self._network = self._new_network()
+        self._subscriptions: list[Subscription] = []
+        self._wanted: dict[str, None] = {}
+        self._broken: int | None = None
+        self._telling = False
+        self._suspended = False
+
+    def _new_network(self) -> Network:
+        return Network(self.model.store, self.library, self.demand.calls, self._build, self._evaluation)
+
+    # --- watching
+
+    @property
+    def watched(self) -> tuple[str, ...]:
+        """The patterns that are kept current, in the order in which they were asked for."""
+        if self._wanted:
+            self._watch_wanted()
+        return tuple(self._views)
+
+    def watch(self, *patterns: str) -> None:
+        """Keep patterns current from now on.
+
+        Raises:
+            InvalidArgument: an unknown pattern, a `search` pattern, or one that needs values for parameters.
+            TransactionError: there is a state to go back to (a savepoint is open, or a version is held), in which the
+                pattern was not watched.
+        """
+        new = [pattern for pattern in dict.fromkeys(patterns) if pattern not in self._views]
+        for pattern in new:
+            self._check_watchable(pattern)
+        if not new:
+            return
+        if not self.model.idle:
+            raise TransactionError(
+                f"cannot begin to watch `{new[0]}` inside a transaction or while a version is held: "
+                "watch before the first commit"
+            )
+        self.settle()
+        self._rebuild((*self._views, *new))
+
+    def watch_later(self, *patterns: str) -> None:
+        """Watch patterns when something is next asked and there is no state to go back to.
+
+        For patterns that say so themselves: those that nothing enumerates are passed over.
+        """
+        self._wanted.update((name, None) for name in patterns if not self.library.inputs(name))
+
+    def _watch_wanted(self) -> None:
+        if self.model.idle:
+            wanted, self._wanted = self._wanted, {}
+            self.watch(*wanted)
+
+    def unwatch(self, *patterns: str) -> None:
+        """Keep patterns current no longer; those that are not watched are passed over.
+
+        Raises:
+            InvalidArgument: somebody listens to the pattern.
+        """
+        for pattern in patterns:
+            if any(subscription.pattern == pattern for subscription in self._subscriptions):
+                raise InvalidArgument(f"somebody listens to `{pattern}`")
+        for pattern in patterns:
+            self._views.pop(pattern, None)
+        if not self._views:
+            self._network.unhang()
+            self.model.store.followers[:] = [f for f in self.model.store.followers if f is not self]
+            self._network = self._new_network()
+
+    def _check_watchable(self, pattern: str) -> None:
+        if self.library.get(pattern).strategy == "search":
+            raise InvalidArgument(f"`{pattern}` is a `search` pattern: it is never watched")
+        inputs = self.library.inputs(pattern)
+        if inputs:
+            name = self.library.get(pattern).parameters[inputs[0]].name
+            raise InvalidArgument(f"`{pattern}` cannot be watched: nothing enumerates its parameter `{name}`")
+
+    def _rebuild(self, patterns: Iterable[str]) -> None:
+        """Make a network for these patterns; sizes are measured as they are now."""
+        store = self.model.store
+        old = self._network
+        network = self._network = self._new_network()
+        try:
+            views = {pattern: network.view(pattern) for pattern in patterns}
+            old.unhang()
+            network.connect()
+        except BaseException:
+            self._network = old
+            old.unhang()
+            if self._views:
+                old.connect()
+            raise
+        for pattern, view in self._views.items():
+            views[pattern].rows.log = view.rows.log
+        self._views = views
+        if not any(follower is self for follower in store.followers):
+            store.followers.append(self)
+
+    def _build(self, source: Source) -> Any:
+        network = self._network
+        return self.demand.build(source, network.held)
+
+    def _evaluation(self, pattern: str) -> Callable[[], Sequence[Row]]:
+        return self.demand.prepare(pattern, ())
+
+    # --- Follower
+
+    def settle(self) -> None:
+        """Bring all views up to date."""
+        if self._broken is not None or self._suspended:
+            return
+        try:
+            self._network.settle()
+        except BaseException:
+            self._broken = self.model.depth
+            raise
+
+    def rolled_back(self) -> None:
+        """Views are as they were: the journal has brought them back."""
+        if self._broken is not None and self._broken > self.model.depth:
+            self._broken = None
+        self._network.forget()
+
+    def released(self) -> None:
+        """The outermost transaction has ended: tell what has changed."""
+        if self._subscriptions:
+            self.deliver()
+
+    def checked_out(self) -> None:
+        """Another version: tell what differs."""
+        self._broken = None
+        self._network.forget()
+        if self._subscriptions:
+            self._tell(restored=True)
+
+    def suspend(self) -> None:
+        """A load begins: until it ends, patterns are searched for."""
+        self._suspended = True
+        self._network.unhang()
+
+    def loaded(self) -> None:
+        """A load has ended."""
+        self._suspended = False
+        self._broken = None
+        if self._views:
+            self._rebuild_in_place()
+
+    def _rebuild_in_place(self) -> None:
+        logs = {pattern: view.rows.log for pattern, view in self._views.items()}
+        before = {
+            pattern: list(view.rows) for pattern, view in self._views.items() if logs[pattern] is not None
+        }
+        for view in self._views.values():
+            view.rows.log = None
+        self._rebuild(self._views)
+        for pattern, log in logs.items():
+            rows = self._views[pattern].rows
+            rows.log = log
+            if log is not None:
+                for row in before[pattern]:
+                    log.extend((row, False))
+                for row in rows:
+                    log.extend((row, True))
+
+    # --- listening
+
+    def listen(self, pattern: str, changed: Change, restored: Change | None = None) -> Subscription:
+        """Hear of the net changes of a pattern, which is watched from now on.
+
+        Changes are told at the end of the outermost transaction, at a commit, and by `deliver`. What was rolled back is never
+        told. The rows that have appeared are in the order of the view, those that have disappeared in ascending order.
+
+        Args:
+            pattern: qualified name.
+            changed: called with the rows that have appeared and those that have disappeared since it was last called.
+            restored: called instead after a checkout or a load; `changed` if None.
+
+        Raises:
+            InvalidArgument, TransactionError: as `watch`.
+        """
+        self.watch(pattern)
+        subscription = Subscription(pattern, changed, restored or changed)
+        rows = self._views[pattern].rows
+        if rows.log is None:
+            rows.log = []
+        elif rows.log:
+            self.deliver()
+        self._subscriptions.append(subscription)
+        return subscription
+
+    def unlisten(self, subscription: Subscription) -> None:
+        """Stop telling somebody; once is enough."""
+        self._subscriptions = [each for each in self._subscriptions if each is not subscription]
+        if not any(each.pattern == subscription.pattern for each in self._subscriptions):
+            view = self._views.get(subscription.pattern)
+            if view is not None:
+                view.rows.log = None
+
+    def deliver(self) -> None:
+        """Bring the views up to date and tell the listeners what has changed since they were last told."""
+        self.settle()
+        self._tell(restored=False)
+
+    def _tell(self, restored: bool) -> None:
+        """Tell, until listeners have nothing more to hear; those that change the model are told in turn."""
+        if self._telling:
+            return
+        self._telling = True
+        try:
+            while True:
+                changes = self._net_changes()
+                if not changes:
+                    return
+                for subscription in tuple(self._subscriptions):
+                    if subscription.pattern in changes:
+                        call = subscription.restored if restored else subscription.changed
+                        call(*changes[subscription.pattern])
+                self.settle()
+                restored = False
+        finally:
+            self._telling = False
+
+    def _net_changes(self) -> dict[str, tuple[list[Row], list[Row]]]:
+        changes: dict[str, tuple[list[Row], list[Row]]] = {}
+        for pattern in dict.fromkeys(each.pattern for each in self._subscriptions):
+            rows = self._views[pattern].rows
+            if rows.log:
+                appeared, disappeared = net(rows.log)
+                rows.log.clear()
+                if appeared or disappeared:
+                    changes[pattern] = (sorted(appeared, key=rows.position.__getitem__), sorted(disappeared))
+        return changes
+
+    # --- Matcher
+
+    def _current(self, pattern: str) -> Rows | None:
+        """The view of a pattern, up to date; None if it is not watched."""
+        if self._wanted:
+            self._watch_wanted()
+        view = self._views.get(pattern)
+        if view is None or self._suspended:
+            return None
+        self.settle()
+        return None if self._broken is not None else view
+
+    def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
+        """All matches that agree with the arguments."""
+        view = self._current(pattern)
+        if view is None:
+            return self.demand.rows(pattern, arguments)
+        if arguments.count(FREE) == len(arguments):
+            self._check_number(pattern, arguments)
+            return view.rows[:]
+        found = self.demand.rows(pattern, arguments)
+        return found
+
+    def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
+        """The first of `rows`, or None."""
+        view = self._current(pattern)
+        if view is None or arguments.count(FREE) < len(arguments):
+            return self.demand.first(pattern, arguments)
+        self._check_number(pattern, arguments)
+        return view.rows[0] if view.rows else None
+
+    def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
+        """Whether there is a match that agrees with the arguments."""
+        view = self._current(pattern)
+        if view is None:
+            return self.demand.exists(pattern, arguments)
+        free = arguments.count(FREE)
+        if free == len(arguments):
+            self._check_number(pattern, arguments)
+            return bool(view.rows)
+        if free:
+            return self.demand.exists(pattern, arguments)
+        row = check_arguments(
+            self.model, self.library, pattern, self.library.parameter_types(pattern), arguments
+        )
+        return row is not None and row in view.rows.position
+
+    def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
+        """The number of `rows`."""
+        view = self._current(pattern)
+        if view is None or arguments.count(FREE) < len(arguments):
+            return self.demand.count(pattern, arguments)
+        self._check_number(pattern, arguments)
+        return len(view.rows)
+
+    def _check_number(self, pattern: str, arguments: tuple[object, ...]) -> None:
+        size = len(self.library.parameter_types(pattern))
+        if len(arguments) != size:
+            raise InvalidArgument(f"pattern `{pattern}` has {size} parameters, not {len(arguments)}")
+
+    def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
+        """`rows` for one set of bound positions; arguments are not checked, see `Matcher.prepare`."""
+        search = self.demand.prepare(pattern, bound)
+        if bound:
+            return search
+
+        def rows() -> list[Row]:
+            view = self._current(pattern)
+            return search() if view is None else view.rows[:]
+
+        return rows
+
+    def explain(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
+        """How matches are found, see `CompiledMatcher.explain`."""
+        return self.demand.explain(pattern, bound)
+
+    def check_integrity(self) -> None:
+        """Assert that every view holds what a new computation finds; for tests."""
+        self.settle()
+        self._network.check()
+        for pattern, view in self._views.items():
+            view.check(self.demand.rows(pattern, (FREE,) * len(self.library.parameter_types(pattern))))

@@ -1,0 +1,607 @@
+"""The network of views: which operators there are, in which order they take their turn, and who hears of what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+from envgraph.graph import Store
+from envgraph.match._calls import CallGraph
+from envgraph.match._options import Unplannable
+from envgraph.match._plan import Absence, Conjunction, Goal, arguments, variables
+from envgraph.match._planner import determined, disjoint
+from envgraph.match._symbols import Held, Source
+from envgraph.match.views._bodies import (
+    Relation,
+    ViewSimplifier,
+    canonical,
+    component,
+    existential,
+    free_inside,
+    negated,
+    split_negations,
+)
+from envgraph.match.views._delta import Delta, Occurrence, build_source, delta_source, occurrences
+from envgraph.match.views._operators import Evaluated, Fold, Hook, Operator, Rows, View
+from envgraph.match.views._planning import LiveSizes, ViewPlanner
+from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
+    InstanceAtom,
+    Library,
+    LinkAtom,
+    ObjectType,
+)
+
+Build = Callable[[Source], Any]
+"""Makes a function of generated source; symbols that a view holds are asked from the network."""
+
+
+class NotIncremental(Exception):
+    """There is no delta for a body."""
+
+
+@dataclass(slots=True)
+class Definition:
+    """How a view is made: the bodies over the relations of the network."""
+
+    view: View
+    bodies: tuple[Conjunction, ...]
+
+
+Entered = TypeVar("Entered", bound=Operator)
+Consumer = tuple[Hook, Hook]
+"""What is called with a tuple that has come, and with one that is about to go."""
+Key = tuple[str, int | str]
+"""A relation: a value or a link by its index, an operator by its name."""
+
+
+class Network:
+    """Operators in an order in which each stands after those that it is made of.
+
+    Args:
+        store: what the views are about.
+        library: the patterns.
+        calls: which of them are recursive.
+        build: see `Build`.
+        evaluate: all rows of a pattern, on demand.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        library: Library,
+        calls: CallGraph,
+        build: Callable[[Source], Any],
+        evaluate: Callable[[str], Callable[[], Sequence[Any]]],
+    ) -> None:
+        self.store = store
+        self.library = library
+        self.calls = calls
+        self.operators: dict[str, Operator] = {}
+        self.definitions: dict[str, Definition] = {}
+        self.edges: dict[str, tuple[Key, bool]] = {}
+        self._build = build
+        self._evaluate = evaluate
+        self._simplifier = ViewSimplifier(library, calls)
+        self._planner = ViewPlanner(library, calls, LiveSizes(library, store), self)
+        self._consumers: dict[Key, list[Consumer]] = {}
+        self._classes: list[tuple[View, int, Conjunction, tuple[Occurrence, ...]]] = []
+        self._retypings: dict[tuple[int, int], tuple[Hook | None, Hook | None]] = {}
+        self._membership: dict[tuple[str, int, frozenset[int]], Consumer] = {}
+        self._turns: list[Operator] = []
+
+    # --- Held: what plans ask
+
+    def rows(self, view: str) -> float:
+        """Matches of a view."""
+        return max(self.operators[view].size(), 0.5)
+
+    def matching(self, view: str, positions: tuple[int, ...]) -> float:
+        """Matches of a view that agree with values at these positions, on average."""
+        operator = self.operators[view]
+        assert isinstance(operator, Rows)
+        keys = len({tuple([row[p] for p in positions]) for row in operator.rows[:512]})
+        sample = min(len(operator.rows), 512)
+        return max(sample / keys, 0.5) if keys else 0.5
+
+    def reached(self, closure: str) -> tuple[bool, float, float]:
+        """Whether it is followed from the source, how many starts it has, and what each reaches."""
+        operator = self.operators[closure]
+        assert isinstance(operator, Reach)
+        starts = max(len(operator.begun), 1)
+        return operator.forward, float(starts), max(operator.size() / starts, 1.0)
+
+    # --- growing
+
+    def view(self, pattern: str) -> Rows:
+        """The operator that holds the matches of a pattern."""
+        known = self.operators.get(pattern)
+        if known is not None:
+            assert isinstance(known, Rows)
+            return known
+        before = len(self.operators)
+        try:
+            if self.calls.recursive(pattern) or self.library.inputs(pattern):
+                raise NotIncremental
+            return self._define(pattern, self._simplifier.conjunctions(pattern))
+        except NotIncremental:
+            for name in list(self.operators)[before:]:
+                del self.operators[name]
+                self.definitions.pop(name, None)
+            return self._enter(Evaluated(pattern, self.store, self._evaluate(pattern)))
+
+    def _enter(self, operator: Entered) -> Entered:
+        self.operators[operator.name] = operator
+        operator.fill()
+        return operator
+
+    def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:
+        """A view of some bodies."""
+        prepared: list[Conjunction] = []
+        for number, body in enumerate(bodies):
+            goals = split_negations(canonical(goal, self.store) for goal in body.goals)
+            body = replace(body, goals=tuple(goals))
+            prepared.append(replace(body, goals=tuple(self._goals(body, f"{name}/{number}"))))
+        view = View(name, self.store, counted=self._repeats(prepared))
+        try:
+            lists = [
+                self._build(build_source(self._planner, name, number, body))
+                for number, body in enumerate(prepared)
+            ]
+        except Unplannable:
+            raise NotIncremental from None
+        view.list_derivations = _together(lists)
+        self.definitions[name] = Definition(view, tuple(prepared))
+        return self._enter(view)
+
+    def _repeats(self, bodies: Sequence[Conjunction]) -> bool:
+        """Whether a row may have several derivations."""
+        for body in bodies:
+            known = {*body.parameters, *(number for number, _ in body.constants)}
+            counted = {v for goal in body.goals for v in variables(goal)} - existential(body)
+            if not counted <= determined(body.goals, known, self._planner.sizes):
+                return True
+        return not disjoint(tuple(range(len(bodies[0].parameters))) if bodies else (), bodies)
+
+    def _goals(self, body: Conjunction, name: str) -> list[Goal]:
+        """The goals over relations of the network."""
+        found: list[Goal] = []
+        for number, goal in enumerate(body.goals):
+            place = f"{name}/{number}"
+            match goal:
+                case CallAtom(pattern):
+                    self._usable(pattern)
+                    found.append(goal)
+                case ClosureAtom():
+                    found.append(self._closure(body, goal, place))
+                case Absence():
+                    found.append(self._absence(body, goal, place))
+                case AggregateAtom():
+                    found.append(self._aggregate(body, goal, place))
+                case _:
+                    found.append(goal)
+        return found
+
+    def _usable(self, pattern: str) -> Rows:
+        if self.library.inputs(pattern):
+            raise NotIncremental
+        return self.view(pattern)
+
+    def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
+        relation, local = negated(goal), set(free_inside(goal))
+        if isinstance(relation, ClosureAtom):
+            if local:
+                raise NotIncremental
+            closure = self._closure(body, relation, place)
+            return replace(goal, alternatives=((closure,),))
+        if isinstance(relation, CallAtom):
+            self._usable(relation.pattern)
+        whole = {v for v in arguments(relation) if v not in local}
+        direct = not local if isinstance(relation, InstanceAtom | CallAtom) else bool(whole)
+        if isinstance(relation, AttributeAtom):
+            direct = relation.object not in local
+        if direct:
+            return goal
+        projected = self._projected(body, relation, tuple(goal.outer), place)
+        return replace(goal, alternatives=((CallAtom(projected.name, goal.outer),),))
+
+    def _projected(self, body: Conjunction, relation: Relation, heads: tuple[int, ...], place: str) -> View:
+        """A view of one relation with other columns."""
+        fixed = dict(body.constants)
+        kept = {v for v in arguments(relation) if v in fixed}
+        constants = tuple((number, value) for number, value in body.constants if number in kept)
+        alone = Conjunction(body.types, constants, heads, (relation,))
+        return self._define(place, [alone])
+
+    def _aggregate(self, body: Conjunction, goal: AggregateAtom, place: str) -> Goal:
+        relation = goal.relation
+        local = set(free_inside(goal))
+        called = arguments(relation)
+        if (
+            isinstance(relation, LinkAtom)
+            and goal.function == "count"
+            and len([v for v in called if v in local]) == 1
+        ):
+            return goal
+        if isinstance(relation, ClosureAtom):
+            raise NotIncremental
+        if isinstance(relation, CallAtom):
+            self._usable(relation.pattern)
+        fixed = {number for number, _ in body.constants}
+        if isinstance(relation, CallAtom) and len(set(called)) == len(called) and fixed.isdisjoint(called):
+            source = self.view(relation.pattern)
+            columns = called
+        else:
+            columns = tuple(dict.fromkeys(called))
+            source = self._projected(body, relation, columns, f"{place}/of")
+        group = tuple(dict.fromkeys(v for v in called if v not in local))
+        positions = tuple(columns.index(v) for v in group)
+        column = None if goal.column is None else columns.index(goal.column)
+        fold = Fold(f"{place}/{goal.function}", source, positions, goal.function, column)
+        self._enter(fold)
+        return replace(goal, relation=CallAtom(fold.name, columns))
+
+    # --- closures
+
+    def _closure(self, body: Conjunction, goal: ClosureAtom, place: str) -> ClosureAtom:
+        """A closure from those starts that the rest of the body asks for."""
+        link = self._link_of(goal.step)
+        if link is None:
+            self._usable(goal.step)
+        reflexive = goal.closure is Closure.STAR
+        types = self.library.parameter_types(goal.step)
+        both = not reflexive or types[0] == types[1]
+        options = [self._starts(body, goal, forward, place) for forward in (True, False) if forward or both]
+        asked = [option for option in options if option is not None]
+        if not asked:
+            raise NotIncremental
+        forward, starts = min(asked, key=lambda option: option[1].size())
+        for _, other in asked:
+            if other is not starts:
+                self._discard(other.name)
+        if link is not None:
+            side = self.store.forward if forward == (not link[1]) else self.store.backward
+            steps: Any = LinkSteps(side[link[0]])
+        else:
+            rows = self.operators[goal.step]
+            assert isinstance(rows, Rows)
+            steps = RowSteps(rows, forward)
+        reach = Reach(f"{place}/{goal.closure}", self.store, starts, steps, forward, reflexive)
+        self.edges[reach.name] = (("link", link[0]), link[1]) if link else (("rows", goal.step), False)
+        self._enter(reach)
+        return replace(goal, step=reach.name)
+
+    def _discard(self, name: str) -> None:
+        del self.operators[name]
+        self.definitions.pop(name, None)
+
+    def _link_of(self, step: str) -> tuple[int, bool] | None:
+        """Index of the reference, and whether it is crossed, if a step is one link."""
+        bodies = self._simplifier.conjunctions(step)
+        if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
+            return None
+        goal = canonical(bodies[0].goals[0], self.store)
+        if not isinstance(goal, LinkAtom):
+            return None
+        ends = (goal.source, goal.target)
+        if bodies[0].parameters == ends:
+            return goal.reference.index, False
+        return (goal.reference.index, True) if bodies[0].parameters == ends[::-1] else None
+
+    def _starts(
+        self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
+    ) -> tuple[bool, View] | None:
+        """The view of what the rest of the body allows at one end."""
+        start = goal.source if forward else goal.target
+        fixed = frozenset(number for number, _ in body.constants)
+        others = [g for g in body.goals if isinstance(g, InstanceAtom | AttributeAtom | LinkAtom | CallAtom)]
+        goals: list[Goal] = list(component(others, start, fixed))
+        types = list(body.types)
+        type_ = self.library.parameter_types(goal.step)[0 if forward else 1]
+        if goal.closure is Closure.STAR and isinstance(type_, ObjectType):
+            goals.append(InstanceAtom(type_.cls, start))
+        if not goals and start not in fixed:
+            other = len(types)
+            types.append(self.library.parameter_types(goal.step)[1 if forward else 0])
+            ends = (start, other) if forward else (other, start)
+            goals = [self._step(goal.step, ends)]
+        used = {v for g in goals for v in arguments(g)} | {start}  # type: ignore[arg-type]
+        constants = tuple((number, value) for number, value in body.constants if number in used)
+        for each in goals:
+            if isinstance(each, CallAtom):
+                self._usable(each.pattern)
+        try:
+            name = f"{place}/{'from' if forward else 'to'}"
+            return forward, self._define(name, [Conjunction(tuple(types), constants, (start,), tuple(goals))])
+        except NotIncremental:
+            return None
+
+    def _step(self, step: str, ends: tuple[int, int]) -> Goal:
+        link = self._link_of(step)
+        if link is None:
+            return CallAtom(step, ends)
+        reference = self.library.metamodel.references[link[0]]
+        return LinkAtom(reference, *(ends[::-1] if link[1] else ends))
+
+    # --- who hears of what
+
+    def connect(self) -> None:
+        """Make the functions of all operators, and hang them into the store."""
+        self._consumers.clear()
+        self._classes.clear()
+        self._retypings.clear()
+        self._membership.clear()
+        read = self._read()
+        for operator in self.operators.values():
+            # Only whether there is a consumer matters for how a view takes its derivations.
+            operator.added = operator.removing = _unready if operator.name in read else None
+        for operator in self.operators.values():
+            self._subscribe(operator)
+        for operator in self.operators.values():
+            operator.added, operator.removing = self._fan(("rows", operator.name))
+        self._turns = [
+            operator
+            for operator in self.operators.values()
+            if not isinstance(operator, View) or operator.added is not None or operator.removing is not None
+        ]
+        self._hang()
+
+    def _read(self) -> set[str]:
+        """Names of operators that have consumers."""
+        found: set[str] = set()
+        for definition in self.definitions.values():
+            for body in definition.bodies:
+                for place in occurrences(body):
+                    if isinstance(place.relation, CallAtom):
+                        found.add(place.relation.pattern)
+                    if isinstance(place.relation, ClosureAtom):
+                        found.add(place.relation.step)
+        for operator in self.operators.values():
+            if isinstance(operator, Fold):
+                found.add(operator.source.name)
+            if isinstance(operator, Reach):
+                found.add(operator.starts.name)
+                kind, edges = self.edges[operator.name][0]
+                if kind == "rows":
+                    found.add(str(edges))
+        return found
+
+    def _subscribe(self, operator: Operator) -> None:
+        match operator:
+            case Fold():
+                self._listen(("rows", operator.source.name), (operator.touch, operator.touch))
+            case Reach():
+                self._listen(("rows", operator.starts.name), (operator.ask, operator.unask))
+                gain: Hook = operator.gain
+                lose: Hook = operator.lose
+                key, crossed = self.edges[operator.name]
+                if crossed:
+                    gain, lose = _crossed(gain), _crossed(lose)
+                self._listen(key, (gain, lose))
+            case View():
+                self._subscribe_view(operator)
+
+    def _subscribe_view(self, view: View) -> None:
+        for number, body in enumerate(self.definitions[view.name].bodies):
+            places = occurrences(body)
+            members = tuple(place for place in places if isinstance(place.relation, InstanceAtom))
+            if members:
+                self._classes.append((view, number, body, members))
+            for index, place in enumerate(places):
+                key = _key(place)
+                if key is None:
+                    continue
+                later = tuple(other for other in places[index + 1 :] if _key(other) == key)
+                symmetric = key[0] == "link" and self.store.relations[int(key[1])].symmetric
+                self._listen(key, self._delta(Delta(view.name, number, body, place, later, symmetric)))
+
+    def _delta(self, delta: Delta) -> Consumer:
+        try:
+            added, removing = (
+                self._build(delta_source(self._planner, delta, coming)) for coming in (True, False)
+            )
+        except Unplannable as reason:
+            raise AssertionError(f"{delta} cannot be planned") from reason
+        return added, removing
+
+    def _listen(self, key: Key, consumer: Consumer) -> None:
+        self._consumers.setdefault(key, []).append(consumer)
+
+    def _fan(self, key: Key) -> Consumer | tuple[None, None]:
+        consumers = self._consumers.get(key)
+        if not consumers:
+            return None, None
+        added = _fan([consumer[0] for consumer in consumers])
+        # A deletion is the mirror of an insertion.
+        removing = _fan([consumer[1] for consumer in reversed(consumers)])
+        return added, removing
+
+    def _hang(self) -> None:
+        """Hang the functions into the store."""
+        store = self.store
+        for relation in store.relations:
+            key = ("link", relation.fact.index)
+            added, removing = self._fan(key)
+            if relation.symmetric and added is not None and removing is not None:
+                added, removing = _both_ways(added), _both_ways(removing)
+            relation.added, relation.removing = added, removing
+        for index in range(len(store.value_added)):
+            store.value_added[index], store.value_removing[index] = self._fan(("value", index))
+        for index in range(len(store.class_added)):
+            store.class_removing[index], store.class_added[index] = None, None
+            if self._classes:
+                leaving, entering = self._membership_hooks(index)
+                store.class_removing[index], store.class_added[index] = leaving, entering
+        store.retyping = self._retyping if self._classes else None
+
+    def unhang(self) -> None:
+        """Hear nothing any more."""
+        store = self.store
+        for relation in store.relations:
+            relation.added = relation.removing = None
+        for hooks in (store.value_added, store.value_removing, store.class_added, store.class_removing):
+            for index in range(len(hooks)):
+                hooks[index] = None
+        store.retyping = None
+
+    # --- classes: an object that comes or goes changes the relation of every class that it is an instance of
+
+    def _membership_hooks(self, cls: int) -> tuple[Hook | None, Hook | None]:
+        """What happens before an object leaves its class for none, and after it has entered it from none."""
+        change = self._affected(lambda atom: self._covers(atom, cls))
+        return _fan_or_none([c[1] for c in reversed(change)]), _fan_or_none([c[0] for c in change])
+
+    def _retyping(self, old: int, new: int) -> tuple[Hook | None, Hook | None]:
+        pair = (old, new)
+        if pair not in self._retypings:
+            lost = self._affected(lambda atom: self._covers(atom, old) and not self._covers(atom, new))
+            won = self._affected(lambda atom: self._covers(atom, new) and not self._covers(atom, old))
+            self._retypings[pair] = (
+                _fan_or_none([c[1] for c in reversed(lost)]),
+                _fan_or_none([c[0] for c in won]),
+            )
+        return self._retypings[pair]
+
+    def _covers(self, atom: InstanceAtom, cls: int) -> bool:
+        metamodel = self.library.metamodel
+        name = metamodel.class_list[cls].name
+        return name == atom.cls if atom.exact else metamodel.is_a(name, atom.cls)
+
+    def _affected(self, changes: Callable[[InstanceAtom], bool]) -> list[Consumer]:
+        """The delta functions of all places whose class an object enters or leaves in one step."""
+        found: list[Consumer] = []
+        for view, number, body, members in self._classes:
+            places = [p for p in members if isinstance(p.relation, InstanceAtom) and changes(p.relation)]
+            group = frozenset(place.goal for place in places)
+            for index, place in enumerate(places):
+                key = (f"{view.name}/{number}", place.goal, group)
+                if key not in self._membership:
+                    later = tuple(places[index + 1 :])
+                    self._membership[key] = self._delta(Delta(view.name, number, body, place, later))
+                found.append(self._membership[key])
+        return found
+
+    # --- turns
+
+    def settle(self) -> None:
+        """Bring everything up to date: each operator once, after those that it is made of."""
+        for operator in self._turns:
+            if operator.pending:
+                operator.process()
+
+    def forget(self) -> None:
+        """The state that the operators hold is right as it is: what is pending is void."""
+        for operator in self._turns:
+            operator.forget()
+
+    def refill(self) -> None:
+        """Compute everything anew."""
+        self.forget()
+        for operator in self.operators.values():
+            operator.fill()
+
+    def held(self, symbol: Held) -> object:
+        """What a name in generated source stands for."""
+        operator = self.operators[symbol.name]
+        match symbol.what, operator:
+            case "derive", View():
+                return operator.sinks()[0]
+            case "underive", View():
+                return operator.sinks()[1]
+            case "position", Rows():
+                return operator.rows.position
+            case "rows", Rows():
+                return operator.rows
+            case "group", Rows():
+                return operator.group(symbol.positions).table.get
+            case "fold", Fold():
+                return operator.value
+            case "reach", Reach():
+                return operator.reached.get
+            case "starts", Reach():
+                return operator.starts_to
+            case "pairs", Reach():
+                return operator.pairs
+        raise AssertionError(symbol)
+
+    def check(self) -> None:
+        """Assert that every operator holds what a new computation finds."""
+        for operator in self.operators.values():
+            match operator:
+                case View():
+                    operator.check_derivations()
+                case Fold() | Reach():
+                    operator.check()
+                case Rows():
+                    operator.check(self._evaluate(operator.name)())
+
+
+def _key(place: Occurrence) -> Key | None:
+    """The relation of an occurrence; None for a class, which has functions of its own."""
+    match place.relation:
+        case AttributeAtom(attribute):
+            return "value", attribute.index
+        case LinkAtom(reference):
+            return "link", reference.index
+        case CallAtom(name):
+            return "rows", name
+        case ClosureAtom(name):
+            return "rows", name
+        case InstanceAtom():
+            return None
+
+
+def _together(lists: Sequence[Callable[[], list[Any]]]) -> Callable[[], list[Any]]:
+    if len(lists) == 1:
+        return lists[0]
+    return lambda: [row for each in lists for row in each()]
+
+
+def _fan_or_none(hooks: Sequence[Hook]) -> Hook | None:
+    return _fan(hooks) if hooks else None
+
+
+def _fan(hooks: Sequence[Hook]) -> Hook:
+    """One function that calls several."""
+    if len(hooks) == 1:
+        return hooks[0]
+    if len(hooks) == 2:
+        first, second = hooks
+
+        def two(*values: Any) -> None:
+            first(*values)
+            second(*values)
+
+        return two
+    several = tuple(hooks)
+
+    def all_(*values: Any) -> None:
+        for hook in several:
+            hook(*values)
+
+    return all_
+
+
+def _crossed(hook: Hook) -> Hook:
+    return lambda source, target: hook(target, source)
+
+
+def _both_ways(hook: Hook) -> Hook:
+    """A link that counts in both directions is two tuples, or one if it leads from an object to itself."""
+
+    def both(source: int, target: int) -> None:
+        hook(source, target)
+        if source != target:
+            hook(target, source)
+
+    return both
+
+
+def _unready(*_: Any) -> None:
+    raise AssertionError("the functions are being made")

@@ -1,0 +1,317 @@
+"""What a network of views is made of: each operator holds one relation, and brings it up to date when it is its turn.
+
+While the functions of its consumers run, a changed tuple is present: it comes, then they run; they run, then it goes.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from envgraph.graph import SET, Store
+from envgraph.match._aggregates import aggregate
+from envgraph.match.views._sets import Groups, MatchSet, Row
+
+Hook = Callable[..., object]
+
+
+class Operator(ABC):
+    """One relation of a network.
+
+    Attributes:
+        name: unique in the network.
+        added, removing: what the consumers do with a tuple; None without consumers.
+    """
+
+    def __init__(self, name: str, store: Store) -> None:
+        self.name = name
+        self.store = store
+        self.added: Hook | None = None
+        self.removing: Hook | None = None
+
+    @property
+    @abstractmethod
+    def pending(self) -> bool:
+        """Whether there is anything to process."""
+
+    @abstractmethod
+    def process(self) -> None:
+        """Work off what is pending; all relations that this one is made of are up to date."""
+
+    @abstractmethod
+    def forget(self) -> None:
+        """What is pending is void."""
+
+    @abstractmethod
+    def fill(self) -> None:
+        """Compute the relation from those that it is made of, unrecorded."""
+
+    @abstractmethod
+    def size(self) -> float:
+        """How many tuples there are."""
+
+
+class Rows(Operator):
+    """A relation whose tuples are kept.
+
+    Attributes:
+        rows: the tuples.
+        groups: the tuples under the values at some positions, for those who asked.
+    """
+
+    def __init__(self, name: str, store: Store) -> None:
+        super().__init__(name, store)
+        self.rows = MatchSet(store)
+        self.groups: dict[tuple[int, ...], Groups] = {}
+
+    def size(self) -> float:
+        return float(len(self.rows))
+
+    def group(self, positions: tuple[int, ...]) -> Groups:
+        """The tuples under the values at some positions, from now on kept."""
+        if positions not in self.groups:
+            groups = self.groups[positions] = Groups(self.store, positions)
+            groups.fill(self.rows)
+        return self.groups[positions]
+
+    def appear(self, row: Row) -> None:
+        """A tuple comes."""
+        self.rows.appear(row)
+        for groups in self.groups.values():
+            groups.add(row)
+        if self.added is not None:
+            self.added(*row)
+
+    def vanish(self, row: Row) -> None:
+        """A tuple goes."""
+        if self.removing is not None:
+            self.removing(*row)
+        for groups in self.groups.values():
+            groups.drop(row)
+        self.rows.vanish(row)
+
+    def set_rows(self, rows: Sequence[Row]) -> None:
+        """Hold exactly these tuples, unrecorded."""
+        self.rows.replace(rows)
+        for groups in self.groups.values():
+            groups.fill(rows)
+
+    def check(self, rows: Iterable[Row]) -> None:
+        """Assert that exactly these tuples are held, and in order everywhere."""
+        assert set(self.rows) == set(rows), self.name
+        assert len(set(self.rows)) == len(self.rows)
+        assert self.rows.position == {row: index for index, row in enumerate(self.rows)}
+        for groups in self.groups.values():
+            groups.check(self.rows)
+
+
+class View(Rows):
+    """The tuples that have a derivation.
+
+    Attributes:
+        counts: number of derivations of each tuple; None if none has more than one.
+        list_derivations: all derivations, a tuple once for each.
+    """
+
+    def __init__(self, name: str, store: Store, counted: bool) -> None:
+        super().__init__(name, store)
+        self.counts: dict[Row, int] | None = {} if counted else None
+        self.queue: list[Any] = []
+        self.list_derivations: Callable[[], list[Row]] = list
+
+    @property
+    def pending(self) -> bool:
+        return bool(self.queue)
+
+    def forget(self) -> None:
+        self.queue.clear()
+
+    def derive(self, row: Row) -> None:
+        """There is one more derivation of a tuple."""
+        if self.counts is not None:
+            count = self.counts.get(row, 0)
+            self._count(row, count, count + 1)
+            if count:
+                return
+        self.appear(row)
+
+    def underive(self, row: Row) -> None:
+        """There is one derivation less."""
+        if self.counts is not None:
+            count = self.counts[row]
+            self._count(row, count, count - 1)
+            if count > 1:
+                return
+        self.vanish(row)
+
+    def _count(self, row: Row, old: int, new: int) -> None:
+        assert self.counts is not None
+        if self.store.recording:
+            self.store.journal.extend((self.counts, row, old, SET))
+        elif not new:
+            del self.counts[row]
+            return
+        self.counts[row] = new
+
+    def queue_derivation(self, row: Row) -> None:
+        """Remember a new derivation until it is this view's turn."""
+        self.queue.extend((row, True))
+
+    def queue_loss(self, row: Row) -> None:
+        """Remember a derivation that has gone."""
+        self.queue.extend((row, False))
+
+    def sinks(self) -> tuple[Hook, Hook]:
+        """What delta functions call with a derivation that comes, and with one that goes."""
+        if self.added is not None or self.removing is not None:
+            return self.queue_derivation, self.queue_loss
+        if self.counts is None and not self.groups:
+            return self.rows.appear, self.rows.vanish
+        return self.derive, self.underive
+
+    def process(self) -> None:
+        queue, self.queue[:] = self.queue[:], ()
+        entries = iter(queue)
+        for row, coming in zip(entries, entries, strict=True):
+            if coming:
+                self.derive(row)
+            else:
+                self.underive(row)
+
+    def fill(self) -> None:
+        found = self.list_derivations()
+        if self.counts is None:
+            self.set_rows(found)
+            return
+        self.counts.clear()
+        for row in found:
+            self.counts[row] = self.counts.get(row, 0) + 1
+        self.set_rows(list(self.counts))
+
+    def check_derivations(self) -> None:
+        """Assert that tuples and counts are those of a new computation."""
+        assert not self.queue
+        found = self.list_derivations()
+        self.check(found)
+        if self.counts is None:
+            assert len(found) == len(self.rows), f"{self.name}: a tuple with two derivations"
+            return
+        counts: dict[Row, int] = {}
+        for row in found:
+            counts[row] = counts.get(row, 0) + 1
+        assert {row: count for row, count in self.counts.items() if count} == counts, self.name
+
+
+class Evaluated(Rows):
+    """The rows of a pattern that is evaluated anew after every change, for what has no delta.
+
+    Args:
+        name: of the pattern.
+        store: tells by its revision when there is something to do.
+        evaluate: lists the rows.
+    """
+
+    def __init__(self, name: str, store: Store, evaluate: Callable[[], Sequence[Row]]) -> None:
+        super().__init__(name, store)
+        self._evaluate = evaluate
+        self._revision = -1
+
+    @property
+    def pending(self) -> bool:
+        return self._revision != self.store.revision
+
+    def forget(self) -> None:
+        self._revision = self.store.revision
+
+    def process(self) -> None:
+        self._revision = self.store.revision
+        rows = self._evaluate()
+        now = dict.fromkeys(rows)
+        for row in [row for row in self.rows if row not in now]:
+            self.vanish(row)
+        known = self.rows.position
+        for row in [row for row in rows if row not in known]:
+            self.appear(row)
+
+    def fill(self) -> None:
+        self._revision = self.store.revision
+        self.set_rows(self._evaluate())
+
+
+class Fold(Operator):
+    """The value of an aggregate for each group of a view; a group that is not there has the value of nothing.
+
+    Args:
+        name: unique.
+        store: of the model.
+        source: what is aggregated.
+        group: positions whose values tell the groups apart.
+        function: count, sum, min, max or avg.
+        column: position that is aggregated; None for count.
+    """
+
+    def __init__(
+        self, name: str, source: Rows, group: tuple[int, ...], function: str, column: int | None
+    ) -> None:
+        super().__init__(name, source.store)
+        self.source = source
+        self.function = function
+        self.column = column
+        self.empty = aggregate(function, [])
+        self.values: dict[Row, Any] = {}
+        self._table = source.group(group).table
+        self._bare = len(group) == 1
+        self._group = group
+        self._dirty: dict[Row, None] = {}
+
+    @property
+    def pending(self) -> bool:
+        return bool(self._dirty)
+
+    def forget(self) -> None:
+        self._dirty.clear()
+
+    def size(self) -> float:
+        return float(len(self.values))
+
+    def touch(self, *row: Any) -> None:
+        """A tuple of the source comes or goes."""
+        self._dirty[tuple([row[position] for position in self._group])] = None
+
+    def value(self, key: Row) -> Any:
+        """The value of a group; None if there is none."""
+        return self.values.get(key, self.empty)
+
+    def process(self) -> None:
+        keys = list(self._dirty)
+        self._dirty.clear()
+        for key in keys:
+            old, new = self.values.get(key, self.empty), self._computed(key)
+            if old == new:
+                continue
+            if old is not None and self.removing is not None:
+                self.removing(*key, old)
+            if self.store.recording:
+                self.store.journal.extend((self.values, key, old, SET))
+            self.values[key] = new
+            if new is not None and self.added is not None:
+                self.added(*key, new)
+
+    def _computed(self, key: Row) -> Any:
+        rows = self._table.get(key[0] if self._bare else key, ())
+        if self.column is None:
+            return len(rows)
+        column = self.column
+        return aggregate(self.function, [row[column] for row in rows])
+
+    def fill(self) -> None:
+        self.values.clear()
+        for key in self._table:
+            whole = (key,) if self._bare else key
+            self.values[whole] = self._computed(whole)
+
+    def check(self) -> None:
+        """Assert that every value is that of a new computation."""
+        for key in {*self.values, *((k,) if self._bare else k for k in self._table)}:
+            assert self.value(key) == self._computed(key), self.name

@@ -1,0 +1,219 @@
+"""Plans for views: sizes are measured, and calls read what other views hold."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Final, Protocol
+
+from envgraph.graph import Store
+from envgraph.match._calls import CallGraph
+from envgraph.match._estimate import Sizes
+from envgraph.match._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside
+from envgraph.match._order import Draft, Search
+from envgraph.match._plan import Absence, Conjunction, Goal, Kind, Plan, ViewKey, ViewPlan, variables
+from envgraph.match.views._bodies import existential
+from envgraph.metamodel import Reference
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    ClosureAtom,
+    InstanceAtom,
+    Library,
+    LinkAtom,
+)
+
+SAMPLE: Final = 256
+"""Objects whose links are counted for an estimate."""
+
+
+class LiveSizes(Sizes):
+    """Sizes as they are in a model at the moment of asking, then kept."""
+
+    def __init__(self, library: Library, store: Store) -> None:
+        super().__init__(library.metamodel)
+        self._store = store
+        self._numbers = {cls.name: number for number, cls in enumerate(library.metamodel.class_list)}
+        self._degrees: dict[tuple[int, bool], float] = {}
+        self._values: dict[int, float] = {}
+
+    def exact_extent(self, cls: str) -> float:
+        """Objects of exactly this class."""
+        if cls not in self._exact:
+            self._exact[cls] = float(len(self._store.extents[self._numbers[cls]])) or 0.5
+        return self._exact[cls]
+
+    def forward(self, reference: Reference) -> float:
+        """Targets of an object, on average."""
+        return self._degree(reference, forward=True)
+
+    def backward(self, reference: Reference) -> float:
+        """Sources of an object, on average."""
+        return self._degree(reference, forward=False)
+
+    def link(self, reference: Reference) -> float:
+        """The chance that two given objects are linked."""
+        return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
+
+    def selectivity(self, attribute: int) -> float:
+        """The chance that an object has a given value in an attribute (by index)."""
+        if attribute not in self._values:
+            owner = self._metamodel.attributes[attribute].owner
+            column = self._store.values[attribute]
+            seen = Counter(column[node] for node in self._sample(owner))
+            total = sum(seen.values())
+            share = sum(count * count for count in seen.values()) / (total * total) if total else 0.2
+            self._values[attribute] = min(max(share, 0.001), 0.9)
+        return self._values[attribute]
+
+    def _degree(self, reference: Reference, forward: bool) -> float:
+        key = (reference.index, forward)
+        if key not in self._degrees:
+            column = (self._store.forward if forward else self._store.backward)[reference.index]
+            nodes = self._sample(reference.owner if forward else reference.target)
+            links = sum(len(column[node]) for node in nodes)
+            self._degrees[key] = max(links / len(nodes), 0.01) if nodes else 0.5
+        return self._degrees[key]
+
+    def _sample(self, cls: str) -> list[int]:
+        """Objects of a class, evenly spread over its extents."""
+        extents = [self._store.extents[self._numbers[name]] for name in self._metamodel.concrete(cls)]
+        total = sum(map(len, extents))
+        step = max(1, total // SAMPLE)
+        return [node for extent in extents for node in extent[::step]]
+
+
+class Held(Protocol):
+    """What planning asks about views and closures."""
+
+    def rows(self, view: str) -> float:
+        """Matches of a view."""
+
+    def matching(self, view: str, positions: tuple[int, ...]) -> float:
+        """Matches of a view that agree with values at these positions, on average."""
+
+    def reached(self, closure: str) -> tuple[bool, float, float]:
+        """Of a closure: whether it is followed from the source, how many starts it has, and what each reaches."""
+
+
+class ViewPlanner:
+    """What a search and a translation want to know, for conjunctions over the relations of views."""
+
+    def __init__(self, library: Library, calls: CallGraph, sizes: LiveSizes, held: Held) -> None:
+        self.library = library
+        self.calls = calls
+        self.sizes: Sizes = sizes
+        self.live = sizes
+        self.held = held
+
+    def view(self, key: ViewKey) -> ViewPlan:
+        """Never asked: a call reads what is there."""
+        raise AssertionError(key)
+
+    def plan(self, conjunction: Conjunction, goals: Sequence[Goal], bound: frozenset[int]) -> Plan:
+        """Order some goals so that every variable that counts has a value in the end.
+
+        Raises:
+            Unplannable: some variables cannot be enumerated.
+        """
+        fixed = frozenset(number for number, _ in conjunction.constants)
+        loose = existential(conjunction)
+        wanted = {v for goal in goals for v in variables(goal)} - loose - bound - fixed
+        wanted.update(v for v in conjunction.parameters if v not in bound and v not in fixed)
+        return ViewSearch(self, conjunction, bound | fixed, frozenset(wanted)).plan(goals)
+
+
+class ViewOptions(Options):
+    """What goals cost when calls and closures are lookups."""
+
+    def __init__(self, views: ViewPlanner, conjunction: Conjunction, plan_inside: PlanInside) -> None:
+        super().__init__(views, conjunction, plan_inside)
+        self._held = views.held
+        self._live = views.live
+        self._loose = existential(conjunction)
+
+    def filter(self, goal: Goal, bound: Bound, uses: Counter[int]) -> Option | None:
+        if isinstance(goal, AttributeAtom) and goal.object in bound and goal.value in bound:
+            return Option(Kind.TEST, goal, (), ACCESS, self._live.selectivity(goal.attribute.index))
+        return super().filter(goal, bound, uses)
+
+    def _derived(self, goal: Goal, bound: Bound) -> Option:
+        match goal:
+            case AggregateAtom():
+                return self._value(goal, goal.result, bound, EXPRESSION)
+            case Absence():
+                return Option(Kind.TEST, goal, (), ACCESS, 0.5)
+            case _:
+                return super()._derived(goal, bound)
+
+    def _opaque(self, pattern: str) -> bool:
+        return False
+
+    def _needed(self, goal: CallAtom, free: Sequence[int], uses: Counter[int]) -> tuple[int, ...]:
+        return tuple(free)
+
+    def _estimate(self, goal: CallAtom, bound: Bound, needed: Sequence[int]) -> tuple[float, float]:
+        positions = tuple(p for p, v in enumerate(goal.arguments) if v in bound)
+        if not positions:
+            rows = self._held.rows(goal.pattern)
+        elif len(positions) == len(goal.arguments):
+            return min(0.5, self._held.rows(goal.pattern)), 2 * ACCESS
+        else:
+            rows = self._held.matching(goal.pattern, positions)
+        return rows, rows + ACCESS
+
+    def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
+        forward, starts, each = self._held.reached(goal.step)
+        start, other = (goal.source, goal.target) if forward else (goal.target, goal.source)
+        if start in bound:
+            return 2 * ACCESS if other in bound else each
+        return starts if other in bound else starts * each
+
+    def _relations(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
+        for option in super()._relations(goals, bound, uses):
+            if isinstance(option.goal, ClosureAtom):
+                _, starts, each = self._held.reached(option.goal.step)
+                rows = min(starts * each, option.cost)
+                yield Option(Kind.LOOP, option.goal, option.binds, option.cost, rows)
+            elif self._loose.isdisjoint(option.binds):
+                yield option
+
+    def _extents(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
+        """For every object variable of a fact that is looked for, the smallest class that the fact demands.
+
+        What only a view demands must be found in the view: it may still hold what is gone from the model.
+        """
+        classes: dict[int, list[InstanceAtom]] = {}
+        for goal in goals:
+            for atom in _classes(goal):
+                if atom.variable not in bound and atom.variable not in self._loose:
+                    classes.setdefault(atom.variable, []).append(atom)
+        for variable, atoms in classes.items():
+            atom = min(atoms, key=lambda a: (self._extent(a), not any(a is goal for goal in goals)))
+            size = self._extent(atom)
+            yield Option(Kind.LOOP, atom, (variable,), size, size)
+
+
+def _classes(goal: Goal) -> Sequence[InstanceAtom]:
+    """The objects of a fact, and the classes that they are instances of."""
+    match goal:
+        case InstanceAtom():
+            return [goal]
+        case AttributeAtom(attribute, owner, _):
+            return [InstanceAtom(attribute.owner, owner)]
+        case LinkAtom(reference, source, target):
+            return [InstanceAtom(reference.owner, source), InstanceAtom(reference.target, target)]
+        case _:
+            return []
+
+
+class ViewSearch(Search):
+    """The search for a plan over the relations of views."""
+
+    options: type[Options] = ViewOptions
+
+    def _enter(self, draft: Draft, loop: Option) -> None:
+        """Execute a loop; other goals about its object are still to be met, each in its own way."""
+        draft.add(loop)
+        self._drop(draft, [loop.goal], loop.binds)

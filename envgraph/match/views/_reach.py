@@ -1,0 +1,235 @@
+"""Transitive closure by demand: what is reached from those starts that the rest of a body asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final, Protocol
+
+from envgraph.graph import SET, Store
+from envgraph.match.views._components import reachable_sets
+from envgraph.match.views._operators import Operator, Rows
+from envgraph.match.views._sets import MatchSet
+
+FEW: Final = 12
+"""Starts that are searched one by one; more share the strongly connected components."""
+
+Reached = dict[Any, None]
+"""What is reached, in the order in which it was found. Never changed, only replaced."""
+
+NOTHING: Final[Reached] = {}
+
+
+class Steps(Protocol):
+    """The edges that a closure follows."""
+
+    def next(self, node: Any) -> Iterable[Any]:
+        """Where one step leads."""
+
+    def has(self, node: Any, other: Any) -> bool:
+        """Whether there is a step."""
+
+
+class LinkSteps:
+    """Links of a reference, in one direction."""
+
+    def __init__(self, column: Sequence[Sequence[int]]) -> None:
+        self.next = column.__getitem__
+
+    def has(self, node: int, other: int) -> bool:
+        """Whether there is a link."""
+        return other in self.next(node)
+
+
+class RowSteps:
+    """Rows of a binary view, in one direction."""
+
+    def __init__(self, source: Rows, forward: bool) -> None:
+        self._near, self._far = (0, 1) if forward else (1, 0)
+        self._table = source.group((self._near,)).table
+        self._rows = source.rows
+
+    def next(self, node: Any) -> Iterable[Any]:
+        """Where one step leads."""
+        far = self._far
+        return [row[far] for row in self._table.get(node, ())]
+
+    def has(self, node: Any, other: Any) -> bool:
+        """Whether there is a row."""
+        return ((node, other) if self._far else (other, node)) in self._rows
+
+
+class Reach(Operator):
+    """For each start what is reached by one or more steps; with `reflexive`, the start itself, too.
+
+    Args:
+        name: unique.
+        store: of the model.
+        starts: the starts that are asked for, a unary relation.
+        steps: the edges, in the direction in which they are followed.
+        forward: whether starts are sources; else they are targets.
+        reflexive: for `*`.
+    """
+
+    def __init__(
+        self, name: str, store: Store, starts: Rows, steps: Steps, forward: bool, reflexive: bool
+    ) -> None:
+        super().__init__(name, store)
+        self.starts = starts
+        self.forward = forward
+        self.reflexive = reflexive
+        self.reached: dict[Any, Reached] = {}
+        self.begun = MatchSet(store)
+        self._steps = steps
+        self._gained: list[tuple[Any, Any]] = []
+        self._lost: list[tuple[Any, Any]] = []
+        self._asked: dict[Any, int] = {}
+
+    @property
+    def pending(self) -> bool:
+        return bool(self._gained or self._lost or self._asked)
+
+    def forget(self) -> None:
+        self._gained.clear()
+        self._lost.clear()
+        self._asked.clear()
+
+    def size(self) -> float:
+        return float(sum(len(self.reached[start]) for (start,) in self.begun))
+
+    # --- what it hears
+
+    def ask(self, start: Any) -> None:
+        """Somebody asks what a start reaches."""
+        self._asked[start] = self._asked.get(start, 0) + 1
+
+    def unask(self, start: Any) -> None:
+        """Nobody asks any more."""
+        self._asked[start] = self._asked.get(start, 0) - 1
+
+    def gain(self, source: Any, target: Any) -> None:
+        """There is a new step."""
+        self._gained.append((source, target) if self.forward else (target, source))
+
+    def lose(self, source: Any, target: Any) -> None:
+        """A step goes."""
+        self._lost.append((source, target) if self.forward else (target, source))
+
+    # --- what it answers
+
+    def pairs(self) -> Iterator[tuple[Any, Any]]:
+        """Sources and targets."""
+        for (start,) in self.begun:
+            for other in self.reached[start]:
+                yield (start, other) if self.forward else (other, start)
+
+    def starts_to(self, other: Any) -> list[Any]:
+        """The starts that reach something."""
+        return [start for (start,) in self.begun if other in self.reached[start]]
+
+    # --- keeping it current
+
+    def process(self) -> None:
+        steps = self._steps
+        lost = [edge for edge in dict.fromkeys(self._lost) if not steps.has(*edge)]
+        gained = [edge for edge in dict.fromkeys(self._gained) if steps.has(*edge)]
+        asked = self._asked
+        self._lost, self._gained, self._asked = [], [], {}
+        for start, change in asked.items():
+            if change < 0:
+                self._replace(start, NOTHING)
+                self.begun.vanish((start,))
+        if lost or gained:
+            self._follow(lost, gained)
+        fresh = [start for start, change in asked.items() if change > 0]
+        found = self._solve(fresh)
+        for start in fresh:
+            self.begun.appear((start,))
+            self._replace(start, found[start])
+
+    def _follow(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> None:
+        """Bring all starts up to date with changed steps."""
+        shrunk: list[Any] = []
+        for (start,) in tuple(self.begun):
+            old = self.reached[start]
+            if any((node == start or node in old) and other in old for node, other in lost):
+                shrunk.append(start)
+            else:
+                self._extend(start, old, gained)
+        found = self._solve(shrunk)
+        same: dict[tuple[int, int], bool] = {}
+        for start in shrunk:
+            old, new = self.reached[start], found[start]
+            pair = (id(old), id(new))
+            if pair not in same:
+                same[pair] = old.keys() == new.keys()
+            if not same[pair]:
+                self._replace(start, new)
+
+    def _extend(self, start: Any, old: Reached, gained: list[tuple[Any, Any]]) -> None:
+        """Follow new steps from what was reached already."""
+        new, growing = old, True
+        while growing:
+            growing = False
+            for node, other in gained:
+                if other not in new and (node == start or node in new):
+                    new = dict(new) if new is old else new
+                    self._search(other, new)
+                    growing = True
+        if new is not old:
+            self._replace(start, new)
+
+    def _search(self, start: Any, seen: Reached) -> None:
+        """Add a node and all that it reaches."""
+        seen[start] = None
+        todo = [start]
+        for node in todo:
+            for following in self._steps.next(node):
+                if following not in seen:
+                    seen[following] = None
+                    todo.append(following)
+
+    def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
+        """What the starts reach."""
+        if len(starts) > FEW:
+            return reachable_sets(starts, self._steps.next, self.reflexive)
+        return {start: self._reach(start) for start in starts}
+
+    def _reach(self, start: Any) -> Reached:
+        seen: Reached = {start: None} if self.reflexive else {}
+        todo = [start]
+        following = self._steps.next
+        for node in todo:
+            for other in following(node):
+                if other not in seen:
+                    seen[other] = None
+                    if other != start:
+                        todo.append(other)
+        return seen
+
+    def _replace(self, start: Any, new: Reached) -> None:
+        old = self.reached.get(start, NOTHING)
+        if self.removing is not None:
+            self._tell(self.removing, start, [other for other in old if other not in new])
+        if self.store.recording:
+            self.store.journal.extend((self.reached, start, old, SET))
+        self.reached[start] = new
+        if self.added is not None:
+            self._tell(self.added, start, [other for other in new if other not in old])
+
+    def _tell(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
+        for other in others:
+            if self.forward:
+                hook(start, other)
+            else:
+                hook(other, start)
+
+    def fill(self) -> None:
+        self.reached.clear()
+        self.begun.replace(list(self.starts.rows))
+        self.reached.update(self._solve([start for (start,) in self.begun]))
+
+    def check(self) -> None:
+        """Assert that everything is as a new search finds it."""
+        assert set(self.begun) == set(self.starts.rows), self.name
+        for (start,) in self.begun:
+            assert self.reached[start].keys() == self._reach(start).keys(), self.name

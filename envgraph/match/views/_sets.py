@@ -1,0 +1,188 @@
+"""The match set of a view, and indexes of it: journalled, so that they follow rollbacks and versions exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final
+
+from envgraph.graph import IN, OUT, SET, IndexedSet, Store
+
+CROWD: Final = 32
+"""Rows under one key above which they are kept as an `IndexedSet`, below as a tuple."""
+
+Row = tuple[Any, ...]
+
+
+class MatchSet(IndexedSet[Row]):
+    """The rows of a view, in an order that is a function of the version.
+
+    Attributes:
+        store: whose journal records changes.
+        log: every row that has come or gone in whatever way, and whether it came; None unless somebody wants to know.
+    """
+
+    __slots__ = ("log", "store")
+
+    def __init__(self, store: Store) -> None:
+        super().__init__()
+        self.store = store
+        self.log: list[Any] | None = None
+
+    def appear(self, row: Row) -> None:
+        """Add a row that is not there, and record it."""
+        self.position[row] = len(self)
+        self.append(row)
+        store = self.store
+        if store.recording:
+            store.journal.extend((self, row, None, OUT))
+        if self.log is not None:
+            self.log.extend((row, True))
+
+    def vanish(self, row: Row) -> None:
+        """Remove a row that is there, and record it."""
+        index = self.position.pop(row)
+        last = self.pop()
+        if index < len(self):
+            self[index] = last
+            self.position[last] = index
+        store = self.store
+        if store.recording:
+            store.journal.extend((self, row, index, IN))
+        if self.log is not None:
+            self.log.extend((row, False))
+
+    # --- replay: the journal is the caller
+
+    def take(self, item: Row) -> int:
+        """As `IndexedSet.take`."""
+        if self.log is not None:
+            self.log.extend((item, False))
+        return super().take(item)
+
+    def put(self, item: Row, index: int) -> None:
+        """As `IndexedSet.put`."""
+        if self.log is not None:
+            self.log.extend((item, True))
+        super().put(item, index)
+
+    def add(self, item: Row) -> None:
+        """As `IndexedSet.add`."""
+        if self.log is not None:
+            self.log.extend((item, True))
+        super().add(item)
+
+    def exchange(self, key: None, state: tuple[int, dict[int, Row]]) -> tuple[int, dict[int, Row]]:
+        """As `IndexedSet.exchange`."""
+        before = super().exchange(key, state)
+        if self.log is not None:
+            for row in before[1].values():
+                self.log.extend((row, False))
+            # What is there now where something was, or was not, before.
+            touched = {*before[1], *state[1]}
+            for index in sorted(touched):
+                if index < len(self):
+                    self.log.extend((self[index], True))
+        return before
+
+    def replace(self, rows: Sequence[Row]) -> None:
+        """Become these rows, unrecorded."""
+        if self.log is not None:
+            for row in self:
+                self.log.extend((row, False))
+            for row in rows:
+                self.log.extend((row, True))
+        self[:] = rows
+        self.position.clear()
+        self.position.update((row, index) for index, row in enumerate(rows))
+
+
+class Groups:
+    """Rows of a relation under the values at some positions.
+
+    Attributes:
+        table: key -> rows, as a tuple or a crowded `IndexedSet`; keys stay, with an empty tuple. The key is a bare
+            value for one position, else a tuple.
+    """
+
+    __slots__ = ("key", "positions", "store", "table")
+
+    def __init__(self, store: Store, positions: tuple[int, ...]) -> None:
+        self.store = store
+        self.positions = positions
+        self.table: dict[Any, tuple[Row, ...] | IndexedSet[Row]] = {}
+        self.key = key_of(positions)
+
+    def add(self, row: Row) -> None:
+        """Add a row."""
+        table, key, store = self.table, self.key(row), self.store
+        old = table.get(key, ())
+        if isinstance(old, IndexedSet):
+            old.add(row)
+            if store.recording:
+                store.journal.extend((old, row, None, OUT))
+            return
+        table[key] = (*old, row) if len(old) < CROWD else IndexedSet((*old, row))
+        if store.recording:
+            store.journal.extend((table, key, old, SET))
+
+    def drop(self, row: Row) -> None:
+        """Remove a row."""
+        table, key, store = self.table, self.key(row), self.store
+        old = table[key]
+        if isinstance(old, IndexedSet):
+            if len(old) > CROWD + 1:
+                place = old.take(row)
+                if store.recording:
+                    store.journal.extend((old, row, place, IN))
+                return
+            place = old.position[row]
+            rest = list(old)
+            rest[place] = rest[-1]
+            table[key] = tuple(rest[:-1])
+        else:
+            place = old.index(row)
+            table[key] = old[:place] + old[place + 1 :]
+        if store.recording:
+            store.journal.extend((table, key, old, SET))
+
+    def fill(self, rows: Sequence[Row]) -> None:
+        """Hold these rows and no others, unrecorded."""
+        table: dict[Any, list[Row]] = {}
+        key = self.key
+        for row in rows:
+            table.setdefault(key(row), []).append(row)
+        self.table.clear()
+        self.table.update(
+            (key, tuple(group) if len(group) <= CROWD else IndexedSet(tuple(group)))
+            for key, group in table.items()
+        )
+
+    def check(self, rows: Sequence[Row]) -> None:
+        """Assert that exactly these rows are in the table, each under its key."""
+        found = {row for group in self.table.values() for row in group}
+        assert found == set(rows)
+        assert sum(map(len, self.table.values())) == len(rows)
+        for key, group in self.table.items():
+            assert all(self.key(row) == key for row in group)
+            assert isinstance(group, IndexedSet) == (len(group) > CROWD)
+
+
+def key_of(positions: tuple[int, ...]) -> Callable[[Row], Any]:
+    """What a row is filed under: a bare value for one position, else a tuple."""
+    if len(positions) == 1:
+        (position,) = positions
+        return lambda row: row[position]
+    return lambda row: tuple([row[position] for position in positions])
+
+
+def net(log: Sequence[Any]) -> tuple[list[Row], list[Row]]:
+    """Rows that a log leaves added, and rows that it leaves removed, in the order in which each was first touched."""
+    balance: dict[Row, int] = {}
+    entries = iter(log)
+    for row, came in _pairs(entries):
+        balance[row] = balance.get(row, 0) + (1 if came else -1)
+    return [row for row, sum_ in balance.items() if sum_ > 0], [r for r, sum_ in balance.items() if sum_ < 0]
+
+
+def _pairs(entries: Iterator[Any]) -> Iterator[tuple[Row, bool]]:
+    return zip(entries, entries, strict=True)
