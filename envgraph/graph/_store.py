@@ -101,8 +101,8 @@ class Follower(Protocol):
     """What keeps something current with a model, such as views do.
 
     It is told of changes through the functions that it hangs into the store (`Relation.added` and `removing`,
-    `Store.value_added` and `value_removing`, `class_added` and `class_removing`, `retyping`): `added` after the fact has come,
-    `removing` before it goes. What it does then is recorded in the journal, so that a rollback takes it back.
+    `Store.value_added` and `value_removing`, `class_added` and `class_removing`, `retyping`): `added` after the fact
+    has come, `removing` before it goes. What it does then is recorded in the journal, so that a rollback takes it back.
     """
 
     def settle(self) -> None:

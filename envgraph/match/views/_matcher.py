@@ -214,8 +214,9 @@ class ViewMatcher:
     def listen(self, pattern: str, changed: Change, restored: Change | None = None) -> Subscription:
         """Hear of the net changes of a pattern, which is watched from now on.
 
-        Changes are told at the end of the outermost transaction, at a commit, and by `deliver`. What was rolled back is never
-        told. The rows that have appeared are in the order of the view, those that have disappeared in ascending order.
+        Changes are told at the end of the outermost transaction, at a commit, and by `deliver`. What was rolled back
+        is never told. The rows that have appeared are in the order of the view, those that have disappeared in
+        ascending order.
 
         Args:
             pattern: qualified name.
