@@ -108,6 +108,8 @@ class Delta:
         occurrence: where the tuple stands.
         later: the occurrences after it that must not see the tuple.
         symmetric: the tuple is a link that counts in both directions, and comes and goes in both at once.
+        own: positions of the view's rows that tell which of them a lost tuple takes along, if they are looked up in
+            the view itself; None if they are found by a search.
     """
 
     name: str
@@ -116,8 +118,11 @@ class Delta:
     occurrence: Occurrence
     later: tuple[Occurrence, ...]
     symmetric: bool = False
+    own: tuple[int, ...] | None = None
 
 
+DEAR: Final = 60.0
+"""Estimated work of a search above which a view has an index of its own."""
 SINKS: Final = {True: "derive", False: "underive"}
 
 
@@ -138,6 +143,8 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
     others = [goal for number, goal in enumerate(conjunction.goals) if number != occurrence.goal]
     goal = conjunction.goals[occurrence.goal]
     plus = coming != (occurrence.role is Role.NONE)
+    if delta.own is not None and not plus:
+        return _lookup_source(planner, delta, delta.own)
     known = frozenset(v for v in occurrence.columns if v is not None)
     if occurrence.role is Role.NUMBER:
         assert isinstance(goal, AggregateAtom)
@@ -153,6 +160,46 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
         translation = DeltaTranslation(planner, module, block, delta, names)
         alone = translation.alone(occurrence, names)
         translation.run(plan, view_sink(module, delta, plus), {}, alone)
+    module.function("delta", names, block)
+    return module.source("delta")
+
+
+def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
+    """Where the view's rows hold the values of the tuple, if a search for the rows that it takes along is dear.
+
+    For a view whose rows have one derivation each, and which is always up to date.
+    """
+    heads = delta.conjunction.parameters
+    columns = [v for v in delta.occurrence.columns if v is not None]
+    fixed = {number for number, _ in delta.conjunction.constants}
+    if (
+        delta.occurrence.role is Role.NUMBER
+        or not fixed.isdisjoint(columns)
+        or not set(columns) <= set(heads)
+    ):
+        return None
+    others = [goal for number, goal in enumerate(delta.conjunction.goals) if number != delta.occurrence.goal]
+    cost = planner.plan(delta.conjunction, others, frozenset(columns)).cost
+    return tuple(heads.index(v) for v in dict.fromkeys(columns)) if cost > DEAR else None
+
+
+def _lookup_source(planner: ViewPlanner, delta: Delta, own: tuple[int, ...]) -> Source:
+    """Takes the rows along that hold the values of the tuple."""
+    module, block = Module(), Block()
+    occurrence = delta.occurrence
+    names = [f"a{position}" for position in range(len(occurrence.columns))]
+    translation = DeltaTranslation(planner, module, block, delta, names)
+    first: dict[int, str] = {}
+    for variable, source in zip(occurrence.columns, names, strict=True):
+        if variable is not None and first.setdefault(variable, source) != source:
+            block.test(f"{first[variable]} == {source}")
+    alone = translation.alone(occurrence, names)
+    if alone:
+        block.test(alone)
+    group = module.name(Held("group", delta.name, own))
+    key = next(iter(first.values())) if len(first) == 1 else f"({', '.join(first.values())},)"
+    block.line(f"for row in tuple({group}({key}, ())):")
+    block.line(f"    {module.name(Held(SINKS[False], delta.name))}(row)")
     module.function("delta", names, block)
     return module.source("delta")
 

@@ -22,7 +22,14 @@ from envgraph.match.views._bodies import (
     negated,
     split_negations,
 )
-from envgraph.match.views._delta import Delta, Occurrence, build_source, delta_source, occurrences
+from envgraph.match.views._delta import (
+    Delta,
+    Occurrence,
+    build_source,
+    delta_source,
+    occurrences,
+    own_positions,
+)
 from envgraph.match.views._operators import Evaluated, Fold, Hook, Operator, Rows, View
 from envgraph.match.views._planning import LiveSizes, ViewPlanner
 from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
@@ -338,11 +345,14 @@ class Network:
         self._retypings.clear()
         self._membership.clear()
         read = self._read()
+        deltas = self._deltas()
         for operator in self.operators.values():
             # Only whether there is a consumer matters for how a view takes its derivations.
             operator.added = operator.removing = _unready if operator.name in read else None
         for operator in self.operators.values():
             self._subscribe(operator)
+        for key, delta in deltas:
+            self._listen(key, self._delta(delta))
         for operator in self.operators.values():
             operator.added, operator.removing = self._fan(("rows", operator.name))
         self._turns = [
@@ -384,22 +394,34 @@ class Network:
                 if crossed:
                     gain, lose = _crossed(gain), _crossed(lose)
                 self._listen(key, (gain, lose))
-            case View():
-                self._subscribe_view(operator)
 
-    def _subscribe_view(self, view: View) -> None:
-        for number, body in enumerate(self.definitions[view.name].bodies):
-            places = occurrences(body)
-            members = tuple(place for place in places if isinstance(place.relation, InstanceAtom))
-            if members:
-                self._classes.append((view, number, body, members))
-            for index, place in enumerate(places):
-                key = _key(place)
-                if key is None:
-                    continue
-                later = tuple(other for other in places[index + 1 :] if _key(other) == key)
-                symmetric = key[0] == "link" and self.store.relations[int(key[1])].symmetric
-                self._listen(key, self._delta(Delta(view.name, number, body, place, later, symmetric)))
+    def _deltas(self) -> list[tuple[Key, Delta]]:
+        """What changes of which relation concern which place; for classes that is found out when they change."""
+        found: list[tuple[Key, Delta]] = []
+        read = self._read()
+        for name, definition in self.definitions.items():
+            for number, body in enumerate(definition.bodies):
+                places = occurrences(body)
+                members = tuple(place for place in places if isinstance(place.relation, InstanceAtom))
+                if members:
+                    self._classes.append((definition.view, number, body, members))
+                for index, place in enumerate(places):
+                    key = _key(place)
+                    if key is not None:
+                        later = tuple(other for other in places[index + 1 :] if _key(other) == key)
+                        symmetric = key[0] == "link" and self.store.relations[int(key[1])].symmetric
+                        delta = Delta(name, number, body, place, later, symmetric)
+                        found.append((key, self._with_own(delta, definition.view, name in read)))
+        return found
+
+    def _with_own(self, delta: Delta, view: View, read: bool) -> Delta:
+        """The delta with an index of the view on its own rows, where that pays."""
+        if read or view.counts is not None:
+            return delta
+        own = own_positions(self._planner, delta)
+        if own is not None:
+            view.group(own)
+        return replace(delta, own=own)
 
     def _delta(self, delta: Delta) -> Consumer:
         try:
