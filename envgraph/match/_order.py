@@ -21,6 +21,8 @@ MOST_PLANS: Final = 48
 """Plans of one conjunction that are compared; beyond, the most promising loop is taken."""
 MOST_EXPLORED: Final = 24
 """Goals of a conjunction beyond which only the most promising loop is tried."""
+_ENOUGH: Final = 1e100
+"""Estimates stop here: a product of hundreds of fanouts would leave the floats."""
 
 
 @dataclass(slots=True)
@@ -54,8 +56,8 @@ class Draft:
 
     def add(self, option: Option) -> None:
         """Execute an option next."""
-        self.cost += self.rows * option.cost
-        self.rows *= option.fanout
+        self.cost = min(self.cost + self.rows * option.cost, _ENOUGH)
+        self.rows = min(self.rows * option.fanout, _ENOUGH)
         self.bound.update(option.binds)
         self.steps.append(Step(option.kind, option.goal, option.binds, option.cost, self.rows, option.inner))
 

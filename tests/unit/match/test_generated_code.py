@@ -175,6 +175,8 @@ LONG = {
     "negations": [neg(path("Node.size", "x0", number)) for number in range(10, 210)],
     "counts": [equal(f"n{number}", fold("count", path("Node.to", "x0", "_"))) for number in range(200)],
     "calls": [find("edge", f"x{number}", f"x{number + 1}") for number in range(199)],
+    "closures": [path("Node.to*", f"x{number}", f"x{number + 1}") for number in range(199)],
+    "calls of closures": [find("edge+", f"x{number}", f"x{number + 1}") for number in range(199)],
     "clique": [path("Node.to", f"x{i}", f"x{j}") for i in range(15) for j in range(15) if i != j],
     "tree": [path("Node.to", f"x{(number - 1) // 2}", f"x{number}") for number in range(1, 200)],
 }
