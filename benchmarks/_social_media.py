@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
-from heapq import heapify, heappop, heappush, nsmallest
+from heapq import heapify, heappop, heappush, nlargest, nsmallest
 from pathlib import Path
 
 from envgraph.graph import Model
@@ -39,6 +39,18 @@ def change_sets(scale: int) -> list[list[Line]]:
     """The insertions of the 20 change sets of a scale."""
     numbers = range(1, CHANGE_SETS + 1)
     return [list(map(tuple, _rows(DATA / str(scale) / f"change{number:02}.csv"))) for number in numbers]
+
+
+def copies(lines: Iterable[Line], number: int) -> list[Line]:
+    """So many networks that do not touch: the lines, and the same with ids beyond those of the data."""
+    return [
+        (kind, *(str(int(f) + copy * 10**7) if c in _ID_COLUMNS[kind] else f for c, f in enumerate(fields)))
+        for copy in range(number)
+        for kind, *fields in lines
+    ]
+
+
+_ID_COLUMNS = {"Users": (0,), "Posts": (0, 3), "Comments": (0, 3, 4), "Friends": (0, 1), "Likes": (0, 1)}
 
 
 def expected_answers() -> dict[tuple[str, int, int], list[int]]:
@@ -164,9 +176,10 @@ class Podium:
         return [place[2] for place in found]
 
 
-def best(matches: Iterable[Match], size: int = 3) -> list[int]:
+def best(matches: Sequence[Match], size: int = 3) -> list[int]:
     """What a `Podium` of these matches answers, without one."""
-    return [place[2] for place in nsmallest(size, map(_place, matches))]
+    least = min(nlargest(size, (match.row[1] for match in matches)), default=0)
+    return [place[2] for place in nsmallest(size, (_place(m) for m in matches if m.row[1] >= least))]
 
 
 def _place(match: Match) -> Place:

@@ -5,15 +5,18 @@ The published answers of the case only cover insertions; here likes, friendships
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, field
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks._social_media import best, open_network
+from benchmarks._social_media import QUERIES, Podium, best, open_network
 from envgraph.graph import Model, Node
 from envgraph.match import FREE, Matcher, NaiveMatcher
-from envgraph.rewrite import Engine
+from envgraph.rewrite import Engine, Match
 
 EXAMPLES = settings().max_examples
 
@@ -193,3 +196,66 @@ def test_both_matchers_give_the_scores_of_the_oracle(edits: list[tuple[str, int,
     assert_scores(matchers[1], network.oracle)
     assert best(engine.matches("postScore")) == ranked(network, network.oracle.post_scores())
     assert best(engine.matches("commentScore")) == ranked(network, network.oracle.comment_scores())
+
+
+class Audience:
+    """Hears of the net changes of a watched pattern, and keeps what its matches should be.
+
+    Attributes:
+        scores: by submission.
+        podium: the best of them.
+    """
+
+    def __init__(self, engine: Engine, pattern: str) -> None:
+        self.scores = scores(engine.matcher, pattern)
+        self.podium = Podium(engine.matches(pattern))
+        engine.listen(pattern, self.hear)
+
+    def hear(self, appeared: Sequence[Match], disappeared: Sequence[Match]) -> None:
+        """A net change: nothing in it was there already, nothing goes that was not there."""
+        assert appeared or disappeared
+        assert not set(appeared) & set(disappeared)
+        for match in disappeared:
+            assert self.scores.pop(match.row[0]) == match.row[1]
+        for match in appeared:
+            assert self.scores.setdefault(*match.row) == match.row[1]
+        self.podium.update(appeared, disappeared)
+
+
+class Refused(Exception):
+    """Takes a transaction back."""
+
+
+BATCHES = st.lists(st.tuples(st.sampled_from(("keep", "keep", "refuse", "back")), EDITS), max_size=6)
+
+
+@settings(max_examples=EXAMPLES // 2)
+@given(BATCHES)
+def test_views_follow_changes_rollbacks_and_versions(
+    batches: list[tuple[str, list[tuple[str, int, int]]]],
+) -> None:
+    engine, network = start()
+    engine.watch(*QUERIES.values())
+    audiences = {pattern: Audience(engine, pattern) for pattern in QUERIES.values()}
+    first = engine.commit(), deepcopy(network.oracle)
+    for end, edits in batches:
+        before = deepcopy(network.oracle), [engine.matches(pattern) for pattern in QUERIES.values()]
+        with suppress(Refused), engine.transaction():
+            for edit in edits:
+                network.edit(*edit)
+                assert_scores(engine.matcher, network.oracle)
+            if end == "refuse":
+                raise Refused
+        if end == "refuse":
+            network.oracle = before[0]
+            assert [engine.matches(pattern) for pattern in QUERIES.values()] == before[1]
+        if end == "back":
+            engine.checkout(first[0], discard=True)
+            network.oracle = deepcopy(first[1])
+            engine.settle()
+        assert_scores(engine.matcher, network.oracle)
+        expected = network.oracle.post_scores(), network.oracle.comment_scores()
+        for audience, right in zip(audiences.values(), expected, strict=True):
+            assert audience.scores == right
+            assert audience.podium.best() == ranked(network, right)
+    engine.check_integrity()

@@ -16,7 +16,7 @@ from benchmarks._social_media import (
     open_network,
 )
 from envgraph.lang import open as open_engine
-from envgraph.match import FREE, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
 from envgraph.rewrite import Match
 
 EXPECTED = expected_answers()
@@ -33,6 +33,24 @@ def test_matches_on_demand_give_the_published_answers(scale: int) -> None:
         network.insert(lines)
         for query, pattern in QUERIES.items():
             assert best(engine.matches(pattern)) == EXPECTED[query, scale, number]
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_views_give_the_published_answers(scale: int) -> None:
+    engine, network = open_network(initial_lines(scale))
+    engine.watch(*QUERIES.values())
+    podiums = {query: Podium(engine.matches(pattern)) for query, pattern in QUERIES.items()}
+    for query, podium in podiums.items():
+        engine.listen(QUERIES[query], podium.update)
+    for number, lines in enumerate([[], *change_sets(scale)]):
+        with engine.transaction():
+            network.insert(lines)
+        for query, podium in podiums.items():
+            assert podium.best() == EXPECTED[query, scale, number]
+    on_demand = CompiledMatcher(engine.model, engine.library)
+    for pattern in QUERIES.values():
+        arguments = f"social_media.{pattern}", (FREE, FREE)
+        assert sorted(engine.matcher.rows(*arguments)) == sorted(on_demand.rows(*arguments))
 
 
 def test_the_naive_matcher_agrees() -> None:
