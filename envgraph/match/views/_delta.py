@@ -180,7 +180,7 @@ def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
         return None
     others = [goal for number, goal in enumerate(delta.conjunction.goals) if number != delta.occurrence.goal]
     cost = planner.plan(delta.conjunction, others, frozenset(columns)).cost
-    return tuple(heads.index(v) for v in dict.fromkeys(columns)) if cost > DEAR else None
+    return tuple(heads.index(v) for v in dict.fromkeys(columns)) if columns and cost > DEAR else None
 
 
 def _lookup_source(planner: ViewPlanner, delta: Delta, own: tuple[int, ...]) -> Source:

@@ -244,6 +244,11 @@ class ViewMatcher:
             if view is not None:
                 view.rows.log = None
 
+    @property
+    def telling(self) -> bool:
+        """Whether listeners are being told: what they change is told after that."""
+        return self._telling
+
     def deliver(self) -> None:
         """Bring the views up to date and tell the listeners what has changed since they were last told."""
         self.settle()

@@ -411,12 +411,14 @@ class Network:
                         later = tuple(other for other in places[index + 1 :] if _key(other) == key)
                         symmetric = key[0] == "link" and self.store.relations[int(key[1])].symmetric
                         delta = Delta(name, number, body, place, later, symmetric)
-                        found.append((key, self._with_own(delta, definition.view, name in read)))
+                        # What is looked up in the rows must not be a row of another body.
+                        sole = name not in read and len(definition.bodies) == 1
+                        found.append((key, self._with_own(delta, definition.view) if sole else delta))
         return found
 
-    def _with_own(self, delta: Delta, view: View, read: bool) -> Delta:
+    def _with_own(self, delta: Delta, view: View) -> Delta:
         """The delta with an index of the view on its own rows, where that pays."""
-        if read or view.counts is not None:
+        if view.counts is not None:
             return delta
         own = own_positions(self._planner, delta)
         if own is not None:
