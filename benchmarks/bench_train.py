@@ -46,7 +46,7 @@ from benchmarks._railway_peers import (
     rustworkx_chain,
 )
 from envgraph.graph import Model
-from envgraph.match import CompiledMatcher, Row
+from envgraph.match import CompiledMatcher, Row, ViewMatcher
 from envgraph.rewrite import Engine
 
 SIZES = (64, 256)
@@ -215,7 +215,8 @@ def repair(engine: Engine, quota: Quota) -> Edits:
     """The eight batches of a protocol."""
     edits = Edits()
     protocol = Protocol(engine, "repair", quota)
-    model, settle = engine.model, engine.matcher.settle  # type: ignore[attr-defined]
+    assert isinstance(engine.matcher, ViewMatcher)
+    model, settle = engine.model, engine.matcher.settle
     gc.collect()
     gc.freeze()
     for _ in range(BATCHES):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
 from inspect import signature
 
 import pytest
@@ -9,8 +11,8 @@ import pytest
 from benchmarks._railway import QUERIES, build, generate, workspace
 from benchmarks._railway_edits import BATCHES, QUOTAS, Operation, Protocol, Quota, rows_of, steps
 from envgraph.lang import Workspace
-from envgraph.match import FREE, NaiveMatcher, Row
-from envgraph.rewrite import Engine
+from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, Row
+from envgraph.rewrite import Engine, Match
 from tests.oracle.railway_by_hand import BY_HAND
 
 RUNS = [
@@ -42,10 +44,13 @@ def counts(engine: Engine) -> list[int]:
 
 
 def assert_as_by_hand(engine: Engine) -> None:
-    """Each query has the matches that the loops find, and each once."""
+    """Each query has the matches that the loops find, each once; the engine's, and on demand."""
+    on_demand = CompiledMatcher(engine.model, engine.library)
     for query in QUERIES:
-        rows = rows_of(engine, f"railway.{query}")
-        assert sorted(rows) == sorted(BY_HAND[query](engine.model)), query
+        pattern = f"railway.{query}"
+        expected = sorted(BY_HAND[query](engine.model))
+        assert sorted(rows_of(engine, pattern)) == expected, query
+        assert sorted(on_demand.prepare(pattern, ())()) == expected, query
 
 
 @pytest.mark.parametrize(
@@ -75,23 +80,71 @@ def test_the_naive_matcher_finds_the_same(domain: Workspace, scenario: str) -> N
         assert list(naive.rows(pattern, free)) == list(rows_of(engine, pattern))
 
 
+def snapshot(engine: Engine) -> list[list[Row]]:
+    """The rows of the six queries, in order."""
+    return [list(rows_of(engine, f"railway.{query}")) for query in QUERIES]
+
+
 @pytest.mark.parametrize(("kind", "size", "quota"), RUNS)
-def test_queries_are_right_after_every_batch(domain: Workspace, kind: str, size: int, quota: Quota) -> None:
+def test_views_follow_batches_and_versions(domain: Workspace, kind: str, size: int, quota: Quota) -> None:
+    """After every batch, after it is rolled back and done again, and at every version: rows, and their order."""
     engine = engine_on(domain, kind, size)
+    model = engine.model
+    engine.watch(*(f"railway.{query}" for query in QUERIES))
     protocol = Protocol(engine, kind, quota)
+    states = [(engine.commit(), snapshot(engine))]
     for _ in range(BATCHES):
-        for operation, row in steps(protocol.choose()):
-            operation.edit(*row)
+        batch = list(steps(protocol.choose()))
+        savepoint = model.savepoint()
+        edit(batch)
+        done = snapshot(engine)
+        model.rollback(savepoint)
+        assert snapshot(engine) == states[-1][1]
+        edit(batch)
+        assert snapshot(engine) == done
         assert_as_by_hand(engine)
-    engine.model.check_integrity()
+        states.append((engine.commit(), done))
+    for version, rows in (*reversed(states), *states[::3], states[-1]):
+        engine.checkout(version)
+        assert snapshot(engine) == rows
+    engine.check_integrity()
+
+
+@pytest.mark.parametrize("kind", ["repair", "inject"])
+def test_listeners_hear_what_turns_one_state_into_the_next(domain: Workspace, kind: str) -> None:
+    engine = engine_on(domain, kind, 8)
+    heard: dict[str, set[Row]] = {}
+    for query in QUERIES:
+        rows = heard[query] = set(rows_of(engine, f"railway.{query}"))
+        engine.listen(query, partial(follow, rows))
+    protocol = Protocol(engine, kind, Quota(fixed=10))
+    for _ in range(BATCHES):
+        with engine.transaction():
+            edit(steps(protocol.choose()))
+        for query in QUERIES:
+            assert heard[query] == set(rows_of(engine, f"railway.{query}"))
+    assert_as_by_hand(engine)
+
+
+def follow(rows: set[Row], appeared: list[Match], disappeared: list[Match]) -> None:
+    """Keep rows as a listener would; nothing appears that was there, or goes that was not."""
+    gone, new = {match.row for match in disappeared}, {match.row for match in appeared}
+    assert gone <= rows
+    assert not new & rows
+    rows -= gone
+    rows |= new
+
+
+def edit(batch: Iterable[tuple[Operation, Row]]) -> None:
+    for operation, row in batch:
+        operation.edit(*row)
 
 
 def test_enough_repairs_leave_nothing_to_repair(domain: Workspace) -> None:
     engine = engine_on(domain, "repair", 1)
     protocol = Protocol(engine, "repair", Quota(fixed=10))
     for _ in range(BATCHES):
-        for operation, row in steps(protocol.choose()):
-            operation.edit(*row)
+        edit(steps(protocol.choose()))
     assert counts(engine) == [0, 0, 0, 0, 0, 0]
 
 
