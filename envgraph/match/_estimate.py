@@ -24,6 +24,7 @@ class Sizes:
     def __init__(self, metamodel: Metamodel) -> None:
         self._metamodel = metamodel
         self._exact: dict[str, float] = {}
+        self._extents: dict[str, float] = {}
 
     def extent(self, cls: str) -> float:
         """Objects of a class and its subclasses.
@@ -31,7 +32,9 @@ class Sizes:
         A class that owns others and is owned by none is the root of the model, of which there is one; the others
         are as many as their owners hold, shared equally among the classes that can stand there.
         """
-        return sum(self.exact_extent(name) for name in self._metamodel.concrete(cls))
+        if cls not in self._extents:
+            self._extents[cls] = sum(self.exact_extent(name) for name in self._metamodel.concrete(cls))
+        return self._extents[cls]
 
     def exact_extent(self, cls: str) -> float:
         """Objects of exactly this class."""

@@ -281,10 +281,13 @@ class Options:
             if isinstance(goal, InstanceAtom):
                 classes[goal.variable].append(goal)
         for variable, atoms in classes.items():
-            atom = min(atoms, key=lambda a: (self._extent(a), not a.exact))
+            atom = atoms[0]
+            if len(atoms) > 1:
+                atom = min(atoms, key=lambda a: (self._extent(a), not a.exact))
+            size = self._extent(atom)
             # An object that nothing else asks for is better found through what asks for it.
             weight = 1.0 if uses[variable] > 1 else 1.5
-            yield Option(Kind.LOOP, atom, (variable,), self._extent(atom) * weight, self._extent(atom))
+            yield Option(Kind.LOOP, atom, (variable,), size * weight, size)
 
     def _extent(self, atom: InstanceAtom) -> float:
         return self._sizes.exact_extent(atom.cls) if atom.exact else self._sizes.extent(atom.cls)
