@@ -109,6 +109,8 @@ class _PatternCheck:
         if declared is None:
             yield from self._inferred(parameter, bodies)
             return
+        if any(body.types.of(parameter.name) == declared for body in bodies):
+            return  # the body says no more than the declaration
         inferred = [
             type_ for body in bodies if (type_ := body.without_declaration(parameter.name)) is not None
         ]

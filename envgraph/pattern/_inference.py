@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from envgraph.errors import Span
 from envgraph.metamodel import Metamodel, Scalar
-from envgraph.pattern._bodies import Reading, grouped_relations, terms_of
+from envgraph.pattern._bodies import Reading, grouped_relations, terms_of, variables_in
 from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._paths import ResolvedPath, closure_target, resolve_path
@@ -104,7 +104,10 @@ class BodyTypes:
             case EnumLiteral():
                 return self.metamodel.enums.get(term.enum) if term.enum else None
             case Evaluation():
-                return ExpressionChecker(self.types, self.metamodel, False).type_of(term.expression)
+                scope = {
+                    one.name: self.of(one.name) for one in variables_in(term.expression) if not one.anonymous
+                }
+                return ExpressionChecker(scope, self.metamodel, False).type_of(term.expression)
             case Aggregate():
                 return self.aggregate_type(term)
             case Hash():

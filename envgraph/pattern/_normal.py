@@ -56,6 +56,8 @@ class _Normaliser:
         self._parameters = parameters
         self._metamodel = metamodel
         self._types_of = types_of
+        self._roots = {slot: slots.root(slot) for slot in range(len(slots))}
+        self._root_names = {slot: str(root) for slot, root in self._roots.items()}
 
     def body(self, raw: Sequence[Atom]) -> LoweredBody:
         atoms = [*self._declared(), *(kept for atom in raw for kept in self._resolved(atom))]
@@ -93,15 +95,14 @@ class _Normaliser:
 
     def _resolved(self, atom: Atom) -> Iterator[Atom]:
         """The atom over the variables that stand for united ones; an inequality that is decided goes."""
-        roots = {slot: self._slots.root(slot) for slot in range(len(self._slots))}
         if isinstance(atom, UnequalAtom):
-            left, right = roots[atom.left], roots[atom.right]
+            left, right = self._roots[atom.left], self._roots[atom.right]
             one, other = self._slots.value(left), self._slots.value(right)
             if left == right or (one is not None and one == other):
                 raise Unsatisfiable
             if one is not None and other is not None:
                 return
-        yield renumbered(atom, roots, {slot: str(root) for slot, root in roots.items()})
+        yield renumbered(atom, self._roots, self._root_names)
 
     def _order(self, atoms: Iterable[Atom]) -> list[int]:
         """The parameters, then every other variable that an atom mentions, by first mention in the text."""

@@ -88,10 +88,14 @@ class Partitions:
                 )
         # A result is tied to what it is computed from once that is known to be one part; several rounds, because a
         # result may be what connects the sources of the next.
-        for _ in computed:
-            for result, sources in computed:
+        waiting, before = computed, -1
+        while before != (before := len(waiting)):
+            tied, waiting = waiting, []
+            for result, sources in tied:
                 if self.loose.connected(sources):
                     self.loose.unite([*sources, *result])
+                else:
+                    waiting.append((result, sources))
 
     def parts(self, partition: _Partition) -> list[list[str]]:
         """The parts that a search has to combine; what callers bind is no part of its own."""
