@@ -447,6 +447,10 @@ class Model:
         old = relation.forward[source]
         if len(old) == len(targets) and tuple(old) == tuple(targets):
             return
+        if not targets:  # nothing can be refused, so nothing has to be taken back
+            for target in tuple(old):
+                self.store.disconnect(relation, source, target)
+            return
         if len(targets) > relation.upper:
             raise refusals.full(self, source, reference)
         if len(targets) > 1 and len(set(targets)) < len(targets):
