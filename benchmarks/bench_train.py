@@ -201,6 +201,8 @@ def measure_envgraph(size: int) -> Figures:
 def ask_on_demand(engine: Engine, found: Figures) -> None:
     """All six queries without views: with planning, and then with the functions at hand."""
     matcher = CompiledMatcher(engine.model, engine.library)
+    gc.collect()
+    gc.freeze()
     times: list[float] = []
     for _ in range(1 + REPEATS):
         engine.model.set_object_name(0, f"round {len(times)}")  # another state: nothing remembered is of use
@@ -208,6 +210,7 @@ def ask_on_demand(engine: Engine, found: Figures) -> None:
         for query in QUERIES:
             matcher.prepare(f"railway.{query}", ())()
         times.append(perf_counter() - started)
+    gc.unfreeze()
     found.asked_first, found.asked = times[0], median(times[1:])
 
 
