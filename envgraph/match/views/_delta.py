@@ -110,6 +110,7 @@ class Delta:
         symmetric: the tuple is a link that counts in both directions, and comes and goes in both at once.
         own: positions of the view's rows that tell which of them a lost tuple takes along, if they are looked up in
             the view itself; None if they are found by a search.
+        queued: derivations wait for the view's turn, because others read it.
     """
 
     name: str
@@ -119,6 +120,7 @@ class Delta:
     later: tuple[Occurrence, ...]
     symmetric: bool = False
     own: tuple[int, ...] | None = None
+    queued: bool = False
 
 
 DEAR: Final = 60.0
@@ -199,7 +201,7 @@ def _lookup_source(planner: ViewPlanner, delta: Delta, own: tuple[int, ...]) -> 
     group = module.name(Held("group", delta.name, own))
     key = next(iter(first.values())) if len(first) == 1 else f"({', '.join(first.values())},)"
     block.line(f"for row in tuple({group}({key}, ())):")
-    block.line(f"    {module.name(Held(SINKS[False], delta.name))}(row)")
+    block.line(f"    {changed(module, delta, False, 'row')}")
     module.function("delta", names, block)
     return module.source("delta")
 
@@ -228,8 +230,14 @@ _NOTHING = CallAtom("", ())
 def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
     """Adds or removes a derivation of the view."""
     heads = delta.conjunction.parameters
-    call = module.name(Held(SINKS[adding], delta.name))
-    return Sink(heads, (), lambda names: [f"{call}({row(heads, names)})"], ())
+    return Sink(heads, (), lambda names: [changed(module, delta, adding, row(heads, names))], ())
+
+
+def changed(module: Module, delta: Delta, adding: bool, row_: str) -> str:
+    """The line that adds or removes a derivation of a row, now or when it is the view's turn."""
+    if delta.queued:
+        return f"{module.name(Held('queue', delta.name))}(({row_}, {adding}))"
+    return f"{module.name(Held(SINKS[adding], delta.name))}({row_})"
 
 
 class DeltaTranslation(Translation):

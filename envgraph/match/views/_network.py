@@ -64,6 +64,8 @@ class Definition:
 Entered = TypeVar("Entered", bound=Operator)
 Consumer = tuple[Hook, Hook]
 """What is called with a tuple that has come, and with one that is about to go."""
+Kind = frozenset[tuple[str, bool]]
+"""Classes that an object is an instance of, and whether directly, as far as anybody asks."""
 Key = tuple[str, int | str]
 """A relation: a value or a link by its index, an operator by its name."""
 
@@ -99,9 +101,10 @@ class Network:
         self._planner = ViewPlanner(library, calls, LiveSizes(library, store), self)
         self._consumers: dict[Key, list[Consumer]] = {}
         self._classes: list[tuple[View, int, Conjunction, tuple[Occurrence, ...]]] = []
-        self._retypings: dict[tuple[int, int], tuple[Hook | None, Hook | None]] = {}
+        self._retypings: dict[tuple[Kind, Kind], tuple[Hook | None, Hook | None]] = {}
         self._membership: dict[tuple[str, int, frozenset[int]], Consumer] = {}
         self._turns: list[Operator] = []
+        self._queued: set[str] = set()
 
     # --- Held: what plans ask
 
@@ -344,23 +347,32 @@ class Network:
         self._classes.clear()
         self._retypings.clear()
         self._membership.clear()
-        read = self._read()
+        self._queued = self._read()
         deltas = self._deltas()
+        # What nobody reads is changed in place, and has all its groups by now.
         for operator in self.operators.values():
-            # Only whether there is a consumer matters for how a view takes its derivations.
-            operator.added = operator.removing = _unready if operator.name in read else None
+            operator.added = operator.removing = None
+            if operator.name not in self._queued:
+                self._make(operator)
         for operator in self.operators.values():
             self._subscribe(operator)
         for key, delta in deltas:
             self._listen(key, self._delta(delta))
+        self._hang()
         for operator in self.operators.values():
-            operator.added, operator.removing = self._fan(("rows", operator.name))
+            if operator.name in self._queued:
+                operator.added, operator.removing = self._fan(("rows", operator.name))
+                self._make(operator)
         self._turns = [
             operator
             for operator in self.operators.values()
-            if not isinstance(operator, View) or operator.added is not None or operator.removing is not None
+            if not isinstance(operator, View) or operator.name in self._queued
         ]
-        self._hang()
+
+    def _make(self, operator: Operator) -> None:
+        if isinstance(operator, View):
+            bodies = self.definitions[operator.name].bodies
+            operator.make(len(bodies[0].parameters) if bodies else 0)
 
     def _read(self) -> set[str]:
         """Names of operators that have consumers."""
@@ -398,7 +410,6 @@ class Network:
     def _deltas(self) -> list[tuple[Key, Delta]]:
         """What changes of which relation concern which place; for classes that is found out when they change."""
         found: list[tuple[Key, Delta]] = []
-        read = self._read()
         for name, definition in self.definitions.items():
             for number, body in enumerate(definition.bodies):
                 places = occurrences(body)
@@ -410,9 +421,11 @@ class Network:
                     if key is not None:
                         later = tuple(other for other in places[index + 1 :] if _key(other) == key)
                         symmetric = key[0] == "link" and self.store.relations[int(key[1])].symmetric
-                        delta = Delta(name, number, body, place, later, symmetric)
+                        delta = Delta(
+                            name, number, body, place, later, symmetric, queued=name in self._queued
+                        )
                         # What is looked up in the rows must not be a row of another body.
-                        sole = name not in read and len(definition.bodies) == 1
+                        sole = name not in self._queued and len(definition.bodies) == 1
                         found.append((key, self._with_own(delta, definition.view) if sole else delta))
         return found
 
@@ -457,12 +470,26 @@ class Network:
             relation.added, relation.removing = added, removing
         for index in range(len(store.value_added)):
             store.value_added[index], store.value_removing[index] = self._fan(("value", index))
-        for index in range(len(store.class_added)):
-            store.class_removing[index], store.class_added[index] = None, None
-            if self._classes:
-                leaving, entering = self._membership_hooks(index)
-                store.class_removing[index], store.class_added[index] = leaving, entering
-        store.retyping = self._retyping if self._classes else None
+        self._hang_classes()
+
+    def _hang_classes(self) -> None:
+        """All functions are made now: one that is made later might ask for an index that has no history."""
+        store, metamodel = self.store, self.library.metamodel
+        kinds = [self._kind(index) for index in range(len(metamodel.class_list))]
+        hooks = {kind: self._class_hooks(kind) for kind in dict.fromkeys(kinds)}
+        for index, kind in enumerate(kinds):
+            store.class_removing[index], store.class_added[index] = hooks[kind]
+        if not self._classes:
+            store.retyping = None
+            return
+        for old in hooks:
+            for new in hooks:
+                self._retypings[old, new] = (
+                    self._class_hooks(old - new)[0],
+                    self._class_hooks(new - old)[1],
+                )
+        retypings = self._retypings
+        store.retyping = lambda old, new: retypings[kinds[old], kinds[new]]
 
     def unhang(self) -> None:
         """Hear nothing any more."""
@@ -476,38 +503,39 @@ class Network:
 
     # --- classes: an object that comes or goes changes the relation of every class that it is an instance of
 
-    def _membership_hooks(self, cls: int) -> tuple[Hook | None, Hook | None]:
-        """What happens before an object leaves its class for none, and after it has entered it from none."""
-        change = self._affected(lambda atom: self._covers(atom, cls))
-        return _fan_or_none([c[1] for c in reversed(change)]), _fan_or_none([c[0] for c in change])
-
-    def _retyping(self, old: int, new: int) -> tuple[Hook | None, Hook | None]:
-        pair = (old, new)
-        if pair not in self._retypings:
-            lost = self._affected(lambda atom: self._covers(atom, old) and not self._covers(atom, new))
-            won = self._affected(lambda atom: self._covers(atom, new) and not self._covers(atom, old))
-            self._retypings[pair] = (
-                _fan_or_none([c[1] for c in reversed(lost)]),
-                _fan_or_none([c[0] for c in won]),
-            )
-        return self._retypings[pair]
-
-    def _covers(self, atom: InstanceAtom, cls: int) -> bool:
+    def _kind(self, cls: int) -> Kind:
+        """The class atoms that hold for the direct instances of a class."""
         metamodel = self.library.metamodel
         name = metamodel.class_list[cls].name
-        return name == atom.cls if atom.exact else metamodel.is_a(name, atom.cls)
+        atoms = {
+            (atom.cls, atom.exact) for _, _, _, members in self._classes for atom in map(_class, members)
+        }
+        return frozenset(
+            (above, exact)
+            for above, exact in atoms
+            if name == above or (not exact and metamodel.is_a(name, above))
+        )
 
-    def _affected(self, changes: Callable[[InstanceAtom], bool]) -> list[Consumer]:
+    def _class_hooks(self, change: Kind) -> tuple[Hook | None, Hook | None]:
+        """What happens before an object ceases to be what these atoms say, and after it has begun to be that."""
+        consumers = self._affected(change)
+        if not consumers:
+            return None, None
+        return _fan([each[1] for each in reversed(consumers)]), _fan([each[0] for each in consumers])
+
+    def _affected(self, change: Kind) -> list[Consumer]:
         """The delta functions of all places whose class an object enters or leaves in one step."""
         found: list[Consumer] = []
         for view, number, body, members in self._classes:
-            places = [p for p in members if isinstance(p.relation, InstanceAtom) and changes(p.relation)]
+            places = [p for p in members if (_class(p).cls, _class(p).exact) in change]
             group = frozenset(place.goal for place in places)
             for index, place in enumerate(places):
                 key = (f"{view.name}/{number}", place.goal, group)
                 if key not in self._membership:
                     later = tuple(places[index + 1 :])
-                    self._membership[key] = self._delta(Delta(view.name, number, body, place, later))
+                    queued = view.name in self._queued
+                    delta = Delta(view.name, number, body, place, later, queued=queued)
+                    self._membership[key] = self._delta(delta)
                 found.append(self._membership[key])
         return found
 
@@ -535,9 +563,11 @@ class Network:
         operator = self.operators[symbol.name]
         match symbol.what, operator:
             case "derive", View():
-                return operator.sinks()[0]
+                return operator.derive
             case "underive", View():
-                return operator.sinks()[1]
+                return operator.underive
+            case "queue", View():
+                return operator.queue.extend
             case "position", Rows():
                 return operator.rows.position
             case "rows", Rows():
@@ -581,14 +611,15 @@ def _key(place: Occurrence) -> Key | None:
             return None
 
 
+def _class(place: Occurrence) -> InstanceAtom:
+    assert isinstance(place.relation, InstanceAtom)
+    return place.relation
+
+
 def _together(lists: Sequence[Callable[[], list[Any]]]) -> Callable[[], list[Any]]:
     if len(lists) == 1:
         return lists[0]
     return lambda: [row for each in lists for row in each()]
-
-
-def _fan_or_none(hooks: Sequence[Hook]) -> Hook | None:
-    return _fan(hooks) if hooks else None
 
 
 def _fan(hooks: Sequence[Hook]) -> Hook:
@@ -625,7 +656,3 @@ def _both_ways(hook: Hook) -> Hook:
             hook(target, source)
 
     return both
-
-
-def _unready(*_: Any) -> None:
-    raise AssertionError("the functions are being made")

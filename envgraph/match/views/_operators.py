@@ -12,6 +12,7 @@ from typing import Any
 from envgraph.graph import SET, Store
 from envgraph.match._aggregates import aggregate
 from envgraph.match.views._sets import Groups, MatchSet, Row
+from envgraph.match.views._upkeep import changes
 
 Hook = Callable[..., object]
 
@@ -63,17 +64,18 @@ class Rows(Operator):
     def __init__(self, name: str, store: Store) -> None:
         super().__init__(name, store)
         self.rows = MatchSet(store)
-        self.groups: dict[tuple[int, ...], Groups] = {}
+        self.groups: dict[tuple[tuple[int, ...], int | None], Groups] = {}
 
     def size(self) -> float:
         return float(len(self.rows))
 
-    def group(self, positions: tuple[int, ...]) -> Groups:
-        """The tuples under the values at some positions, from now on kept."""
-        if positions not in self.groups:
-            groups = self.groups[positions] = Groups(self.store, positions)
+    def group(self, positions: tuple[int, ...], item: int | None = None) -> Groups:
+        """The tuples, or what they have at one position, under the values at some others; from now on kept."""
+        key = (positions, item)
+        if key not in self.groups:
+            groups = self.groups[key] = Groups(self.store, positions, item)
             groups.fill(self.rows)
-        return self.groups[positions]
+        return self.groups[key]
 
     def appear(self, row: Row) -> None:
         """A tuple comes."""
@@ -111,7 +113,10 @@ class View(Rows):
 
     Attributes:
         counts: number of derivations of each tuple; None if none has more than one.
+        queue: derivations that have come (True) or gone (False) and wait for the view's turn, flat.
         list_derivations: all derivations, a tuple once for each.
+        derive, underive: there is one more derivation of a tuple, or one less.
+        work: `derive` and `underive` for the whole queue.
     """
 
     def __init__(self, name: str, store: Store, counted: bool) -> None:
@@ -119,6 +124,9 @@ class View(Rows):
         self.counts: dict[Row, int] | None = {} if counted else None
         self.queue: list[Any] = []
         self.list_derivations: Callable[[], list[Row]] = list
+        self.derive: Callable[[Row], None] = _unmade
+        self.underive: Callable[[Row], None] = _unmade
+        self.work: Callable[[], None] = _unmade
 
     @property
     def pending(self) -> bool:
@@ -127,57 +135,16 @@ class View(Rows):
     def forget(self) -> None:
         self.queue.clear()
 
-    def derive(self, row: Row) -> None:
-        """There is one more derivation of a tuple."""
-        if self.counts is not None:
-            count = self.counts.get(row, 0)
-            self._count(row, count, count + 1)
-            if count:
-                return
-        self.appear(row)
+    def make(self, arity: int) -> None:
+        """Make the functions that change it, for the consumers and groups that it has now.
 
-    def underive(self, row: Row) -> None:
-        """There is one derivation less."""
-        if self.counts is not None:
-            count = self.counts[row]
-            self._count(row, count, count - 1)
-            if count > 1:
-                return
-        self.vanish(row)
-
-    def _count(self, row: Row, old: int, new: int) -> None:
-        assert self.counts is not None
-        if self.store.recording:
-            self.store.journal.extend((self.counts, row, old, SET))
-        elif not new:
-            del self.counts[row]
-            return
-        self.counts[row] = new
-
-    def queue_derivation(self, row: Row) -> None:
-        """Remember a new derivation until it is this view's turn."""
-        self.queue.extend((row, True))
-
-    def queue_loss(self, row: Row) -> None:
-        """Remember a derivation that has gone."""
-        self.queue.extend((row, False))
-
-    def sinks(self) -> tuple[Hook, Hook]:
-        """What delta functions call with a derivation that comes, and with one that goes."""
-        if self.added is not None or self.removing is not None:
-            return self.queue_derivation, self.queue_loss
-        if self.counts is None and not self.groups:
-            return self.rows.appear, self.rows.vanish
-        return self.derive, self.underive
+        Args:
+            arity: values in a row.
+        """
+        self.derive, self.underive, self.work = changes(self, self.counts, arity)
 
     def process(self) -> None:
-        queue, self.queue[:] = self.queue[:], ()
-        entries = iter(queue)
-        for row, coming in zip(entries, entries, strict=True):
-            if coming:
-                self.derive(row)
-            else:
-                self.underive(row)
+        self.work()
 
     def fill(self) -> None:
         found = self.list_derivations()
@@ -201,6 +168,10 @@ class View(Rows):
         for row in found:
             counts[row] = counts.get(row, 0) + 1
         assert {row: count for row, count in self.counts.items() if count} == counts, self.name
+
+
+def _unmade(*_: object) -> None:
+    raise AssertionError("the view is not connected yet")
 
 
 class Evaluated(Rows):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final, Protocol
 
 from envgraph.graph import SET, Store
@@ -20,10 +20,13 @@ NOTHING: Final[Reached] = {}
 
 
 class Steps(Protocol):
-    """The edges that a closure follows."""
+    """The edges that a closure follows.
 
-    def next(self, node: Any) -> Iterable[Any]:
-        """Where one step leads."""
+    Attributes:
+        next: where one step leads.
+    """
+
+    next: Callable[[Any], Iterable[Any]]
 
     def has(self, node: Any, other: Any) -> bool:
         """Whether there is a step."""
@@ -33,7 +36,7 @@ class LinkSteps:
     """Links of a reference, in one direction."""
 
     def __init__(self, column: Sequence[Sequence[int]]) -> None:
-        self.next = column.__getitem__
+        self.next: Callable[[int], Iterable[int]] = column.__getitem__
 
     def has(self, node: int, other: int) -> bool:
         """Whether there is a link."""
@@ -44,18 +47,13 @@ class RowSteps:
     """Rows of a binary view, in one direction."""
 
     def __init__(self, source: Rows, forward: bool) -> None:
-        self._near, self._far = (0, 1) if forward else (1, 0)
-        self._table = source.group((self._near,)).table
-        self._rows = source.rows
-
-    def next(self, node: Any) -> Iterable[Any]:
-        """Where one step leads."""
-        far = self._far
-        return [row[far] for row in self._table.get(node, ())]
+        near, far = (0, 1) if forward else (1, 0)
+        table = source.group((near,), far).table
+        self.next: Callable[[Any], Iterable[Any]] = table.__getitem__
 
     def has(self, node: Any, other: Any) -> bool:
         """Whether there is a row."""
-        return ((node, other) if self._far else (other, node)) in self._rows
+        return other in self.next(node)
 
 
 class Reach(Operator):
@@ -181,12 +179,7 @@ class Reach(Operator):
     def _search(self, start: Any, seen: Reached) -> None:
         """Add a node and all that it reaches."""
         seen[start] = None
-        todo = [start]
-        for node in todo:
-            for following in self._steps.next(node):
-                if following not in seen:
-                    seen[following] = None
-                    todo.append(following)
+        self._spread([start], seen)
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
         """What the starts reach."""
@@ -196,15 +189,17 @@ class Reach(Operator):
 
     def _reach(self, start: Any) -> Reached:
         seen: Reached = {start: None} if self.reflexive else {}
-        todo = [start]
-        following = self._steps.next
+        self._spread([start], seen)
+        return seen
+
+    def _spread(self, todo: list[Any], seen: Reached) -> None:
+        """Add everything that steps lead to."""
+        following, push = self._steps.next, todo.append
         for node in todo:
             for other in following(node):
                 if other not in seen:
                     seen[other] = None
-                    if other != start:
-                        todo.append(other)
-        return seen
+                    push(other)
 
     def _replace(self, start: Any, new: Reached) -> None:
         old = self.reached.get(start, NOTHING)

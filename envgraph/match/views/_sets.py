@@ -96,61 +96,78 @@ class MatchSet(IndexedSet[Row]):
         self.position.update((row, index) for index, row in enumerate(rows))
 
 
+class Table(dict[Any, "tuple[Any, ...] | IndexedSet[Any]"]):
+    """Groups by key; a key that is not there has an empty one."""
+
+    __slots__ = ()
+
+    def __missing__(self, key: Any) -> tuple[Any, ...]:
+        return ()
+
+
 class Groups:
-    """Rows of a relation under the values at some positions.
+    """Rows of a relation, or their values at one position, under the values at some others.
 
     Attributes:
-        table: key -> rows, as a tuple or a crowded `IndexedSet`; keys stay, with an empty tuple. The key is a bare
+        table: key -> items, as a tuple or a crowded `IndexedSet`; keys stay, with an empty tuple. The key is a bare
             value for one position, else a tuple.
+
+    Args:
+        store: of the model.
+        positions: of the key.
+        item: position of what is kept of a row; None for the row itself.
     """
 
-    __slots__ = ("key", "positions", "store", "table")
+    __slots__ = ("item", "key", "positions", "store", "table")
 
-    def __init__(self, store: Store, positions: tuple[int, ...]) -> None:
+    def __init__(self, store: Store, positions: tuple[int, ...], item: int | None = None) -> None:
         self.store = store
         self.positions = positions
-        self.table: dict[Any, tuple[Row, ...] | IndexedSet[Row]] = {}
+        self.item = item
+        self.table = Table()
         self.key = key_of(positions)
 
     def add(self, row: Row) -> None:
         """Add a row."""
         table, key, store = self.table, self.key(row), self.store
-        old = table.get(key, ())
+        item = row if self.item is None else row[self.item]
+        old = table[key]
         if isinstance(old, IndexedSet):
-            old.add(row)
+            old.add(item)
             if store.recording:
-                store.journal.extend((old, row, None, OUT))
+                store.journal.extend((old, item, None, OUT))
             return
-        table[key] = (*old, row) if len(old) < CROWD else IndexedSet((*old, row))
+        table[key] = (*old, item) if len(old) < CROWD else IndexedSet((*old, item))
         if store.recording:
             store.journal.extend((table, key, old, SET))
 
     def drop(self, row: Row) -> None:
         """Remove a row."""
         table, key, store = self.table, self.key(row), self.store
+        item = row if self.item is None else row[self.item]
         old = table[key]
         if isinstance(old, IndexedSet):
             if len(old) > CROWD + 1:
-                place = old.take(row)
+                place = old.take(item)
                 if store.recording:
-                    store.journal.extend((old, row, place, IN))
+                    store.journal.extend((old, item, place, IN))
                 return
-            place = old.position[row]
+            place = old.position[item]
             rest = list(old)
             rest[place] = rest[-1]
             table[key] = tuple(rest[:-1])
         else:
-            place = old.index(row)
+            place = old.index(item)
             table[key] = old[:place] + old[place + 1 :]
         if store.recording:
             store.journal.extend((table, key, old, SET))
 
     def fill(self, rows: Sequence[Row]) -> None:
         """Hold these rows and no others, unrecorded."""
-        table: dict[Any, list[Row]] = {}
-        key = self.key
+        table: dict[Any, list[Any]] = {}
+        key, item = self.key, self.item
         for row in rows:
-            table.setdefault(key(row), []).append(row)
+            table.setdefault(key(row), []).append(row if item is None else row[item])
         self.table.clear()
         self.table.update(
             (key, tuple(group) if len(group) <= CROWD else IndexedSet(tuple(group)))
@@ -159,12 +176,12 @@ class Groups:
 
     def check(self, rows: Sequence[Row]) -> None:
         """Assert that exactly these rows are in the table, each under its key."""
-        found = {row for group in self.table.values() for row in group}
-        assert found == set(rows)
         assert sum(map(len, self.table.values())) == len(rows)
-        for key, group in self.table.items():
-            assert all(self.key(row) == key for row in group)
+        for row in rows:
+            assert (row if self.item is None else row[self.item]) in self.table[self.key(row)]
+        for group in self.table.values():
             assert isinstance(group, IndexedSet) == (len(group) > CROWD)
+            assert len(set(group)) == len(group)
 
 
 def key_of(positions: tuple[int, ...]) -> Callable[[Row], Any]:
