@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import partial
 from inspect import signature
+from typing import Any
 
 import pytest
 
@@ -168,7 +169,7 @@ def test_the_rules_do_what_the_operations_do(domain: Workspace, kind: str) -> No
     assert done == set(QUERIES)
 
 
-def arguments(engine: Engine, operation: Operation, row: Row) -> dict[str, object]:
+def arguments(engine: Engine, operation: Operation, row: Row) -> dict[str, Any]:
     """The variables of the rule that the match of an operation has."""
     variables = engine.prepare(operation.rule).shape.names
     found = zip(signature(operation.edit).parameters, row, strict=True)
