@@ -24,6 +24,7 @@ What the steps of a unit mean is said in `_units`.
 from envgraph.rewrite._check import check_rule
 from envgraph.rewrite._derive import check_derivation, derived_rules
 from envgraph.rewrite._engine import Engine
+from envgraph.rewrite._events import Activation, Agenda, EventRule
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._run import STEP_LIMIT
@@ -31,8 +32,11 @@ from envgraph.rewrite._runner import Randomness, RuleRunner
 
 __all__ = [
     "STEP_LIMIT",
+    "Activation",
+    "Agenda",
     "Application",
     "Engine",
+    "EventRule",
     "Firing",
     "Match",
     "Randomness",

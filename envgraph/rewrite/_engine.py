@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from random import Random
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
@@ -20,6 +20,8 @@ from envgraph.graph import Model, Node, Savepoint, Version
 from envgraph.match import FREE, Matcher, NaiveMatcher, Subscription, ViewMatcher
 from envgraph.metamodel import Value, accepts, type_name
 from envgraph.pattern import Derivation, Library, ObjectType, Pattern, Rule, Unit
+from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
+from envgraph.rewrite._jobs import Event, Job, bind_job, job_name
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._register import Registration
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 
 Definition = Pattern | Rule | Unit | Derivation
 Function = TypeVar("Function", bound=Callable[..., object])
+_NOTHING: AbstractContextManager[None] = nullcontext()
 
 
 class Engine:
@@ -59,7 +62,7 @@ class Engine:
         model: the model.
         library: the registered patterns; the left sides of rules are among them under names like `rule#lhs`.
         matcher: finds the matches.
-        step_limit: how many calls and rounds one `run` may take.
+        step_limit: how many calls and rounds one `run` may take, and how often event rules may fire until they rest.
     """
 
     def __init__(
@@ -81,6 +84,7 @@ class Engine:
         self._choices: dict[tuple[str, ...], _Choice] = {}
         self._recorders: list[list[Firing]] = []
         self._questions: dict[str, tuple[Shape, str]] = {}
+        self._events: Events | None = None
 
     def __repr__(self) -> str:
         return f"<Engine on {self.model!r}: {len(self.rules)} rules>"
@@ -374,9 +378,81 @@ class Engine:
         self._views.unlisten(subscription)
 
     def settle(self) -> None:
-        """Tell listeners now what has changed since they were last told."""
+        """Tell listeners now what has changed since they were last told, and let event rules fire what is pending.
+
+        Raises:
+            EvaluationError: event rules go round; see `step_limit`.
+            Exception: what the job of an event rule has raised.
+        """
         if isinstance(self.matcher, ViewMatcher):
             self.matcher.deliver()
+        if self._events is not None:
+            self._events.run()
+
+    # --- events
+
+    def on(
+        self,
+        pattern: str,
+        *,
+        appear: Job | None = None,
+        disappear: Job | None = None,
+        update: Job | None = None,
+        priority: int = 0,
+        name: str | None = None,
+        key: Iterable[str] | None = None,
+        existing: bool = True,
+    ) -> EventRule:
+        """Do something whenever matches of a pattern appear, disappear or are updated; it is watched from now on.
+
+        A job is a function, which takes variables of the match by name, as `Node`s or values, and `engine`, `match`
+        and (for an update) `old`, the match before, if it has such parameters; or the name of a rule, group or unit,
+        whose variables are bound to those of the match that have the same names.
+
+        Jobs are done when the outermost transaction ends, at a commit, and when asked to `settle`, each in a
+        transaction of its own, until nothing is left to do. `_events` tells the order, and when a job is dropped.
+
+        Args:
+            pattern: its name.
+            appear: done at a new match.
+            disappear: done at a match that is gone. Its objects may be gone too: the node of one has only its `id`.
+            update: done instead of both where a match is replaced by another one with the same key.
+            priority: higher ones are done first.
+            name: for messages; else that of the first job.
+            key: variables; else those after `forEach` in `@FunctionalDependency`, else those that stand for objects.
+            existing: the present matches count as new: `appear` is done for them when the engine next settles.
+
+        Raises:
+            InvalidArgument: an unknown name, no job, a job that takes something else, a key that contains all variables
+                where there is an `update`; a pattern that cannot be watched.
+            TransactionError: as `watch`.
+        """
+        views = self._views
+        shape, qualified = self._asked(pattern)
+        given = {"appear": appear, "disappear": disappear, "update": update}
+        jobs = [(cast("Event", event), job) for event, job in given.items() if job is not None]
+        if not jobs:
+            raise InvalidArgument("an event rule does something: give `appear`, `disappear` or `update`")
+        bound = {event: bind_job(self, shape, event, job) for event, job in jobs}
+        places = (
+            update_key(self.library.get(qualified), shape, key)
+            if update is not None or key is not None
+            else ()
+        )
+        events = self._events or Events(self, views)
+        rule = EventRule(events, name or job_name(jobs[0][1]), shape, bound, priority, places)
+        events.add(rule, qualified, existing)
+        self._events = events
+        return rule
+
+    @property
+    def agenda(self) -> Agenda:
+        """What event rules are about to do, in that order."""
+        return Agenda(self._events)
+
+    def _holding(self) -> AbstractContextManager[None]:
+        """Event rules fire at the end of the block, not inside it."""
+        return _NOTHING if self._events is None else self._events.held()
 
     def check_integrity(self) -> None:
         """Assert that model and views hold what a computation from scratch finds; for tests."""
@@ -458,6 +534,10 @@ class Engine:
             InvalidArgument: an unknown rule or variable, or a match of something else.
             RuleError: the match is none any more, or the rule cannot be applied there. The model is as before.
         """
+        with self._holding():
+            return self._apply(rule, match, arguments)
+
+    def _apply(self, rule: str, match: Match | None, arguments: Mapping[str, object]) -> Application | None:
         qualified = self._directory.resolve(rule)
         if qualified in self._groups:
             return self._apply_group(qualified, match, arguments)
@@ -514,12 +594,13 @@ class Engine:
                 there to go on. The model is as before.
             EvaluationError: the step limit was reached, or a value could not be computed. The model is as before.
         """
-        qualified = self._directory.resolve(unit)
-        if qualified in self._rules:
-            return self.apply(unit, None, **arguments) is not None
-        trace = self._run(qualified, arguments)
-        self._record(trace)
-        return bool(trace)
+        with self._holding():
+            qualified = self._directory.resolve(unit)
+            if qualified in self._rules:
+                return self._apply(qualified, None, arguments) is not None
+            trace = self._run(qualified, arguments)
+            self._record(trace)
+            return bool(trace)
 
     def _run(self, name: str, arguments: Mapping[str, object]) -> list[Firing]:
         run = Run(self.model, self.rng, self.step_limit, self.step_limit)
@@ -582,6 +663,12 @@ class Engine:
         Raises:
             RuleError: it cannot be applied; the model is as before.
         """
+        if self._events is None:
+            return self._fire(name, row)
+        with self._events.held():
+            return self._fire(name, row)
+
+    def _fire(self, name: str, row: Row) -> tuple[Firing, ...]:
         runner = self._rules.get(name)
         if runner is not None:
             trace: tuple[Firing, ...] = (runner.apply_row(row),)
@@ -594,12 +681,15 @@ class Engine:
     def replay(self, trace: Iterable[tuple[str, Sequence[Value]]]) -> None:
         """Apply rules at recorded matches, in order: from an equal state it leads to an equal state, ids included.
 
+        Event rules do not fire: what they applied is part of the trace.
+
         Raises:
             InvalidArgument: an unknown rule, or a row of another length.
             RuleError: a row is no match (reason "stale-match"), or a rule cannot be applied. Nothing is applied then.
         """
         done: list[Firing] = []
-        with self.model.transaction():
+        muted = _NOTHING if self._events is None else self._events.muted()
+        with muted, self.model.transaction():
             for name, values in trace:
                 runner, row = self.prepare(name), tuple(values)
                 if len(row) != len(runner.shape.names):
@@ -635,20 +725,23 @@ class Engine:
     def transaction(self) -> Iterator[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it. Transactions nest."""
         lengths = [len(recorder) for recorder in self._recorders]
-        try:
-            with self.model.transaction() as savepoint:
-                yield savepoint
-        except BaseException:
-            for recorder, length in zip(self._recorders, lengths, strict=False):
-                del recorder[length:]
-            raise
+        with self._holding():
+            try:
+                with self.model.transaction() as savepoint:
+                    yield savepoint
+            except BaseException:
+                for recorder, length in zip(self._recorders, lengths, strict=False):
+                    del recorder[length:]
+                raise
 
     def commit(self) -> Version:
-        """Name the present state of the model.
+        """Name the present state of the model, after event rules have done what is pending.
 
         Raises:
             TransactionError: inside a transaction.
         """
+        if self._events is not None:
+            self._events.run()
         return self.model.commit()
 
     def checkout(self, version: Version, *, discard: bool = False) -> None:

@@ -267,7 +267,8 @@ class PythonRule(RuleRunner):
             shape, pattern, model, library, matcher, parameters=shape.names, weight=weight, priority=priority
         )
         self.function = function
-        self._names, self._takes_engine = _wanted(function, shape)
+        self._names, taken = wanted_arguments(function, shape, ("engine",))
+        self._takes_engine = "engine" in taken
         self._engine = engine
 
     def fire(self, row: Row) -> Sequence[Any]:
@@ -281,21 +282,23 @@ class PythonRule(RuleRunner):
         return row
 
 
-def _wanted(function: Callable[..., object], shape: Shape) -> tuple[tuple[str, ...], bool]:
-    """The variables that a function takes, and whether it takes the engine.
+def wanted_arguments(
+    function: Callable[..., object], shape: Shape, others: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The variables that a function takes, and what else of `others`; a variable of such a name comes first.
 
     Raises:
         InvalidArgument: it takes something else.
     """
     names: list[str] = []
-    takes_engine = False
+    taken: list[str] = []
     for argument in signature(function).parameters.values():
         if argument.kind is Argument.VAR_KEYWORD:
-            return shape.names, takes_engine or "engine" in names
+            return shape.names, tuple(taken)
         if argument.name in shape.names and argument.kind is not Argument.POSITIONAL_ONLY:
             names.append(argument.name)
-        elif argument.name == "engine":
-            takes_engine = True
+        elif argument.name in others and argument.kind is not Argument.POSITIONAL_ONLY:
+            taken.append(argument.name)
         elif argument.default is Argument.empty:
             hint = did_you_mean(argument.name, shape.names)
             known = ", ".join(f"`{name}`" for name in shape.names) or "none"
@@ -303,4 +306,4 @@ def _wanted(function: Callable[..., object], shape: Shape) -> tuple[tuple[str, .
                 f"`{shape.definition}` takes `{argument.name}`, which is no variable of its pattern: "
                 + (hint or f"they are {known}")
             )
-    return tuple(names), takes_engine
+    return tuple(names), tuple(taken)
