@@ -206,7 +206,7 @@ class NaiveMatcher:
                     yield known
             case Fold(function, relation, terms, _, column, result):
                 rows = dict.fromkeys(self._tuples(pattern, relation, terms, known))
-                numbers = [row[column or 0] for row in rows]
+                numbers = [0 if column is None else row[column] for row in rows]  # `count` takes any
                 yield from _with(known, result, aggregate(function, numbers))  # type: ignore[arg-type]
             case Equal((left, right)):
                 yield from (

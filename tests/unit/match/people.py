@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from envgraph.graph import Model
-from envgraph.match import FREE, Matcher
+from envgraph.match import FREE
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, ObjectType, Pattern
+from tests.unit.match.kinds import Kind
 
 MOOD = EnumType("Mood", ("calm", "cross"))
 
@@ -46,10 +45,11 @@ class World:
     Dan knows himself.
     """
 
-    def __init__(self, kind: Callable[[Model, Library], Matcher], *patterns: Pattern) -> None:
+    def __init__(self, kind: Kind, *patterns: Pattern) -> None:
         self.model = model = Model(METAMODEL)
         self.library = Library(METAMODEL)
         self.library.add(*patterns)
+        self.matcher = kind(model, self.library)
         ada = model.create("Chief", object_name="ada", age=50, pay=9.5, mood="cross")
         bob = model.create("Person", object_name="bob", age=30, pay=4.0, boss=ada, knows=[])
         cyd = model.create("Person", object_name="cyd", age=30, pay=5.0, boss=ada, knows=[ada])
@@ -59,7 +59,6 @@ class World:
         dan.knows.append(dan)
         model.create("Team", object_name="red", members=[ada, bob], lead=ada)
         model.create("Team", object_name="blue", members=[cyd])
-        self.matcher = kind(model, self.library)
 
     def id(self, name: str) -> int:
         """The object with a name."""

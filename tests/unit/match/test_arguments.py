@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 
 from envgraph.errors import InvalidArgument, TypeMismatch
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match import FREE
+from tests.unit.match.kinds import KINDS
 from tests.unit.match.people import World
 from tests.unit.match.writing import check, equal, find, op, path, pattern, value
 
@@ -22,10 +21,9 @@ PATTERNS = (
 )
 
 
-@pytest.fixture(params=[CompiledMatcher, NaiveMatcher], ids=["compiled", "naive"])
+@pytest.fixture(params=KINDS.values(), ids=KINDS)
 def world(request: pytest.FixtureRequest) -> World:
-    kind: Callable[..., CompiledMatcher | NaiveMatcher] = request.param
-    return World(kind, *PATTERNS)
+    return World(request.param, *PATTERNS)
 
 
 def test_an_unknown_pattern_is_named_with_a_hint(world: World) -> None:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import tracemalloc
-from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher
 from envgraph.match import _closures as closures
 from envgraph.match import _recursion as recursion
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Check, Library
+from tests.unit.match.kinds import Kind, every_kind
 from tests.unit.match.writing import equal, find, is_a, neg, op, path, pattern, unequal, value
 
 CELLS = Metamodel(
@@ -155,8 +155,8 @@ DISTANCE = pattern(
 )
 
 
-@pytest.mark.parametrize("kind", [CompiledMatcher, NaiveMatcher], ids=["compiled", "naive"])
-def test_recursion_may_compute_values(kind: Callable[[Model, Library], Matcher]) -> None:
+@every_kind
+def test_recursion_may_compute_values(kind: Kind) -> None:
     matcher = kind(chain(5), library(DISTANCE))
     assert matcher.rows("distance", (0, 3, FREE)) == [(0, 3, 3)]
     assert sorted(matcher.rows("distance", (FREE, 2, FREE))) == [(0, 2, 2), (1, 2, 1)]
@@ -195,9 +195,9 @@ def test_unreachable_pairs_are_found_with_one_search_for_each_source() -> None:
     assert matcher.count("apart", (FREE, FREE)) == 64 * 56
 
 
-@pytest.mark.parametrize("matcher", [NaiveMatcher, CompiledMatcher])
+@every_kind
 def test_a_closure_without_a_class_goes_on_from_objects_of_other_classes(
-    matcher: Callable[[Model, Library], Matcher],
+    kind: Kind,
 ) -> None:
     metamodel = Metamodel(
         "road",
@@ -213,16 +213,16 @@ def test_a_closure_without_a_class_goes_on_from_objects_of_other_classes(
         model.set_target(one, metamodel.references[0], other)
     library = Library(metamodel)
     library.add(pattern("ahead(a : Start, b : Place)", [path(".next+", "a", "b")]))
-    assert sorted(matcher(model, library).rows("ahead", (FREE, FREE))) == [(0, 1), (0, 2), (0, 3)]
+    assert sorted(kind(model, library).rows("ahead", (FREE, FREE))) == [(0, 1), (0, 2), (0, 3)]
 
 
-@pytest.mark.parametrize("matcher", [NaiveMatcher, CompiledMatcher])
+@every_kind
 def test_checks_that_differ_in_the_type_of_a_constant_alone_both_count(
-    matcher: Callable[[Model, Library], Matcher],
+    kind: Kind,
 ) -> None:
     model = Model(CELLS)
     model.new("Cell")
     library = Library(CELLS)
     exact, whole = (Check(op(0, "<", op(one, "/", 2))) for one in (1.0, 1))  # 0 < 0.5, and 0 < 0
     library.add(pattern("both(a : Cell)", [is_a("Cell", "a"), exact, whole]))
-    assert not matcher(model, library).exists("both", (FREE,))
+    assert not kind(model, library).exists("both", (FREE,))

@@ -1,34 +1,40 @@
-"""What each construct of a query means, by hand, on both matchers."""
+"""What each construct of a query means, by hand, on every matcher."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
-from envgraph.graph import Model
-from envgraph.match import CompiledMatcher, Matcher, NaiveMatcher
 from envgraph.pattern import (
     Check,
     Conditional,
     Constant,
     EnumLiteral,
     FunctionCall,
-    Library,
     Navigation,
     Pattern,
     Variable,
 )
+from tests.unit.match.kinds import KINDS, Kind, assert_sound
 from tests.unit.match.people import World
 from tests.unit.match.writing import check, equal, find, fold, is_a, neg, op, path, pattern, unequal, v, value
 
 Make = Callable[..., World]
 
 
-@pytest.fixture(params=[CompiledMatcher, NaiveMatcher], ids=["compiled", "naive"])
-def world(request: pytest.FixtureRequest) -> Make:
-    kind: Callable[[Model, Library], Matcher] = request.param
-    return lambda *patterns: World(kind, *patterns)
+@pytest.fixture(params=KINDS.values(), ids=KINDS)
+def world(request: pytest.FixtureRequest) -> Iterator[Make]:
+    kind: Kind = request.param
+    made: list[World] = []
+
+    def make(*patterns: Pattern) -> World:
+        made.append(World(kind, *patterns))
+        return made[-1]
+
+    yield make
+    for each in made:
+        assert_sound(each.matcher)
 
 
 def names(*texts: str) -> set[tuple[object, ...]]:
@@ -345,6 +351,18 @@ def test_negation_of_negation(world: Make) -> None:
 
 
 # --- aggregates
+
+
+def test_a_pattern_without_parameters_is_counted(world: Make) -> None:
+    w = world(
+        pattern("any()", [is_a("Ghost", "_")]),
+        pattern("p(x : Person, n : int)", [is_a("Person", "x"), equal("n", fold("count", find("any")))]),
+    )
+    assert w.rows("p", "bob", ...) == {("bob", 0)}
+    w.model.create("Ghost")
+    w.model.create("Ghost")
+    assert w.rows("p", "bob", ...) == {("bob", 1)}
+    assert w.rows("p", ..., 0) == set()
 
 
 def test_count_is_zero_for_an_empty_group(world: Make) -> None:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 
-from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
-from envgraph.pattern import Library
+from envgraph.match import FREE
 from tests.unit.match.forest import forest, library
+from tests.unit.match.kinds import KINDS, Kind, assert_sound
 
 MATCHES = {
     "burningTile": 20,
@@ -27,27 +24,27 @@ MATCHES = {
 }
 
 
-@pytest.fixture(params=[CompiledMatcher, NaiveMatcher], ids=["compiled", "naive"])
-def kind(request: pytest.FixtureRequest) -> Callable[[Model, Library], Matcher]:
-    found: Callable[[Model, Library], Matcher] = request.param
+@pytest.fixture(params=KINDS.values(), ids=KINDS)
+def kind(request: pytest.FixtureRequest) -> Kind:
+    found: Kind = request.param
     return found
 
 
 @pytest.mark.parametrize("name", MATCHES)
-def test_the_target_has_the_expected_matches(kind: Callable[[Model, Library], Matcher], name: str) -> None:
+def test_the_target_has_the_expected_matches(kind: Kind, name: str) -> None:
     queries = library()
     matcher = kind(forest(), queries)
     arguments = (FREE,) * len(queries.parameter_types(name))
     assert matcher.count(name, arguments) == len(matcher.rows(name, arguments)) == MATCHES[name]
 
 
-def test_density_counts_tiles(kind: Callable[[Model, Library], Matcher]) -> None:
+def test_density_counts_tiles(kind: Kind) -> None:
     [(_, burning, tiles)] = kind(forest(), library()).rows("fireDensity", (FREE, FREE, FREE))
     assert (burning, tiles) == (20, 64)
 
 
 def test_the_target_is_solvable_until_its_only_passage_burns(
-    kind: Callable[[Model, Library], Matcher],
+    kind: Kind,
 ) -> None:
     model = forest()
     matcher = kind(model, library())
@@ -59,5 +56,7 @@ def test_the_target_is_solvable_until_its_only_passage_burns(
             tile.retype("BurningTile")
     assert not matcher.exists("solvable", (start, goal))
     assert not matcher.exists("solvable", (FREE, FREE))
+    assert_sound(matcher)
     model.rollback(savepoint)
     assert matcher.rows("solvable", (FREE, FREE)) == [(start, goal)]
+    assert_sound(matcher)
