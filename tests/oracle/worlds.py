@@ -99,7 +99,9 @@ def random_metamodel(dice: Dice) -> Metamodel:
     for number in range(dice.number(2, 5)):
         owner, target = dice.one(names), dice.one(names)
         forward = Reference(f"r{number}", target, 0, dice.one([1, None, None, 2]))
-        if dice.chance(40):
+        if dice.chance(12):
+            forward = replace(forward, target=owner, opposite=forward.name)  # its own opposite
+        elif dice.chance(40):
             kind = dice.number(0, 3)
             backward = Reference(f"o{number}", owner, 0, dice.one([1, None]), opposite=forward.name)
             forward = replace(forward, opposite=backward.name, containment=kind == 0)
@@ -117,12 +119,18 @@ def random_metamodel(dice: Dice) -> Metamodel:
     return Metamodel("random", tuple(classes), (COLOUR,))
 
 
-def edit(dice: Dice, model: Model) -> None:
-    """One random change; what the model refuses is not done."""
+def edit(dice: Dice, model: Model, thin: bool = False) -> None:
+    """One random change; what the model refuses is not done.
+
+    Args:
+        dice: chooses.
+        model: changed in place.
+        thin: rather take something away.
+    """
     metamodel = model.metamodel
     concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
     nodes = [node for cls in concrete for node in model.exact_extent(cls)]
-    kind = dice.number(0, 11)
+    kind = dice.one([2, 3, 4, 11, 11, 11]) if thin else dice.number(0, 11)
     if kind < 2 or len(nodes) < 2:
         model.new(dice.one(concrete))
         return
@@ -161,8 +169,11 @@ def _edit_link(dice: Dice, model: Model, node: int, unlink: bool) -> None:
     if not candidates:
         return
     target = dice.one(candidates)
-    if not reference.many and dice.chance(50):
+    roll = dice.number(0, 9)
+    if not reference.many and roll < 5:
         model.set_target(node, reference, target)
+    elif reference.many and roll < 1:
+        model.set_targets(node, reference, [each for each in candidates if dice.chance(40)])
     else:
         model.link(node, reference, target)
 
@@ -237,9 +248,28 @@ def relation(scope: Scope, positive: bool = True) -> Relation:
             cls, scope.term(ObjectType(cls), positive), exact=dice.chance(15) and cls in _concrete(scope)
         )
     called = [*scope.callable, *(scope.partners * 2 if positive else ())]
+    # What would otherwise be seldom: closures of patterns, and patterns with closures under `neg` and `count`.
+    special = [each for each in scope.callable if (_steps(scope, each) if positive else _closed(each))]
+    if special and roll < 5 and dice.chance(40):
+        return call(scope, dice.one(special), positive)
     if roll < 7 or not called:
         return path(scope, positive)
     return call(scope, dice.one(called), positive)
+
+
+def _steps(scope: Scope, called: Pattern) -> bool:
+    """Whether a pattern may be followed by a closure."""
+    types = [type_of(parameter.type) for parameter in called.parameters]
+    return len(types) == 2 and scope.fits(*types)
+
+
+def _closed(called: Pattern) -> bool:
+    """Whether a pattern has a closure."""
+    return any(
+        isinstance(each, PathConstraint | PatternCall) and each.closure is not Closure.ONCE
+        for body in called.bodies
+        for each in body.constraints
+    )
 
 
 def _concrete(scope: Scope) -> set[str]:
@@ -276,13 +306,7 @@ def call(scope: Scope, called: Pattern, positive: bool) -> PatternCall:
     """A call, sometimes with a closure."""
     types = [type_of(parameter.type) for parameter in called.parameters]
     closure = Closure.ONCE
-    if (
-        positive
-        and called not in scope.partners
-        and len(types) == 2
-        and scope.fits(*types)
-        and scope.dice.chance(35)
-    ):
+    if positive and called not in scope.partners and _steps(scope, called) and scope.dice.chance(50):
         closure = scope.dice.one([Closure.PLUS, Closure.STAR])
     return PatternCall(called.name, tuple(scope.term(type_, positive) for type_ in types), closure)
 
@@ -290,16 +314,33 @@ def call(scope: Scope, called: Pattern, positive: bool) -> PatternCall:
 def aggregate(scope: Scope) -> tuple[Aggregate, StaticType] | None:
     """An aggregate and the type of its value."""
     dice = scope.dice
-    over = relation(scope, positive=False)
-    if dice.chance(50):
-        return Aggregate("count", over), Scalar.INT
-    if isinstance(over, PathConstraint):
-        feature = _last(scope, over)
-        if isinstance(feature, Attribute) and feature.type in (Scalar.INT, Scalar.FLOAT):
-            function = dice.one(["sum", "min", "max", "avg"])
-            over = replace(over, target=Hash())
-            type_ = Scalar.FLOAT if function == "avg" else feature.type
-            return Aggregate(function, over), type_  # type: ignore[arg-type]
+    over = _over_numbers(scope) if dice.chance(60) else None
+    if over is None:
+        return Aggregate("count", relation(scope, positive=False)), Scalar.INT
+    function = dice.one(["sum", "min", "max", "avg"])
+    return Aggregate(function, over[0]), Scalar.FLOAT if function == "avg" else over[1]  # type: ignore[arg-type]
+
+
+def _over_numbers(scope: Scope) -> tuple[Relation, StaticType] | None:
+    """A call or path with a number for each tuple in place of `#`, and the type of the number; None without any."""
+    dice = scope.dice
+    calls = [
+        (called, position)
+        for called in scope.callable
+        for position, parameter in enumerate(called.parameters)
+        if parameter.type in ("int", "float")
+    ]
+    if calls and dice.chance(60):
+        called, position = dice.one(calls)
+        made = call(scope, called, positive=False)
+        arguments = (*made.arguments[:position], Hash(), *made.arguments[position + 1 :])
+        return replace(made, arguments=arguments), type_of(called.parameters[position].type)
+    for _ in range(3):
+        over = path(scope, positive=False)
+        if isinstance(over, PathConstraint):
+            feature = _last(scope, over)
+            if isinstance(feature, Attribute) and feature.type in (Scalar.INT, Scalar.FLOAT):
+                return replace(over, target=Hash()), feature.type
     return None
 
 
@@ -375,8 +416,8 @@ def constraint(scope: Scope) -> Constraint | None:
     if roll < 13:
         return Negation(relation(scope, positive=False))
     if roll < 15:
-        name = dice.one(list(scope.variables))
-        others = [other for other in scope.names(scope.variables[name]) if other != name]
+        name = dice.one(list(scope.variables) or ["_"])
+        others = [o for o in scope.names(scope.variables[name]) if o != name] if name != "_" else []
         if not others:
             return None
         return Comparison(dice.one(["==", "!=", "!="]), Variable(name), Variable(dice.one(others)))
@@ -398,9 +439,10 @@ def constraint(scope: Scope) -> Constraint | None:
 
 
 def parameters(dice: Dice, metamodel: Metamodel) -> tuple[Parameter, ...]:
-    """One to three typed parameters."""
-    types = [*metamodel.classes, *metamodel.classes, "int", "Colour"]
-    return tuple(Parameter(f"p{number}", dice.one(types)) for number in range(dice.one([1, 2, 2, 3])))
+    """Typed parameters, seldom none, at most three."""
+    types = [*metamodel.classes, *metamodel.classes, "int", dice.one(["Colour", "float"])]
+    size = 0 if dice.chance(5) else dice.one([1, 2, 2, 3])
+    return tuple(Parameter(f"p{number}", dice.one(types)) for number in range(size))
 
 
 def body(
@@ -435,7 +477,7 @@ def body(
         made = constraint(scope)
         if made is not None:
             constraints.append(made)
-    return Body(tuple(constraints) or (TypeConstraint(own[0].type or "", Variable(own[0].name)),))
+    return Body(tuple(constraints) or (TypeConstraint(dice.one(list(metamodel.classes)), Variable("_")),))
 
 
 def random_library(dice: Dice, metamodel: Metamodel) -> Library:
@@ -462,15 +504,16 @@ def random_library(dice: Dice, metamodel: Metamodel) -> Library:
 
 def add(library: Library, group: Sequence[Pattern]) -> None:
     """Add patterns, less the constraints that make them invalid."""
-    plain = [replace(pattern, bodies=(_plain(pattern),)) for pattern in group]
+    cls = next(iter(library.metamodel.classes))
+    plain = [replace(pattern, bodies=(_plain(pattern, cls),)) for pattern in group]
     for number, pattern in enumerate(group):
         others = [*plain[:number], *plain[number + 1 :]]
-        bodies = tuple(_valid(library, others, pattern, body) for body in pattern.bodies)
+        bodies = tuple(_valid(library, others, pattern, body, cls) for body in pattern.bodies)
         plain[number] = replace(pattern, bodies=bodies)
     library.add(*plain)
 
 
-def _valid(library: Library, others: Sequence[Pattern], pattern: Pattern, body: Body) -> Body:
+def _valid(library: Library, others: Sequence[Pattern], pattern: Pattern, body: Body, cls: str) -> Body:
     """The body without the constraints that are wrong."""
 
     def errors(constraints: Sequence[Constraint]) -> int:
@@ -482,11 +525,14 @@ def _valid(library: Library, others: Sequence[Pattern], pattern: Pattern, body: 
     while kept and errors(kept):
         drops = [kept[:i] + kept[i + 1 :] for i in range(len(kept))]
         kept = min(drops, key=errors)
-    return Body(tuple(kept)) if kept else _plain(pattern)
+    return Body(tuple(kept)) if kept else _plain(pattern, cls)
 
 
-def _plain(pattern: Pattern) -> Body:
+def _plain(pattern: Pattern, cls: str) -> Body:
+    """A body that is valid: the types of the parameters; without parameters, that a class has objects."""
     constraints: list[Constraint] = []
+    if not pattern.parameters:
+        constraints.append(TypeConstraint(cls, Variable("_")))
     for parameter in pattern.parameters:
         kind = type_of(parameter.type)
         if isinstance(kind, ObjectType):
@@ -507,22 +553,22 @@ class World:
     model: Model
     dice: Dice
 
-    def edit(self, count: int) -> None:
-        """Make some random changes."""
+    def edit(self, count: int, thin: bool = False) -> None:
+        """Make some random changes; thin ones rather take something away."""
         for _ in range(count):
-            edit(self.dice, self.model)
+            edit(self.dice, self.model, thin)
 
 
-def random_world(seed: int) -> World:
-    """A metamodel with patterns, and a model of a few objects."""
+def random_world(seed: int, size: int = 1) -> World:
+    """A metamodel with patterns, and a model of a few objects; of so many times more with `size`."""
     dice = Dice(seed)
     metamodel = random_metamodel(dice)
     world = World(random_library(dice, metamodel), Model(metamodel), dice)
     for cls in metamodel.class_list:
         if not cls.abstract:
-            for _ in range(dice.number(0, 3)):
+            for _ in range(dice.number(0, 3) * size):
                 world.model.new(cls.name)
-    world.edit(dice.number(0, 25))
+    world.edit(dice.number(0, 25) * size)
     return world
 
 
