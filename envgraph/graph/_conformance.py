@@ -33,8 +33,8 @@ class Violation:
 def check_conformance(model: Model) -> list[Violation]:
     """All violations of multiplicities: attributes without a value, references with too few or too many targets.
 
-    An object without a container is a root, which is no violation. Types, containment, opposites and upper
-    bounds hold whatever is written.
+    An optional attribute needs no value. An object without a container is a root, which is no violation. Types,
+    containment, opposites and upper bounds hold whatever is written.
 
     Returns:
         Class by class, then object by object in the order of the extents, then by feature; [] if the model conforms.
@@ -51,7 +51,9 @@ def check_conformance(model: Model) -> list[Violation]:
 
 
 def _demands(feature: Feature) -> bool:
-    return isinstance(feature, Attribute) or feature.lower > 0 or feature.upper is not None
+    if isinstance(feature, Attribute):
+        return not feature.optional
+    return feature.lower > 0 or feature.upper is not None
 
 
 def _violations(model: Model, node: int, feature: Feature) -> Iterator[Violation]:

@@ -1,5 +1,6 @@
 """Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
 
+from envgraph.metamodel._ecore import metamodel_to_ecore, xml_value
 from envgraph.metamodel._features import (
     Annotation,
     Attribute,
@@ -8,6 +9,7 @@ from envgraph.metamodel._features import (
     EnumType,
     Feature,
     Glyph,
+    Package,
     Places,
     Reference,
     Scalar,
@@ -28,12 +30,15 @@ __all__ = [
     "Feature",
     "Glyph",
     "Metamodel",
+    "Package",
     "Places",
     "Reference",
     "Scalar",
     "Value",
     "accepts",
     "default_of",
+    "metamodel_to_ecore",
     "place",
     "type_name",
+    "xml_value",
 ]

@@ -26,13 +26,23 @@ class Scalar(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class EnumType:
-    """An enumeration; a literal's index is its place in `literals`. `places`: "literal 0", "literal 1" ..."""
+    """An enumeration; a literal's index is its place in `literals`.
+
+    Attributes:
+        package: the nested package that it is in, see `Package`.
+        labels, numbers: what other tools write for each literal, as text and as a number; () where that is the literal
+            itself, and its index.
+        places: "literal 0", "literal 1" ...
+    """
 
     name: str
     literals: tuple[str, ...]
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
     places: Places = field(default=(), compare=False, repr=False)
+    package: str = ""
+    labels: tuple[str, ...] = ()
+    numbers: tuple[int, ...] = ()
 
 
 AttributeType = Scalar | EnumType
@@ -71,6 +81,8 @@ class Attribute:
         default: the declared default, or None: then 0, 0.0, False, "" or the first literal.
         owner: name of the declaring class; filled in by `Metamodel`.
         index: place in `Metamodel.attributes`; filled in by `Metamodel`.
+        optional: an object may be without a value.
+        identifier: no two objects of a file have the same value, so that references can name it (Ecore's `iD`).
         places: "type", "default".
     """
 
@@ -83,6 +95,8 @@ class Attribute:
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
     places: Places = field(default=(), compare=False, repr=False)
+    optional: bool = False
+    identifier: bool = False
 
     @property
     def initial(self) -> Value:
@@ -149,6 +163,7 @@ class Class:
         key: names of the attributes that name an object in every member of a family (`@key`), or ().
         glyph: letter and colour (`@glyph`), or None; not inherited.
         frozen: derived operators leave it alone (`@frozen`).
+        package: the nested package that it is in, see `Package`.
         places: "extends A" for each supertype, "key a" for each attribute of the key, "letter", "colour".
     """
 
@@ -163,6 +178,22 @@ class Class:
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
     places: Places = field(default=(), compare=False, repr=False)
+    package: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Package:
+    """A namespace of classes and enums, for the formats of other tools; names are unique in the whole metamodel.
+
+    Attributes:
+        path: "" for the metamodel itself, "a.b" for a package `b` in a package `a` in it.
+        uri: what files call it by.
+        prefix: what files may shorten the uri to.
+    """
+
+    path: str
+    uri: str
+    prefix: str
 
 
 def place(item: EnumType | Attribute | Reference | Class, part: str) -> Span | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from envgraph.errors import ResolutionError, has_errors
 from envgraph.metamodel._check import check_classes, linearise
-from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Reference
+from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference
 
 if TYPE_CHECKING:
     from envgraph.metamodel.picture import Picture
@@ -34,7 +34,8 @@ class Metamodel:
         name: name of the metamodel.
         classes: in the order that extents, reports and derived rules follow.
         enums: the enumerations.
-        uri: namespace for Ecore, or None.
+        uri: what other files may call it by (in Ecore its nsURI), or None.
+        packages: the namespaces of other tools' files, the metamodel's own first; None for that one alone.
 
     Raises:
         ResolutionError: an unknown or duplicate name, a cycle of supertypes, opposites that do not point at each
@@ -42,10 +43,16 @@ class Metamodel:
     """
 
     def __init__(
-        self, name: str, classes: Iterable[Class], enums: Iterable[EnumType] = (), uri: str | None = None
+        self,
+        name: str,
+        classes: Iterable[Class],
+        enums: Iterable[EnumType] = (),
+        uri: str | None = None,
+        packages: Iterable[Package] | None = None,
     ) -> None:
         self.name = name
         self.uri = uri
+        self.packages = (Package("", uri or name, name),) if packages is None else tuple(packages)
         declared = _numbered(classes)
         self.enum_types = tuple(enums)
         problems = check_classes(declared, self.enum_types)

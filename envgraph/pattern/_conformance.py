@@ -32,7 +32,7 @@ def conformance_patterns(metamodel: Metamodel) -> tuple[Pattern, ...]:
         for cls in metamodel.class_list
         if metamodel.concrete(cls.name)
         for feature in cls.features
-        if isinstance(feature, Attribute) or feature.lower > 0
+        if (not feature.optional if isinstance(feature, Attribute) else feature.lower > 0)
     )
 
 
