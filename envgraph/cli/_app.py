@@ -42,6 +42,17 @@ Seed = Annotated[
     ),
 ]
 
+Model = Annotated[str, typer.Argument(help="A .model or .xmi file, or a model as JSON.", show_default=False)]
+Metamodel = Annotated[
+    str | None,
+    typer.Option(
+        "--metamodel",
+        "-m",
+        help="A .ecore or .metamodel file; the other files may import it by its uri, or not at all.",
+        show_default=False,
+    ),
+]
+
 RUNS = Path("runs")
 
 
@@ -122,8 +133,10 @@ def check(
 
 @app.command()
 def match(
-    model: Annotated[str, typer.Argument(help="A .model file, or a model as JSON.", show_default=False)],
-    queries: Annotated[str, typer.Argument(metavar="QUERYFILE", help="A .query file.", show_default=False)],
+    model: Model,
+    queries: Annotated[
+        str, typer.Argument(metavar="QUERYFILE", help="A .query or .vql file.", show_default=False)
+    ],
     pattern: Annotated[
         str, typer.Argument(help="Name of a pattern, simple or qualified.", show_default=False)
     ],
@@ -133,17 +146,18 @@ def match(
             "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
         ),
     ] = None,
+    metamodel: Metamodel = None,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Print the matches of a pattern in a model."""
     from envgraph.cli._query import print_matches
 
-    print_matches(model, queries, pattern, where or [], format)
+    print_matches(model, queries, pattern, where or [], metamodel, format)
 
 
 @app.command()
 def apply(
-    model: Annotated[str, typer.Argument(help="A .model file, or a model as JSON.", show_default=False)],
+    model: Model,
     rules: Annotated[str, typer.Argument(metavar="RULESFILE", help="A .rules file.", show_default=False)],
     rule: Annotated[str, typer.Argument(help="Name of a rule, unit or derived group.", show_default=False)],
     where: Annotated[
@@ -152,18 +166,34 @@ def apply(
             "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
         ),
     ] = None,
+    metamodel: Metamodel = None,
     times: Annotated[int, typer.Option(min=1, help="How often; ends early when nothing matches.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Chooses among the matches.")] = 0,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Write the resulting model here, as JSON.", show_default=False),
+        typer.Option(
+            "--output",
+            "-o",
+            help="Write the resulting model here: as JSON, or as XMI (.xmi).",
+            show_default=False,
+        ),
     ] = None,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Apply a rule to a model, at matches drawn at random, and print what was done."""
     from envgraph.cli._query import apply_rule
 
-    apply_rule(model, rules, rule, where or [], times=times, seed=seed, output=output, format=format)
+    apply_rule(
+        model,
+        rules,
+        rule,
+        where or [],
+        metamodel=metamodel,
+        times=times,
+        seed=seed,
+        output=output,
+        format=format,
+    )
 
 
 @app.command()

@@ -9,16 +9,18 @@ from typing import Any
 
 import envgraph.lang
 from envgraph.cli._output import OutputFormat, print_json, print_table
-from envgraph.errors import InvalidArgument, Source, did_you_mean, with_article
-from envgraph.graph import Node, model_to_json
+from envgraph.errors import InvalidArgument, did_you_mean, with_article
+from envgraph.graph import Model, Node, model_to_json, model_to_xmi
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, Match
 
 
-def print_matches(model: str, queries: str, pattern: str, where: list[str], format: OutputFormat) -> None:
+def print_matches(
+    model: str, queries: str, pattern: str, where: list[str], metamodel: str | None, format: OutputFormat
+) -> None:
     """Print the matches of a pattern."""
-    engine = _open(model, queries)
+    engine = _open(model, queries, metamodel)
     bound = _bound(engine, _pattern_types(engine, pattern), where)
     matches = engine.matches(pattern, **bound)
     if format is OutputFormat.JSON:
@@ -32,20 +34,19 @@ def print_matches(model: str, queries: str, pattern: str, where: list[str], form
     print_table(count, names or ("",), [tuple(_shown(match[name]) for name in names) for match in matches])
 
 
-def _open(model: str, definitions: str, seed: int = 0) -> Engine:
-    """An engine on a `.model` file, or on a model as JSON, such as `envgraph apply --output` writes."""
+def _open(model: str, definitions: str, metamodel: str | None, seed: int = 0) -> Engine:
+    """An engine on a `.model` or `.xmi` file, or on a model as JSON, such as `envgraph apply --output` writes."""
+    paths = [path for path in (metamodel, definitions) if path is not None]
     if not model.endswith(".json"):
-        return envgraph.lang.open(model, definitions, seed=seed)
-    workspace = envgraph.lang.load_workspace([definitions])
+        return envgraph.lang.open(*paths, model, seed=seed)
+    workspace = envgraph.lang.load_workspace(paths)
     workspace.raise_errors()
     if workspace.metamodel is None:
-        raise InvalidArgument(f"{definitions} imports no metamodel, and a model as JSON needs one")
-    try:
-        text = Path(model).read_text("utf-8")
-    except UnicodeDecodeError as error:
-        raise InvalidArgument(f"{model} is not UTF-8: {error.reason} at byte {error.start}") from error
-    parsed = envgraph.lang.parse_model(Source(model, text), workspace.metamodel)
-    engine = Engine(parsed, seed=seed)
+        raise InvalidArgument(
+            f"{definitions} imports no metamodel, and a model as JSON needs one; name it with --metamodel"
+        )
+    source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), model)
+    engine = Engine(envgraph.lang.parse_model(source, workspace.metamodel), seed=seed)
     engine.add(*workspace.definitions)
     return engine
 
@@ -56,13 +57,14 @@ def apply_rule(
     rule: str,
     where: list[str],
     *,
+    metamodel: str | None,
     times: int,
     seed: int,
     output: Path | None,
     format: OutputFormat,
 ) -> None:
     """Apply a rule or a unit some times, and print each application."""
-    engine = _open(model, rules, seed)
+    engine = _open(model, rules, metamodel, seed)
     bound = _bound(engine, {p.name: p.type for p in engine.signature(rule).parameters}, where)
     done: list[dict[str, Any]] = []
     for number in range(1, times + 1):
@@ -80,11 +82,16 @@ def apply_rule(
             print(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
     if output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
-        output.write_text(
-            json.dumps(model_to_json(engine.model), ensure_ascii=False, indent=1) + "\n", "utf-8"
-        )
+        output.write_text(_text(engine.model, output), "utf-8")
         if format is OutputFormat.TEXT:
             print(f"wrote {output}")
+
+
+def _text(model: Model, output: Path) -> str:
+    """A model in the format that the name of a file asks for."""
+    if output.suffix == ".xmi":
+        return model_to_xmi(model)
+    return json.dumps(model_to_json(model), ensure_ascii=False, indent=1) + "\n"
 
 
 def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> list[str] | None:

@@ -23,6 +23,7 @@ from envgraph.graph._networkx import from_networkx, to_networkx
 from envgraph.graph._node import Node, Targets
 from envgraph.graph._picture import PictureOptions
 from envgraph.graph._store import Relation, Store
+from envgraph.graph._xmi import arrange_targets, model_to_xmi, usual_value
 
 __all__ = [
     "EXCHANGE",
@@ -45,9 +46,12 @@ __all__ = [
     "ValueFact",
     "Version",
     "Violation",
+    "arrange_targets",
     "check_conformance",
     "from_networkx",
     "model_from_json",
     "model_to_json",
+    "model_to_xmi",
     "to_networkx",
+    "usual_value",
 ]

@@ -6,6 +6,7 @@ wrong with them, without raising.
 
 from envgraph.lang._checking import conformance
 from envgraph.lang._data import bundled_domain, bundled_domains, data_path
+from envgraph.lang._ecore import parse_ecore
 from envgraph.lang._family import (
     ComponentSpec,
     ConstraintsSpec,
@@ -19,11 +20,12 @@ from envgraph.lang._family import (
 )
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import find_family, load_family
-from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles
+from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, read_source
 from envgraph.lang._json import JsonPath, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
 from envgraph.lang._model import ModelText
 from envgraph.lang._workspace import Workspace
+from envgraph.lang._xmi import parse_xmi
 
 __all__ = [
     "COMPONENTS",
@@ -55,6 +57,9 @@ __all__ = [
     "load_family",
     "load_workspace",
     "open",
+    "parse_ecore",
     "parse_json",
     "parse_model",
+    "parse_xmi",
+    "read_source",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from envgraph.env import Behaviour, check_behaviour
 from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors
@@ -12,6 +13,9 @@ from envgraph.lang._model import ModelText
 from envgraph.lang._workspace import Workspace
 from envgraph.pattern import Derivation, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
+
+_MOST = 100
+"""So many of the things that a model lacks are told one by one."""
 
 Definition = Pattern | Rule | Unit | Derivation
 
@@ -40,15 +44,20 @@ def conformance(text: ModelText) -> list[Diagnostic]:
     """
     if text.model is None:
         return []
-    return [
+    violations = check_conformance(text.model)
+    found = [
         Diagnostic(
             "conformance",
             violation.message,
             text.spans.get(violation.node, text.span),
             severity=Severity.WARNING,
         )
-        for violation in check_conformance(text.model)
+        for violation in violations[:_MOST]
     ]
+    if len(violations) > _MOST:
+        message = f"{len(violations) - _MOST} more of these are not shown"
+        found.append(replace(found[-1], message=message))
+    return found
 
 
 def _add(engine: Engine, definitions: Sequence[Definition]) -> set[str]:
@@ -92,9 +101,13 @@ def _same_names(behaviours: Iterable[Behaviour], what: str) -> list[Diagnostic]:
 
 def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
     """One diagnostic, where something needs a metamodel and no file has or imports one."""
-    if has_errors(workspace.diagnostics) or any(name.endswith(".metamodel") for name in workspace.sources):
+    metamodels = (".metamodel", ".ecore")
+    if has_errors(workspace.diagnostics) or any(name.endswith(metamodels) for name in workspace.sources):
         return []
-    needing = [text.span for text in workspace.models]
-    needing += [one.span for one in (*workspace.definitions, *workspace.behaviours) if one.span]
+    needing = [one.span for one in (*workspace.definitions, *workspace.behaviours) if one.span]
+    needing = [text.span for text in workspace.models if not text.span.source.name.endswith(".xmi")] + needing
     hint = 'write `import "name.metamodel"` at the top'
+    if not needing:
+        needing = [text.span for text in workspace.models]
+        hint = "name its `.ecore` or `.metamodel` file too, for example with `--metamodel`"
     return [Diagnostic("no-metamodel", "no file imports a metamodel", span, hint) for span in needing[:1]]

@@ -37,12 +37,14 @@ class Reading:
         diagnostics: what the tree says that no data can hold, added to while reading.
         aliases: the names after `as` of the imports, with their places.
         imported: simple to qualified name of the patterns that are imported by name.
+        data_types: other names of data types, such as `EInt` where Ecore is imported.
     """
 
     parsed: Parsed
     diagnostics: list[Diagnostic] = field(default_factory=list)
     aliases: dict[str, Span] = field(default_factory=dict)
     imported: dict[str, str] = field(default_factory=dict)
+    data_types: dict[str, str] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
     """Aliases and imported patterns that the file mentions."""
     gaps: list[tuple[int, int]] = field(default_factory=list)
@@ -143,7 +145,7 @@ def type_of(reading: Reading, tree: Tree[Token]) -> str:
     alias, name = tree.children
     if isinstance(alias, Token):
         reading.alias(alias)
-    return str(name)
+    return reading.data_types.get(str(name), str(name))
 
 
 def type_span_of(reading: Reading, tree: Tree[Token]) -> Span:

@@ -10,8 +10,14 @@ from pathlib import Path
 from typing import NoReturn, Protocol
 
 from envgraph.errors import Diagnostic, LoadError, Source, did_you_mean
+from envgraph.lang._xml import xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
+LARGEST_MODEL = 256 * 1024 * 1024
+"""Of files that programs write: models as XMI or JSON."""
+
+_XML = ("ecore", "xmi")
+_MODELS = ("xmi", "json")
 
 
 class Files(Protocol):
@@ -20,8 +26,8 @@ class Files(Protocol):
     def name(self, path: str, beside: str | None = None) -> str:
         """The name of a path, which may be relative to the directory of the file named `beside`."""
 
-    def read(self, name: str) -> bytes:
-        """The contents, or of a file above `LARGEST_FILE` bytes at least one byte more than that.
+    def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
+        """The contents, or of a file above `most` bytes at least one byte more than that.
 
         Raises:
             OSError: there is no such file, or it cannot be read.
@@ -30,6 +36,9 @@ class Files(Protocol):
 
     def is_directory(self, name: str) -> bool:
         """Whether the name is that of a directory."""
+
+    def exists(self, name: str) -> bool:
+        """Whether there is a file of this name."""
 
     def entries(self, name: str) -> list[str]:
         """The names of what a directory holds, sorted; () when there is no such directory."""
@@ -47,14 +56,18 @@ class DiskFiles:
         inside = full == here or full.startswith(here.rstrip(os.sep) + os.sep)
         return Path(os.path.relpath(full, here) if inside else full).as_posix()
 
-    def read(self, name: str) -> bytes:
+    def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
         """See `Files`."""
         with open(name, "rb") as file:
-            return file.read(LARGEST_FILE + 1)
+            return file.read(most + 1)
 
     def is_directory(self, name: str) -> bool:
         """See `Files`."""
         return "\0" not in name and os.path.isdir(name)
+
+    def exists(self, name: str) -> bool:
+        """See `Files`."""
+        return "\0" not in name and os.path.isfile(name)
 
     def entries(self, name: str) -> list[str]:
         """See `Files`."""
@@ -79,7 +92,7 @@ class TextFiles:
         """See `Files`."""
         return posixpath.normpath(posixpath.join(posixpath.dirname(beside or ""), path))
 
-    def read(self, name: str) -> bytes:
+    def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
         """See `Files`."""
         if name not in self._texts:
             raise FileNotFoundError(2, "No such file", name)
@@ -88,6 +101,10 @@ class TextFiles:
     def is_directory(self, name: str) -> bool:
         """See `Files`."""
         return bool(self.entries(name))
+
+    def exists(self, name: str) -> bool:
+        """See `Files`."""
+        return name in self._texts
 
     def entries(self, name: str) -> list[str]:
         """See `Files`."""
@@ -124,21 +141,25 @@ def read_source(files: Files, name: str) -> Source:
     """The text of a file.
 
     Raises:
-        LoadError: the file is missing, a directory, unreadable, larger than 16 MB, or not UTF-8. The diagnostic is at
-            the start of the file.
+        LoadError: the file is missing, a directory, unreadable, larger than 16 MB (a model as XMI or JSON: 256 MB), or
+            not UTF-8 (XML: not what it declares). The diagnostic is at the start of the file.
     """
+    extension = name.rpartition(".")[2]
+    most = LARGEST_MODEL if extension in _MODELS else LARGEST_FILE
     try:
         if files.is_directory(name):
             raise IsADirectoryError
-        data = files.read(name)
+        data = files.read(name, most)
     except FileNotFoundError:
         _refuse(name, "missing-file", "there is no such file", _near(files, name))
     except (IsADirectoryError, NotADirectoryError):
         _refuse(name, "not-a-file", "this is a directory, not a file", None)
     except (OSError, ValueError) as error:
         _refuse(name, "unreadable-file", f"the file cannot be read: {_reason(error)}", None)
-    if len(data) > LARGEST_FILE:
-        _refuse(name, "file-too-large", f"the file has more than {LARGEST_FILE // 2**20} MB", None)
+    if len(data) > most:
+        _refuse(name, "file-too-large", f"the file has more than {most // 2**20} MB", None)
+    if extension in _XML:
+        return xml_source(name, data)
     try:
         return Source(name, data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -27,5 +28,5 @@ def without_consequences(diagnostics: Iterable[Diagnostic], lost: frozenset[str]
 
 
 def _simple(text: str) -> str:
-    """The last part of a name as it stands in a file; in a family file it stands in quotes."""
-    return text.strip("\"'").removeprefix("^").rpartition(".")[2]
+    """The last part of a name as it stands in a file: in quotes in a family file, behind a prefix or a path in XML."""
+    return re.split("[.:/]", text.strip("\"'").removeprefix("^"))[-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike, fspath
@@ -20,6 +21,8 @@ from envgraph.errors import (
 from envgraph.lang._checking import check, conformance
 from envgraph.lang._consequences import unread_names, without_echoes
 from envgraph.lang._data import bundled_domains, data_path
+from envgraph.lang._ecore import read_ecore
+from envgraph.lang._ecore_types import ECORE
 from envgraph.lang._environment import read_environment, with_enums
 from envgraph.lang._family import FamilySpec
 from envgraph.lang._family_check import COMPONENTS, check_family
@@ -32,6 +35,8 @@ from envgraph.lang._parsing import Parsed, parse
 from envgraph.lang._query import read_query
 from envgraph.lang._rules import read_rules
 from envgraph.lang._workspace import Workspace
+from envgraph.lang._xmi import read_xmi, schema_paths
+from envgraph.lang._xml import as_utf8
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
@@ -39,6 +44,14 @@ from envgraph.rewrite import Engine
 _DEFINED_ELSEWHERE = {"unknown-pattern", "unknown-rule", "unknown-reference", "no-metamodel"}
 
 LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
+
+_FOREIGN = {"ecore": "metamodel", "xmi": "model", "vql": "query"}
+"""Endings of other tools' files, and what they are read as."""
+
+_LANGUAGE_OF = {**{language: language for language in LANGUAGES}, **_FOREIGN}
+
+_LIBRARIES = (ECORE, "http://www.eclipse.org/emf/2003/XMLType")
+"""Packages that every `.vql` file may import: they hold the data types."""
 
 StrPath = str | PathLike[str]
 
@@ -72,9 +85,9 @@ def load(engine: Engine, *paths: StrPath) -> None:
         LoadError: all that is wrong with all of the files, together. Nothing is added.
         InvalidArgument: the files are about another metamodel than the engine's model.
     """
-    workspace = load_workspace(paths)
-    workspace.raise_errors()
     own = engine.model.metamodel
+    workspace = load_workspace(paths, metamodel=own)
+    workspace.raise_errors()
     if workspace.metamodel is not None and not _same(workspace.metamodel, own):
         raise InvalidArgument(
             f"the files are about metamodel `{workspace.metamodel.name}`, the engine's model is of `{own.name}`"
@@ -99,6 +112,7 @@ def load_workspace(
     *,
     files: Files | None = None,
     components: Mapping[str, Collection[str]] = COMPONENTS,
+    metamodel: Metamodel | None = None,
 ) -> Workspace:
     """Reads and checks files and what they import; errors are in `diagnostics` of the result.
 
@@ -107,8 +121,10 @@ def load_workspace(
             files are read; names of bundled domains.
         files: where files are read from; the disk if None. `TextFiles` for texts at hand.
         components: the kinds of measures and selections that a family file may name, by role (see `check_family`).
+        metamodel: what the files are about if none of them is a metamodel, or imports one by its path; they may
+            import this one by its uri or its name.
     """
-    loader = _Loader(files or DiskFiles(), components)
+    loader = _Loader(files or DiskFiles(), components, metamodel)
     for path in paths:
         loader.add_root(fspath(path))
     return loader.workspace()
@@ -145,19 +161,24 @@ class _Loader:
 
     files: Files
     components: Mapping[str, Collection[str]]
+    given: Metamodel | None = None
     diagnostics: list[Diagnostic] = field(default_factory=list)
     roots: list[str] = field(default_factory=list)
     order: dict[str, int] = field(default_factory=dict)
     sources: dict[str, str] = field(default_factory=dict)
     lost: set[str] = field(default_factory=set)
     metamodels: dict[str, tuple[MetamodelFile, Import | None]] = field(default_factory=dict)
-    models: list[Parsed] = field(default_factory=list)
+    models: list[Parsed | Source] = field(default_factory=list)
     patterns: list[Pattern] = field(default_factory=list)
     definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
     behaviours: list[Behaviour] = field(default_factory=list)
     families: list[FamilySpec] = field(default_factory=list)
     unclear: set[str] = field(default_factory=set)
-    uris: list[Import] = field(default_factory=list)
+    named: list[tuple[Import, str]] = field(default_factory=list)
+    """Imports that may be the uri or the name of a metamodel, with the file that has them."""
+    schemas: list[str] = field(default_factory=list)
+    """Metamodels that models mention, in case that there is no other."""
+    xml: dict[str, Source] = field(default_factory=dict)
     incomplete: bool = False
     """Whether a file is missing: then names that it may define are not reported as unknown."""
 
@@ -183,12 +204,12 @@ class _Loader:
             self._read(name)
 
     def _known_files(self, directory: str) -> list[str]:
-        known = (*LANGUAGES, "toml")
+        known = (*_LANGUAGE_OF, "toml")
         return [name for name in self.files.entries(directory) if name.rpartition(".")[2] in known]
 
-    def _read(self, first: str) -> None:
+    def _read(self, first: str, asked: Import | None = None) -> None:
         """Reads a file and all that it imports, depth first, without recursion: chains of imports may be long."""
-        waiting: list[tuple[str, Import | None]] = [(first, None)]
+        waiting: list[tuple[str, Import | None]] = [(first, asked)]
         while waiting:
             name, asked = waiting.pop()
             if name not in self.order:
@@ -202,20 +223,20 @@ class _Loader:
             if extension == "toml" and asked is None:
                 return self._family(name)
             source = read_source(self.files, name)
-            if extension not in LANGUAGES:
+            if extension not in _LANGUAGE_OF:
                 self._no_language(name, extension, asked)
         except LoadError as error:
             self.diagnostics.extend(self._at_import(one, asked, name) for one in error.diagnostics)
             self.incomplete = True
             return []
-        self.sources[name] = source.text
-        imports = self._take(extension, parse(extension, source), asked)
-        self.uris.extend(one for one in imports if "://" in one.path)
-        return [(self.files.name(one.path, beside=name), one) for one in imports if "://" not in one.path]
+        self.sources[name] = as_utf8(source.text) if extension in ("ecore", "xmi") else source.text
+        imports = self._take(extension, source, asked)
+        self.named.extend((one, name) for one in imports if not _is_path(one.path))
+        return [(self.files.name(one.path, beside=name), one) for one in imports if _is_path(one.path)]
 
     def _no_language(self, name: str, extension: str, asked: Import | None) -> NoReturn:
         span = asked.span if asked else Source(name, "").span(0, 0)
-        hint = did_you_mean(extension, LANGUAGES) if extension else None
+        hint = did_you_mean(extension, _LANGUAGE_OF) if extension else None
         message = f"`{name.rpartition('/')[2]}` is a file of none of the languages"
         raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
 
@@ -229,10 +250,22 @@ class _Loader:
         message = f"`{asked.path}`: {problem.message}"
         return Diagnostic(problem.code, message, asked.span, problem.hint)
 
-    def _take(self, extension: str, parsed: Parsed, asked: Import | None) -> Sequence[Import]:
+    def _take(self, extension: str, source: Source, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""
+        if extension == "ecore":
+            self.metamodels[source.name] = read_ecore(source), asked
+            return ()
+        if extension == "xmi":
+            self.models.append(source)
+            self.xml[source.name] = source
+            self.schemas += [self.files.name(path, source.name) for path in schema_paths(source)]
+            return ()
+        return self._take_text(_LANGUAGE_OF[extension], source, asked)
+
+    def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
+        parsed = parse(language, source)
         self.lost |= parsed.lost | unread_names(parsed)
-        match extension:
+        match language:
             case "metamodel":
                 self.metamodels[parsed.source.name] = read_metamodel(parsed), asked
                 return ()
@@ -273,13 +306,11 @@ class _Loader:
 
     def workspace(self) -> Workspace:
         """Everything that was read, checked together."""
+        self._read_schemas()
+        self._resolve_names()
         metamodel = self._metamodel()
         lost = frozenset(self.lost)
-        models: list[ModelText] = []
-        for parsed in self.models:
-            read = read_models(parsed, metamodel if len(self.metamodels) < 2 else None, lost)
-            models.extend(read.models)
-            self.diagnostics.extend(read.diagnostics)
+        models = self._models(metamodel if len(self.metamodels) < 2 else None, lost)
         workspace = Workspace(
             metamodel,
             tuple(models),
@@ -294,7 +325,9 @@ class _Loader:
         )
         found: list[Diagnostic] = []
         if len(self.metamodels) < 2:  # else nobody knows which of them the names are of
-            found += without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
+            checked = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
+            broken = {_file(one) for one in self.diagnostics} & set(self.xml)
+            found += [one for one in checked if one.code != "no-metamodel" or _file(one) not in broken]
             for spec in self.families:
                 if spec.path in self.unclear:
                     continue
@@ -319,18 +352,74 @@ class _Loader:
             self._note(file.diagnostics, file.lost)
         self._one_metamodel()
         found = [file.metamodel for file, _ in self.metamodels.values()]
-        metamodel = found[0] if found else None
-        for import_ in self.uris:
-            if metamodel is None or import_.path != metamodel.uri:
-                known = [metamodel.uri] if metamodel and metamodel.uri else []
-                hint = did_you_mean(import_.path, known) or "write the path of a metamodel or query file"
-                message = f"no metamodel has the uri `{import_.path}`"
-                self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
-        return metamodel
+        return found[0] if found else self.given
+
+    def _read_schemas(self) -> None:
+        """Reads the metamodels that models mention, if nothing else says what they are made of."""
+        for name in self.schemas:
+            if not self.metamodels and self.given is None and self.files.exists(name):
+                self._read(name)
+
+    def _resolve_names(self) -> None:
+        """Finds the metamodels that are imported by uri or name; the rest are paths after all."""
+        while self.named:
+            import_, beside = self.named.pop(0)
+            known = self._known_names()
+            if import_.path in known or import_.path in _LIBRARIES:
+                continue
+            if not re.match(r"[a-zA-Z][\w+.-]+:", import_.path):
+                self._read(self.files.name(import_.path, beside=beside), import_)
+                continue
+            if any(file.metamodel is None for file, _ in self.metamodels.values()):
+                continue  # it may be one that cannot be read
+            hint = did_you_mean(import_.path, known)
+            if hint is None:
+                hint = "name its file too, for example with `--metamodel`, or import the path of a file"
+            message = f"no metamodel has the uri `{import_.path}`"
+            self.incomplete = True
+            self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
+
+    def _known_names(self) -> list[str]:
+        """By which metamodels can be imported."""
+        found = [file.metamodel for file, _ in self.metamodels.values()] or [self.given]
+        return [
+            name
+            for metamodel in found
+            if metamodel
+            for name in (*(package.uri for package in metamodel.packages), metamodel.name)
+        ]
+
+    def _models(self, metamodel: Metamodel | None, lost: frozenset[str]) -> list[ModelText]:
+        """The models of all files; an XMI document that another one names is part of that one's model."""
+        models: list[ModelText] = []
+        parts: set[str] = set()
+        for parsed in self.models:
+            if isinstance(parsed, Parsed):
+                read = read_models(parsed, metamodel, lost)
+                models.extend(read.models)
+                self.diagnostics.extend(read.diagnostics)
+            elif parsed.name not in parts:
+                document = read_xmi(parsed, metamodel, lost, self._fetch)
+                models.append(document.text)
+                self.diagnostics.extend(document.diagnostics)
+                parts.update(name for name in document.documents if name != parsed.name)
+        return [one for one in models if one.span.source.name not in parts]
+
+    def _fetch(self, path: str, beside: str) -> Source:
+        """Another XMI document."""
+        name = self.files.name(path, beside=beside)
+        if name not in self.xml:
+            self.order.setdefault(name, len(self.order))
+            self.xml[name] = read_source(self.files, name)
+            self.sources[name] = as_utf8(self.xml[name].text)
+        return self.xml[name]
 
     def _one_metamodel(self) -> None:
         found = list(self.metamodels.values())
+        first = found[0][0].metamodel if found else None
         for other, asked in found[1:]:
+            if first and other.metamodel and _same(first, other.metamodel):
+                continue  # the same in two formats
             notes = (Note("the first one is here", found[0][0].span),)
             hint = "one engine has one metamodel: put the classes together"
             span = asked.span if asked else other.span
@@ -348,5 +437,14 @@ class _Loader:
         return tuple(sorted(dict.fromkeys(self.diagnostics), key=key))
 
 
+def _file(problem: Diagnostic) -> str | None:
+    return problem.span.source.name if problem.span else None
+
+
+def _is_path(text: str) -> bool:
+    """Whether an import is a path by its looks; else it may be the uri or the name of a metamodel."""
+    return "://" not in text and text.rpartition(".")[2] in _LANGUAGE_OF
+
+
 def _extensions() -> str:
-    return "the languages are " + ", ".join(f"`.{language}`" for language in LANGUAGES)
+    return "the languages are " + ", ".join(f"`.{language}`" for language in _LANGUAGE_OF)

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from lark import Token, Tree
 
 from envgraph.errors import Span
+from envgraph.lang._ecore_types import library_types
 from envgraph.lang._expressions import Reading
 from envgraph.lang._imports import Import
 from envgraph.lang._parsing import qualified_name_of, tokens, trees
+from envgraph.metamodel import type_name
 
 _KINDS = ("package", "import_file", "import_pattern", "import_java")
 
@@ -89,6 +91,8 @@ def _file(reading: Reading, tree: Tree[Token]) -> Import:
                 "duplicate-definition", f"there is another import `as {name}`", name, "choose another name"
             )
         reading.aliases.setdefault(str(name), reading.span(name))
+    types = library_types(str(path)) or {}
+    reading.data_types.update((name, type_name(one.type)) for name, one in types.items())
     return Import(str(path), reading.span(path), str(alias[0]) if alias else None)
 
 

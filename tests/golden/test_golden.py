@@ -11,7 +11,7 @@ import pytest
 from envgraph.lang import TextFiles, load_workspace
 
 HERE = Path(__file__).parent
-KINDS = (".metamodel", ".model", ".query", ".rules", ".environment", ".toml")
+KINDS = (".metamodel", ".ecore", ".model", ".xmi", ".query", ".vql", ".rules", ".environment", ".toml")
 
 
 def texts() -> dict[str, str]:

@@ -1,0 +1,207 @@
+"""Models as `.xmi` files, which Eclipse's tools and pyecore read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from xml.sax.saxutils import quoteattr
+
+from envgraph.errors import InvalidArgument
+from envgraph.graph._journal import IndexedSet
+from envgraph.graph._model import Model
+from envgraph.graph._store import CROWD
+from envgraph.metamodel import (
+    Attribute,
+    Class,
+    Feature,
+    Reference,
+    Scalar,
+    Value,
+    default_of,
+    xml_value,
+)
+
+_XMI = "http://www.omg.org/XMI"
+_XSI = "http://www.w3.org/2001/XMLSchema-instance"
+_ESCAPES = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+_FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+_ID = re.compile(r"[^\W\d][\w.-]*")
+
+
+def model_to_xmi(model: Model, *, schema: str | None = None) -> str:
+    """The text of an `.xmi` file with the present state, the same for the same state.
+
+    Objects stand where they are contained, in the order of the links. The name of an object is its `xmi:id`, by which
+    references name it; other objects are named by their place, as in `//@regions.0/@sensors.3`. A value that is the
+    default of Ecore is left out. Ids are not kept; `model_to_json` keeps everything.
+
+    Args:
+        model: the model.
+        schema: where the metamodel is, relative to the file (an `.ecore` file), to be noted in it; or None.
+
+    Raises:
+        InvalidArgument: a string has a character that XML does not have.
+    """
+    return "\n".join(_Writer(model, schema).lines()) + "\n"
+
+
+class _Writer:
+    """One writing of one model."""
+
+    def __init__(self, model: Model, schema: str | None) -> None:
+        self.model = model
+        self._schema = schema
+        metamodel = model.metamodel
+        self._uris = {package.path: package.uri for package in metamodel.packages}
+        self._prefixes = _prefixes({package.path: package.prefix for package in metamodel.packages})
+        self._features: Mapping[str, list[Feature]] = {
+            cls.name: [one for one in metamodel.features(cls.name).values() if not self._implied(one)]
+            for cls in metamodel.class_list
+        }
+        everyone = sorted(model.store.nodes())
+        self._roots = [node for node in everyone if model.container(node) is None]
+        self._order = {root: index for index, root in enumerate(self._roots)}
+        self._places: dict[int, dict[int, int]] = {}
+
+    def lines(self) -> Iterator[str]:
+        """The file, line by line."""
+        yield '<?xml version="1.0" encoding="UTF-8"?>'
+        head = f'xmi:version="2.0" xmlns:xmi="{_XMI}" xmlns:xsi="{_XSI}"'
+        for path, uri in self._uris.items():
+            head += f" xmlns:{self._prefixes[path]}={quoteattr(uri)}"
+        if self._schema:
+            locations = " ".join(f"{uri} {self._schema}" for uri in self._uris.values())
+            head += f" xsi:schemaLocation={quoteattr(locations)}"
+        if len(self._roots) == 1:
+            yield from self._tree(self._roots[0], head, 0)
+            return
+        yield f"<xmi:XMI {head}" + (">" if self._roots else "/>")
+        for root in self._roots:
+            yield from self._tree(root, "", 1)
+        if self._roots:
+            yield "</xmi:XMI>"
+
+    def _tree(self, root: int, head: str, depth: int) -> Iterator[str]:
+        """An object and what it contains, without recursion: containment may be deep."""
+        tag = self._qualified(self.model.class_of(root))
+        waiting: list[tuple[int, str, str, int]] = [(root, tag, head, depth)]
+        while waiting:
+            node, tag, extra, level = waiting.pop()
+            indent = "  " * level
+            if node < 0:
+                yield f"{indent}</{tag}>"
+                continue
+            inside = list(self._inside(node))
+            empty = [one for one in self._attributes(node) if self._is_nil(node, one)]
+            parts = f" {extra}" * bool(extra) + self._parts(node)
+            if not inside and not empty:
+                yield f"{indent}<{tag}{parts}/>"
+                continue
+            yield f"{indent}<{tag}{parts}>"
+            for attribute in empty:
+                yield f'{indent}  <{attribute.name} xsi:nil="true"/>'
+            waiting.append((-1, tag, "", level))
+            for reference, target in reversed(inside):
+                cls = self.model.class_of(target)
+                exact = "" if cls == reference.target else f'xsi:type="{self._qualified(cls)}"'
+                waiting.append((target, reference.name, exact, level + 1))
+
+    def _inside(self, node: int) -> Iterator[tuple[Reference, int]]:
+        for feature in self._features[self.model.class_of(node)]:
+            if isinstance(feature, Reference) and feature.containment:
+                for target in self.model.targets(node, feature):
+                    yield feature, target
+
+    def _parts(self, node: int) -> str:
+        """The attributes of a tag."""
+        model, written = self.model, []
+        name = model.object_name(node)
+        if name is not None:
+            written.append(f" xmi:id={self._quoted(name, node)}")
+        for feature in self._features[model.class_of(node)]:
+            if isinstance(feature, Attribute):
+                value = model.value(node, feature)
+                if value is not None and value != usual_value(feature):
+                    written.append(f" {feature.name}={self._quoted(xml_value(feature, value), node)}")
+            elif not feature.containment:
+                targets = " ".join(map(self._named, model.targets(node, feature)))
+                if targets:
+                    written.append(f' {feature.name}="{targets}"')
+        return "".join(written)
+
+    def _attributes(self, node: int) -> Iterator[Attribute]:
+        return (one for one in self._features[self.model.class_of(node)] if isinstance(one, Attribute))
+
+    def _is_nil(self, node: int, attribute: Attribute) -> bool:
+        """Whether to say that there is no value: leaving it out would mean the default."""
+        return self.model.value(node, attribute) is None and usual_value(attribute) is not None
+
+    def _implied(self, feature: Feature) -> bool:
+        """Whether the place of an object says it: the link to its container."""
+        if isinstance(feature, Attribute):
+            return False
+        opposite = self.model.metamodel.opposite(feature)
+        return opposite is not None and opposite.containment
+
+    def _named(self, node: int) -> str:
+        name = self.model.object_name(node)
+        if name is not None and _ID.fullmatch(name):
+            return name
+        steps: list[str] = []
+        while found := self.model.container(node):
+            container, reference = found
+            place = f".{self._place(container, reference, node)}" if reference.many else ""
+            steps.append(f"@{reference.name}{place}")
+            node = container
+        root = f"/{self._order[node]}" if len(self._roots) > 1 else "/"
+        return "/".join([root, *reversed(steps)])
+
+    def _place(self, container: int, reference: Reference, node: int) -> int:
+        """The index of an object in its container."""
+        if node not in self._places.setdefault(reference.index, {}):
+            targets = self.model.targets(container, reference)
+            self._places[reference.index].update((target, index) for index, target in enumerate(targets))
+        return self._places[reference.index][node]
+
+    def _qualified(self, name: str) -> str:
+        cls: Class = self.model.metamodel.classes[name]
+        return f"{self._prefixes[cls.package]}:{name}"
+
+    def _quoted(self, text: str, node: int) -> str:
+        if _FORBIDDEN.search(text):
+            raise InvalidArgument(f"{self.model.describe(node)} has a string that XML cannot hold: {text!r}")
+        return quoteattr(text, _ESCAPES)
+
+
+def arrange_targets(model: Model, node: int, reference: Reference, targets: Sequence[int]) -> None:
+    """Lists the targets of an object in this order, while a model is loading; they have to be its targets already."""
+    column = model.store.forward[reference.index]
+    column[node] = tuple(targets) if len(targets) <= CROWD else IndexedSet(tuple(targets))
+
+
+def usual_value(attribute: Attribute) -> Value | None:
+    """What an object has whose tag does not mention the attribute, as in Ecore: for a string without default nothing.
+
+    >>> usual_value(Attribute("a", Scalar.INT)), usual_value(Attribute("a", Scalar.STRING))
+    (0, None)
+    """
+    if attribute.default is not None:
+        return attribute.initial
+    if attribute.optional or attribute.type is Scalar.STRING:
+        return None
+    return default_of(attribute.type)
+
+
+def _prefixes(wanted: Mapping[str, str]) -> dict[str, str]:
+    """Different prefixes that are names in XML, as near as may be to those that are wanted."""
+    found: dict[str, str] = {}
+    for path, prefix in wanted.items():
+        plain = (
+            prefix
+            if re.fullmatch(r"[^\W\d][\w.-]*", prefix) and prefix not in ("xmi", "xsi", "xml")
+            else "model"
+        )
+        while plain in found.values():
+            plain += "_"
+        found[path] = plain
+    return found

@@ -1,0 +1,131 @@
+"""Which data types of Ecore, of XML Schema and of Java hold which of our values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from envgraph.metamodel import EnumType, Scalar, Value
+
+ECORE = "http://www.eclipse.org/emf/2002/Ecore"
+_XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
+
+
+@dataclass(frozen=True, slots=True)
+class DataType:
+    """What an attribute of a data type holds.
+
+    Attributes:
+        type: what its values are read as.
+        nullable: whether a fresh object has no value, where Ecore names no default.
+        exact: whether nothing is lost by reading it so.
+    """
+
+    type: Scalar | EnumType
+    nullable: bool = False
+    exact: bool = True
+
+
+_WORDS: Mapping[Scalar, str] = {
+    Scalar.INT: "EInt ELong EShort EByte",
+    Scalar.FLOAT: "EDouble EFloat",
+    Scalar.BOOL: "EBoolean",
+}
+_NULLABLE: Mapping[Scalar, str] = {
+    Scalar.INT: "EIntegerObject ELongObject EShortObject EByteObject EBigInteger",
+    Scalar.FLOAT: "EDoubleObject EFloatObject EBigDecimal",
+    Scalar.BOOL: "EBooleanObject",
+    Scalar.STRING: "EString EChar ECharacterObject",
+}
+_AS_TEXT = "EDate EByteArray EJavaClass EJavaObject"
+
+_XML: Mapping[Scalar, str] = {
+    Scalar.INT: "Int Integer Long Short Byte UnsignedInt UnsignedLong UnsignedShort UnsignedByte NonNegativeInteger "
+    "NonPositiveInteger PositiveInteger NegativeInteger",
+    Scalar.FLOAT: "Double Float Decimal",
+    Scalar.BOOL: "Boolean",
+    Scalar.STRING: "String NormalizedString Token NCName Name ID IDREF QName AnyURI Language NMTOKEN",
+}
+
+_JAVA: Mapping[Scalar, str] = {
+    Scalar.INT: "int long short byte java.lang.Integer java.lang.Long java.lang.Short java.lang.Byte "
+    "java.math.BigInteger",
+    Scalar.FLOAT: "double float java.lang.Double java.lang.Float java.math.BigDecimal",
+    Scalar.BOOL: "boolean java.lang.Boolean",
+    Scalar.STRING: "String java.lang.String char java.lang.Character",
+}
+
+
+def _table() -> dict[str, DataType]:
+    found = {name: DataType(type_) for type_, names in _WORDS.items() for name in names.split()}
+    for type_, names in _NULLABLE.items():
+        found.update((name, DataType(type_, True)) for name in names.split())
+    found.update((name, DataType(Scalar.STRING, True, False)) for name in _AS_TEXT.split())
+    return found
+
+
+ECORE_TYPES: Mapping[str, DataType] = _table()
+"""The data types of Ecore itself that can be read."""
+
+_XML_SCHEMA = {
+    name: DataType(type_, type_ is Scalar.STRING) for type_, names in _XML.items() for name in names.split()
+}
+_XML_SCHEMA.update(
+    {f"{name}Object": DataType(one.type, True) for name, one in _XML_SCHEMA.items() if not one.nullable}
+)
+_OF_JAVA = {name: type_ for type_, names in _JAVA.items() for name in names.split()}
+_SOURCES = (
+    (ECORE, "org.eclipse.emf.ecore/model/Ecore.ecore", ECORE_TYPES),
+    (_XML_TYPES, "org.eclipse.emf.ecore/model/XMLType.ecore", _XML_SCHEMA),
+)
+
+
+def library_types(document: str) -> Mapping[str, DataType] | None:
+    """The data types of a document that every tool knows, by its URI; None for other documents."""
+    for uri, path, types in _SOURCES:
+        if document == uri or (document.startswith("platform:/plugin/") and document.endswith(path)):
+            return types
+    return None
+
+
+def java_type(name: str) -> DataType:
+    """What values of a Java class or primitive are read as; those of an unknown one as strings."""
+    found = _OF_JAVA.get(name)
+    if found is None:
+        return DataType(Scalar.STRING, True, False)
+    return DataType(found, "." in name or found is Scalar.STRING)
+
+
+_INT = re.compile("[+-]?[0-9]+")
+_FLOAT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_INFINITE = {"INF": "inf", "+INF": "inf", "-INF": "-inf", "Infinity": "inf", "-Infinity": "-inf"}
+
+
+def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
+    """The value that is written so in XML, or None; a literal by its text, its name or its number.
+
+    >>> value_of("-3", Scalar.INT), value_of("1e3", Scalar.FLOAT), value_of("1_000", Scalar.INT)
+    (-3, 1000.0, None)
+    """
+    if isinstance(type_, EnumType):
+        return literal_of(text, type_)
+    match type_:
+        case Scalar.INT:
+            try:
+                return int(text) if _INT.fullmatch(text) else None
+            except ValueError:  # thousands of digits
+                return None
+        case Scalar.FLOAT:
+            return float(_INFINITE.get(text, text)) if text in _INFINITE or _FLOAT.fullmatch(text) else None
+        case Scalar.BOOL:
+            return {"true": True, "false": False}.get(text)
+    return text
+
+
+def literal_of(text: str, type_: EnumType) -> str | None:
+    """The literal that is written so, or None."""
+    for names in (type_.labels, type_.literals, tuple(map(str, type_.numbers or range(len(type_.literals))))):
+        if text in names:
+            return type_.literals[names.index(text)]
+    return None

@@ -1,0 +1,322 @@
+"""XML with the place of everything in it: what `.ecore` and `.xmi` files have in common.
+
+The parser is expat, which comes with Python and knows where it is. lxml, below pyecore, knows lines alone, and stops at
+nothing that a file asks it to fetch. A document type is refused before anything in it is read: no entity is ever
+expanded, and nothing is fetched.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NoReturn
+from xml.parsers import expat
+
+from envgraph.errors import Diagnostic, LoadError, Note, Source, Span
+
+XSI = "http://www.w3.org/2001/XMLSchema-instance"
+XMI = "http://www.omg.org/XMI"
+
+# Other codecs of Python are no encodings of text (`rot13`, `zip`), or cannot be told apart from attacks (`utf-7`).
+_ENCODINGS = re.compile(
+    r"utf[-_]?8|(us[-_]?)?ascii|utf[-_]?16([-_]?[lb]e)?|iso[-_]?8859[-_]\d+|latin[-_]?1|windows[-_]?\d+|cp\d+|koi8[-_][ru]"
+    r"|gb\d+|gbk|big5|shift[-_]?jis|euc[-_](jp|kr)",
+    re.IGNORECASE,
+)
+_DECLARED = re.compile(rb"\s*<\?xml[^>]*?\sencoding\s*=\s*[\"']([^\"'>]*)[\"']")
+_DECLARED_TEXT = re.compile(r"(\s*<\?xml[^>]*?\sencoding\s*=\s*[\"'])([^\"'>]*)")
+_ATTRIBUTE = re.compile(r"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
+_NAME = re.compile(r"[^\s/>]*")
+
+
+def xml_source(name: str, data: bytes) -> Source:
+    """The text of an XML file, by its byte order mark or the encoding that it declares; else it is UTF-8.
+
+    Raises:
+        LoadError: the encoding is unknown, or a byte is none of its.
+    """
+    for mark, encoding in (
+        (b"\xef\xbb\xbf", "utf-8"),
+        (b"\xff\xfe", "utf-16-le"),
+        (b"\xfe\xff", "utf-16-be"),
+    ):
+        if data.startswith(mark):
+            return Source(name, _decoded(name, data[len(mark) :], encoding))
+    if data[:2] in (b"<\0", b"\0<"):
+        return Source(name, _decoded(name, data, "utf-16-le" if data[:1] == b"<" else "utf-16-be"))
+    found = _DECLARED.match(data[:1000])
+    if found is None:
+        return Source(name, _decoded(name, data, "utf-8"))
+    declared = found.group(1).decode("latin-1")
+    if not _ENCODINGS.fullmatch(declared) or not _known(declared):
+        source = Source(name, data.decode("latin-1"))
+        message = f"unknown encoding `{declared}`"
+        hint = 'save the file as UTF-8, and write `encoding="UTF-8"`'
+        raise LoadError([Diagnostic("unknown-encoding", message, source.span(*found.span(1)), hint)])
+    # A file in UTF-16 was recognised above: this one only says that it is.
+    return Source(name, _decoded(name, data, "utf-8" if declared.lower().startswith("utf") else declared))
+
+
+def as_utf8(text: str) -> str:
+    """The text as it can be kept in UTF-8: it says no longer that it is in another encoding."""
+    found = _DECLARED_TEXT.match(text[:1000])
+    if found is None or found.group(2).upper() == "UTF-8":
+        return text
+    return f"{found.group(1)}UTF-8{text[found.end() :]}"
+
+
+def _known(encoding: str) -> bool:
+    try:
+        codecs.lookup(encoding)
+    except LookupError:
+        return False
+    return True
+
+
+def _decoded(name: str, data: bytes, encoding: str) -> str:
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode(encoding, errors="ignore")
+        source = Source(name, before + data[error.start :].decode(encoding, errors="replace"))
+        shown = encoding.upper()
+        hint = "save the file as UTF-8" + ("" if shown == "UTF-8" else ', and write `encoding="UTF-8"`')
+        span = source.span(len(before), len(before) + 1)
+        message = f"the byte 0x{data[error.start]:02x} is not {shown}"
+        code = "not-utf-8" if shown == "UTF-8" else "wrong-encoding"
+        raise LoadError([Diagnostic(code, message, span, hint)]) from None
+
+
+@dataclass(slots=True)
+class XmlPlaces:
+    """Where the tags of a text stand, by the byte at which they begin in UTF-8, as expat counts.
+
+    Spans are worked out when they are wanted: an `.xmi` file has hundreds of thousands, and few are shown.
+    """
+
+    source: Source
+    data: bytes = field(init=False, repr=False)
+    _plain: bool = field(init=False)
+    _known: tuple[int, int] = (0, 0)
+
+    def __post_init__(self) -> None:
+        self.data = self.source.text.encode("utf-8", errors="surrogatepass")
+        self._plain = len(self.data) == len(self.source.text)
+
+    def forget(self) -> None:
+        """Frees what is not needed once the text is read."""
+        if self._plain:
+            self.data = b""
+
+    def offset(self, byte: int) -> int:
+        """The character at a byte."""
+        if self._plain:
+            return byte
+        start, characters = self._known if self._known[0] <= byte else (0, 0)
+        characters += len(self.data[start:byte].decode("utf-8", errors="replace"))
+        self._known = byte, characters
+        return characters
+
+    def tag(self, byte: int) -> Span:
+        """The name of the tag that begins at a byte."""
+        start = self.offset(byte) + 1
+        if self.source.text[start : start + 1] == "/":
+            start += 1
+        found = _NAME.match(self.source.text, start)
+        return self.source.span(start, found.end() if found else start)
+
+    def attribute(self, byte: int, name: str, part: str | None = None) -> Span:
+        """The value of an attribute of a tag, or a word in it; the tag if it has no such attribute."""
+        for found in self._attributes(byte):
+            if found.group(1) != name:
+                continue
+            start, end = found.start(2) + 1, found.end(2) - 1
+            if part:
+                place = re.search(rf"(?<!\S){re.escape(part)}(?!\S)", self.source.text[start:end])
+                if place:
+                    return self.source.span(start + place.start(), start + place.end())
+            # An empty value is shown by its quotes.
+            return self.source.span(start, end) if end > start else self.source.span(start - 1, end + 1)
+        return self.tag(byte)
+
+    def name_of(self, byte: int, name: str) -> Span:
+        """The name of an attribute of a tag."""
+        for found in self._attributes(byte):
+            if found.group(1) == name:
+                return self.source.span(*found.span(1))
+        return self.tag(byte)
+
+    def _attributes(self, byte: int) -> Iterator[re.Match[str]]:
+        at = self.tag(byte).end
+        while found := _ATTRIBUTE.match(self.source.text, at):
+            yield found
+            at = found.end()
+
+
+class Stop(Exception):
+    """Raised by a handler that wants no more of the text."""
+
+
+@dataclass(slots=True)
+class Handlers:
+    """What is called while a text is read: with a tag and its attributes, at its end, and with text between tags."""
+
+    start: Callable[[str, dict[str, str]], None]
+    end: Callable[[str], None]
+    text: Callable[[str], None]
+
+
+class Reader:
+    """One reading of one text.
+
+    Attributes:
+        open: the tags that are open, with the byte at which each begins; kept by the handlers' owner.
+    """
+
+    def __init__(self, places: XmlPlaces) -> None:
+        self.places = places
+        self.open: list[tuple[str, int]] = []
+        self._parser = expat.ParserCreate("utf-8")
+        self._parser.buffer_text = True
+
+    @property
+    def at(self) -> int:
+        """The byte at which what is just being read begins."""
+        return self._parser.CurrentByteIndex
+
+    def read(self, handlers: Handlers) -> Diagnostic | None:
+        """Reads the text; says why it is no XML, or None."""
+        source = self.places.source
+        if not source.text.strip():
+            return Diagnostic("empty-file", "the file is empty", source.span(0, 0))
+        parser = self._parser
+        parser.StartElementHandler = handlers.start
+        parser.EndElementHandler = handlers.end
+        parser.CharacterDataHandler = handlers.text
+        parser.StartDoctypeDeclHandler = self._refuse_doctype
+        try:
+            parser.Parse(self.places.data, True)
+        except expat.ExpatError as error:
+            return self._malformed(error)
+        except LoadError as error:
+            return error.diagnostics[0]
+        except Stop:
+            pass
+        return None
+
+    def _refuse_doctype(self, *_: object) -> NoReturn:
+        text = self.places.source.text
+        start = max(text.rfind("<!DOCTYPE", 0, self.places.offset(self.at) + 1), 0)
+        span = self.places.source.span(start, start + len("<!DOCTYPE"))
+        hint = "leave it out, and write what its entities stand for"
+        message = "a document type is not read: it could name other files, or entities without end"
+        raise LoadError([Diagnostic("document-type", message, span, hint)])
+
+    def _malformed(self, error: expat.ExpatError) -> Diagnostic:
+        start = self.places.offset(max(self._parser.ErrorByteIndex, 0))
+        span = self.places.source.span(start, start + 1)
+        messages = expat.errors.messages
+        word = messages.get(error.code, "")
+        if word == "mismatched tag" and self.open:
+            return self._mismatched(start)
+        if word == "no element found" and self.open:
+            return self._unclosed(span)
+        message, hint = _WORDS.get(word, (f"this is not XML: {word}", None))
+        return Diagnostic("syntax", message, span, hint)
+
+    def _mismatched(self, start: int) -> Diagnostic:
+        tag, byte = self.open[-1]
+        found = re.compile(r"<?/?([^\s>]*)").match(self.places.source.text, start)
+        name, span = "", self.places.source.span(start, start + 1)
+        if found:
+            name, span = found.group(1), self.places.source.span(found.start(1), found.end(1))
+        note = Note("it is opened here", self.places.tag(byte))
+        message = f"`</{name}>` does not close `<{tag}>`"
+        return Diagnostic("syntax", message, span, f"write `</{tag}>`", notes=(note,))
+
+    def _unclosed(self, span: Span) -> Diagnostic:
+        tag, byte = self.open[-1]
+        note = Note("it is opened here", self.places.tag(byte))
+        message = f"the file ends before `</{tag}>`"
+        return Diagnostic("syntax", message, span, notes=(note,))
+
+
+_WORDS: Mapping[str, tuple[str, str | None]] = {
+    "not well-formed (invalid token)": (
+        "this is not XML",
+        "write `&lt;` for `<` and `&amp;` for `&` in a text",
+    ),
+    "syntax error": ("this is not XML", "an XML file begins with a tag"),
+    "no element found": ("the file has no XML element", None),
+    "unclosed token": ("this is never closed", None),
+    "duplicate attribute": ("this attribute stands here twice", None),
+    "undefined entity": (
+        "unknown entity",
+        "XML knows `&lt;`, `&gt;`, `&amp;`, `&quot;`, `&apos;` and `&#38;`",
+    ),
+    "junk after document element": ("the file goes on after its only element", None),
+    "XML or text declaration not at start of entity": ("`<?xml ...?>` is the first thing in a file", None),
+    "unbound prefix": ("this prefix is not declared", None),
+}
+
+
+@dataclass(slots=True, eq=False)
+class Element:
+    """A tag with what is inside; `byte` is where it begins, `scope` the namespaces by prefix."""
+
+    tag: str
+    byte: int
+    attributes: Mapping[str, str]
+    scope: Mapping[str, str]
+    children: list[Element] = field(default_factory=list)
+    text: str = ""
+
+    @property
+    def name(self) -> str:
+        """The tag without its prefix."""
+        return self.tag.rpartition(":")[2]
+
+    @property
+    def namespace(self) -> str | None:
+        """What the prefix of the tag stands for; None without one."""
+        return self.scope.get(self.tag.rpartition(":")[0])
+
+    def qualified(self, name: str, *namespaces: str) -> str | None:
+        """The attribute of this name in one of the namespaces, as it is written (`xsi:type`)."""
+        for key in self.attributes:
+            prefix, _, local = key.rpartition(":")
+            if local == name and prefix and self.scope.get(prefix, "") in namespaces:
+                return key
+        return None
+
+
+def read_tree(places: XmlPlaces) -> tuple[Element | None, Diagnostic | None]:
+    """The root of a text, or why it is no XML."""
+    reader = Reader(places)
+    roots: list[Element] = []
+    path: list[Element] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        scope = path[-1].scope if path else {"xml": "http://www.w3.org/XML/1998/namespace"}
+        own = namespaces(attributes)
+        element = Element(tag, reader.at, attributes, {**scope, **own} if own else scope)
+        (path[-1].children if path else roots).append(element)
+        path.append(element)
+        reader.open.append((tag, element.byte))
+
+    def end(_: str) -> None:
+        path.pop()
+        reader.open.pop()
+
+    def text(data: str) -> None:
+        path[-1].text += data
+
+    problem = reader.read(Handlers(start, end, text))
+    return (None, problem) if problem or not roots else (roots[0], None)
+
+
+def namespaces(attributes: Mapping[str, str]) -> dict[str, str]:
+    """The namespaces that a tag declares, by prefix; "" is for tags without one."""
+    return {key[6:]: value for key, value in attributes.items() if key == "xmlns" or key.startswith("xmlns:")}
