@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.graph import Model
 from envgraph.lang import open as open_files
 from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher
 from envgraph.pattern import Library, ObjectType
 from envgraph.rewrite import Engine
+from tests.unit.match.kinds import Kind, assert_sound, watched
 
 GOLDEN = Path(__file__).parent.parent / "golden"
 FILES = sorted(path.stem for path in (GOLDEN / "query").glob("constructs_*.query"))
@@ -27,7 +27,7 @@ EXPECTED = {
         for line in (Path(__file__).parent / "query_language.txt").read_text("utf-8").splitlines()
     )
 }
-MATCHERS = [CompiledMatcher, NaiveMatcher]
+MATCHERS: list[Kind] = [CompiledMatcher, NaiveMatcher, watched]
 
 Row = tuple[object, ...]
 
@@ -60,9 +60,7 @@ def rows_of(matcher: Matcher, library: Library, pattern: str, arguments: Row) ->
 
 @pytest.mark.parametrize("make", MATCHERS)
 @pytest.mark.parametrize("file", FILES)
-def test_each_construct_has_the_rows_that_it_should_have(
-    file: str, make: Callable[[Model, Library], Matcher]
-) -> None:
+def test_each_construct_has_the_rows_that_it_should_have(file: str, make: Kind) -> None:
     engine = engine_of(file)
     matcher = make(engine.model, engine.library)
     for name in names_in(file):
@@ -85,7 +83,7 @@ def values_of(engine: Engine, pattern: str, rows: list[Row]) -> list[Row]:
 @pytest.mark.parametrize("file", FILES)
 def test_the_matchers_agree_on_every_binding_before_and_after_edits(file: str) -> None:
     engine = engine_of(file)
-    compiled, naive = (make(engine.model, engine.library) for make in MATCHERS)
+    compiled, naive, views = (make(engine.model, engine.library) for make in MATCHERS)
     ada, cyd, dan = (engine.model[name] for name in ("ada", "cyd", "dan"))
     edits: list[Callable[[], object]] = [
         lambda: None,
@@ -98,6 +96,8 @@ def test_the_matchers_agree_on_every_binding_before_and_after_edits(file: str) -
         edit()
         for name in names_in(file):
             assert_agree(engine, compiled, naive, f"harbour.{name}")
+            assert_agree(engine, views, naive, f"harbour.{name}")
+        assert_sound(views)
 
 
 def assert_agree(engine: Engine, compiled: Matcher, naive: Matcher, pattern: str) -> None:
