@@ -13,7 +13,7 @@ performance evaluation of continuous model queries", Software & Systems Modeling
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
+from collections.abc import Iterator, MutableSequence, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -257,10 +257,10 @@ def build(railway: Railway, metamodel: Metamodel) -> Model:
     """
     model = Model(metamodel, "railway")
     with model.loading():
-        container = model.new("RailwayContainer")
-        assert container == 0, "the model is new"
-        _add_elements(model, railway)
-        _add_links(model, railway)
+        # The model's own ints go into the links: comparing one with itself is faster than with an equal one.
+        ids = [model.new("RailwayContainer"), *_elements(model, railway)]
+        _add_values(model, railway, ids)
+        _add_links(model, railway, ids)
     return model
 
 
@@ -278,25 +278,30 @@ def reference(metamodel: Metamodel, name: str) -> Reference:
     return found
 
 
-def _add_elements(model: Model, railway: Railway) -> None:
+def _elements(model: Model, railway: Railway) -> Iterator[int]:
     new, put = model.new, model.set_value
     number = attribute(model.metamodel, "id")
     for cls in railway.classes:
         node = new(cls)
         put(node, number, node)
+        yield node
+
+
+def _add_values(model: Model, railway: Railway, ids: Sequence[int]) -> None:
+    put = model.set_value
     for name, values in railway.values.items():
         feature = attribute(model.metamodel, name)
         for node, value in values:
-            put(node, feature, value)
+            put(ids[node], feature, value)
 
 
-def _add_links(model: Model, railway: Railway) -> None:
+def _add_links(model: Model, railway: Railway, ids: Sequence[int]) -> None:
     link = model.link
     for name, edges in railway.edges.items():
         feature = reference(model.metamodel, name)
         for source, target in edges:
-            link(source, feature, target)
+            link(ids[source], feature, ids[target])
     for name, cls in (("routes", "Route"), ("regions", "Region")):
         feature = reference(model.metamodel, name)
         for part in model.extent(cls):
-            link(0, feature, part)
+            link(ids[0], feature, part)
