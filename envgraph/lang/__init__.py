@@ -24,6 +24,12 @@ from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, read_sourc
 from envgraph.lang._json import JsonPath, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
 from envgraph.lang._model import ModelText
+from envgraph.lang._pyecore import (
+    metamodel_from_pyecore,
+    metamodel_to_pyecore,
+    model_from_pyecore,
+    model_to_pyecore,
+)
 from envgraph.lang._workspace import Workspace
 from envgraph.lang._xmi import parse_xmi
 
@@ -56,6 +62,10 @@ __all__ = [
     "load_behaviour",
     "load_family",
     "load_workspace",
+    "metamodel_from_pyecore",
+    "metamodel_to_pyecore",
+    "model_from_pyecore",
+    "model_to_pyecore",
     "open",
     "parse_ecore",
     "parse_json",

@@ -1,0 +1,107 @@
+"""Packages and objects of pyecore become metamodels and models, and the other way."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from envgraph.errors import InvalidArgument, LoadError
+from envgraph.lang import (
+    load_workspace,
+    metamodel_from_pyecore,
+    metamodel_to_pyecore,
+    model_from_pyecore,
+    model_to_pyecore,
+)
+from envgraph.metamodel import Metamodel
+
+ecore = pytest.importorskip("pyecore.ecore")
+
+DATA = Path(__file__).parents[2] / "data" / "emf"
+
+
+@pytest.fixture
+def society():
+    """A package, two people who know each other, and their group."""
+    package = ecore.EPackage("society", "http://example.org/society", "s")
+    person, group = ecore.EClass("Person"), ecore.EClass("Group")
+    person.eStructuralFeatures.append(ecore.EAttribute("name", ecore.EString))
+    person.eStructuralFeatures.append(ecore.EReference("knows", person, upper=-1))
+    members = ecore.EReference("members", person, upper=-1, containment=True)
+    group.eStructuralFeatures.append(members)
+    person.eStructuralFeatures.append(ecore.EReference("group", group, eOpposite=members))
+    package.eClassifiers.extend([person, group])
+    ann, ben, both = person(name="Ann"), person(name="Ben"), group()
+    both.members.extend([ann, ben])
+    ann.knows.append(ben)
+    return package, both
+
+
+def test_a_package_becomes_a_metamodel_with_its_opposites(society) -> None:
+    metamodel = metamodel_from_pyecore(society[0])
+    assert (metamodel.name, metamodel.uri) == ("society", "http://example.org/society")
+    members = metamodel.feature("Group", "members")
+    assert members is not None and members.opposite == "group"
+
+
+def test_objects_become_a_model(society) -> None:
+    package, group = society
+    model = model_from_pyecore(group, metamodel=metamodel_from_pyecore(package))
+    people = model.nodes("Person")
+    assert [person["name"] for person in people] == ["Ann", "Ben"]
+    assert list(people[0].knows) == [people[1]]
+    assert people[1].group == model.nodes("Group")[0]
+    assert group.eResource is None
+
+
+def test_a_model_becomes_objects_and_comes_back() -> None:
+    model = load_workspace([DATA / "library.xmi"]).model()
+    (library,) = model_to_pyecore(model)
+    assert library.director.name == "Cora"
+    assert [item.name for shelf in library.shelves for item in shelf.items] == [
+        "Emma",
+        "Amélie",
+        "Momo",
+        "Ran",
+    ]
+    assert library.shelves[0].items[1].lentTo is library.members[2]
+    again = model_from_pyecore(library, metamodel=model.metamodel)
+    assert again.canonical_hash() == model.canonical_hash()
+
+
+def test_a_metamodel_comes_back() -> None:
+    metamodel = load_workspace([DATA / "library.ecore"]).metamodel
+    assert metamodel is not None
+    again = metamodel_from_pyecore(metamodel_to_pyecore(metamodel))
+    assert again.class_list == metamodel.class_list
+    assert again.packages == metamodel.packages
+
+
+def test_what_cannot_be_represented_is_told() -> None:
+    package = ecore.EPackage("p", "http://p", "p")
+    tagged = ecore.EClass("Tagged")
+    tagged.eStructuralFeatures.append(ecore.EAttribute("tags", ecore.EString, upper=-1))
+    package.eClassifiers.append(tagged)
+    with pytest.raises(LoadError, match="`tags` has many values"):
+        metamodel_from_pyecore(package)
+
+
+def test_other_things_than_packages_and_objects_are_refused() -> None:
+    with pytest.raises(InvalidArgument, match="EPackage"):
+        metamodel_from_pyecore("society")
+    with pytest.raises(InvalidArgument, match="one object at least"):
+        model_from_pyecore(metamodel=Metamodel("m", []))
+
+
+def test_without_pyecore_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyecore.ecore", None)
+    monkeypatch.setitem(sys.modules, "pyecore.resources", None)
+    metamodel = load_workspace([DATA / "library.ecore"]).metamodel  # files need no pyecore
+    assert metamodel is not None
+    for call in (
+        lambda: metamodel_from_pyecore(None),
+        lambda: metamodel_to_pyecore(metamodel),
+        lambda: model_from_pyecore(metamodel=metamodel),
+    ):
+        with pytest.raises(InvalidArgument, match=r"pip install 'envgraph\[emf\]'"):
+            call()
