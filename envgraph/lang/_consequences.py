@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 
 from envgraph.errors import Diagnostic, Severity
@@ -31,13 +32,14 @@ def without_echoes(
         unread: what was wrong with the texts before.
         patterns: of all the files.
     """
-    before = [one for one in unread if one.severity is Severity.ERROR]
+    before = _ByPlace(one for one in unread if one.severity is Severity.ERROR)
+    problems = _ByPlace(found)
     echoes: set[Diagnostic] = set()
     for pattern in patterns:
-        inside = [one for one in found if _within(one, pattern)]
+        inside = problems.within(pattern)
         if not any(one.code in _UNREAD for one in inside):
             continue
-        if any(_within(one, pattern) for one in before):
+        if before.within(pattern):
             echoes.update(one for one in inside if one.code in _UNREAD)
         errors = [one for one in inside if one.severity is Severity.ERROR and one.code not in _UNREAD]
         if errors:  # the variable that it is about may be the one that is missing elsewhere
@@ -47,10 +49,27 @@ def without_echoes(
     return [one for one in found if one not in echoes]
 
 
-def _within(problem: Diagnostic, pattern: Pattern) -> bool:
-    """Whether a diagnostic is about something from the name of a pattern to the end of its last body."""
-    span, start = problem.span, pattern.span
-    if span is None or start is None or span.source.name != start.source.name:
-        return False
-    end = max((body.span.end for body in pattern.bodies if body.span), default=start.end)
-    return start.start <= span.start <= end
+class _ByPlace:
+    """Diagnostics in the order of their places, file by file."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self._files: dict[str, list[tuple[int, Diagnostic]]] = {}
+        for one in diagnostics:
+            if one.span is not None:
+                self._files.setdefault(one.span.source.name, []).append((one.span.start, one))
+        for found in self._files.values():
+            found.sort(key=_start)
+
+    def within(self, pattern: Pattern) -> list[Diagnostic]:
+        """Those about something from the name of a pattern to the end of its last body."""
+        span = pattern.span
+        found = self._files.get(span.source.name, []) if span else []
+        if not found or span is None:
+            return []
+        end = max((body.span.end for body in pattern.bodies if body.span), default=span.end)
+        first, last = bisect_left(found, span.start, key=_start), bisect_right(found, end, key=_start)
+        return [one for _, one in found[first:last]]
+
+
+def _start(item: tuple[int, Diagnostic]) -> int:
+    return item[0]

@@ -221,6 +221,9 @@ class Reading:
         for constraint in body.constraints:
             self._read(constraint)
         self.names = tuple(self.occurrences)
+        self._groups: dict[str, list[str]] = {}
+        for name in self.names:
+            self._groups.setdefault(self.root(name), []).append(name)
 
     def _read(self, constraint: Constraint) -> None:
         match constraint:
@@ -281,8 +284,7 @@ class Reading:
 
     def group(self, name: str) -> list[str]:
         """The names united with this one, itself included, in the order of `names`."""
-        root = self.root(name)
-        return [other for other in self.names if self.root(other) == root]
+        return self._groups[self.root(name)]
 
     def quantified(self, name: str) -> int | None:
         """The number of the one negated or aggregated relation that quantifies a local variable; else None."""

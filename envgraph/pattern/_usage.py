@@ -36,6 +36,7 @@ class UsageCheck:
         self._tainted = set(tainted)
         self._where = where
         self._parameters: dict[str, Parameter] = {p.name: p for p in reversed(pattern.parameters)}
+        self._once: list[str] | None = None
 
     def problems(self) -> Iterator[Diagnostic]:
         """Errors first for each variable; a variable with an error gets no warning."""
@@ -73,13 +74,14 @@ class UsageCheck:
 
     def _mistyped(self, name: str) -> tuple[str | None, tuple[Note, ...]]:
         """A hint at a local variable that is used once and spelt almost like an unreferenced parameter."""
-        once = [
-            n
-            for n in self._reading.names
-            if n not in self._parameters and len(self._reading.occurrences[n]) == 1
-        ]
-        hint = did_you_mean(name, once)
-        near = [n for n in once if hint and f"`{n}`" in hint]
+        if self._once is None:
+            self._once = [
+                n
+                for n in self._reading.names
+                if n not in self._parameters and len(self._reading.occurrences[n]) == 1
+            ]
+        hint = did_you_mean(name, self._once)
+        near = [n for n in self._once if hint and f"`{n}`" in hint]
         self._tainted.update(near)
         return hint, tuple(Note(f"`{n}` is used only here", self._reading.span(n)) for n in near)
 
