@@ -14,7 +14,7 @@ from typing import Final
 
 from envgraph.match._generate import Translation
 from envgraph.match._plan import Absence, Conjunction, Goal, Kind, Plan, Step, arguments, inputs
-from envgraph.match._sinks import Sink, gathering, row, value
+from envgraph.match._sinks import EXISTENCE, Sink, gathering, row, value
 from envgraph.match._symbols import Backward, Forward, Held, Source, Values
 from envgraph.match._write import Block, Module
 from envgraph.match.views._bodies import Relation, existential, free_inside, negated
@@ -222,6 +222,24 @@ def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjun
     block.raw(sink.tail)
     module.function("build_rows", [], block)
     return module.source("build_rows")
+
+
+def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:
+    """The source of a function that tells whether one body derives a row, which it takes.
+
+    Raises:
+        Unplannable: some variables cannot be enumerated.
+    """
+    module, block = Module(), Block()
+    heads = conjunction.parameters
+    head = Occurrence(-1, _NOTHING, Role.EACH, heads)
+    names = [f"a{position}" for position in range(len(heads))]
+    plan = planner.plan(conjunction, conjunction.goals, frozenset(heads))
+    translation = DeltaTranslation(planner, module, block, Delta(name, body, conjunction, head, ()), names)
+    translation.run(plan, EXISTENCE, {})
+    block.raw(EXISTENCE.tail)
+    module.function("derivable", names, block)
+    return module.source("derivable")
 
 
 _NOTHING = CallAtom("", ())

@@ -27,12 +27,14 @@ from envgraph.match.views._delta import (
     Occurrence,
     build_source,
     delta_source,
+    derivable_source,
     occurrences,
     own_positions,
 )
 from envgraph.match.views._operators import Evaluated, Fold, Hook, Operator, Rows, View
 from envgraph.match.views._planning import LiveSizes, ViewPlanner
 from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
+from envgraph.match.views._recursive import Component, Member
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -57,7 +59,7 @@ class NotIncremental(Exception):
 class Definition:
     """How a view is made: the bodies over the relations of the network."""
 
-    view: View
+    view: View | Member
     bodies: tuple[Conjunction, ...]
 
 
@@ -100,11 +102,12 @@ class Network:
         self._simplifier = ViewSimplifier(library, calls)
         self._planner = ViewPlanner(library, calls, LiveSizes(library, store), self)
         self._consumers: dict[Key, list[Consumer]] = {}
-        self._classes: list[tuple[View, int, Conjunction, tuple[Occurrence, ...]]] = []
+        self._classes: list[tuple[View | Member, int, Conjunction, tuple[Occurrence, ...]]] = []
         self._retypings: dict[tuple[Kind, Kind], tuple[Hook | None, Hook | None]] = {}
         self._membership: dict[tuple[str, int, frozenset[int]], Consumer] = {}
         self._turns: list[Operator] = []
         self._queued: set[str] = set()
+        self._open: set[str] = set()
 
     # --- Held: what plans ask
 
@@ -136,15 +139,23 @@ class Network:
             assert isinstance(known, Rows)
             return known
         before = len(self.operators)
+        under_way = set(self._open)
         try:
-            if self.calls.recursive(pattern) or self.library.inputs(pattern):
+            if self.library.inputs(pattern):
                 raise NotIncremental
+            if self.calls.recursive(pattern):
+                return self._recursive(pattern)
             return self._define(pattern, self._simplifier.conjunctions(pattern))
         except NotIncremental:
+            self._open = under_way
             for name in list(self.operators)[before:]:
                 del self.operators[name]
                 self.definitions.pop(name, None)
-            return self._enter(Evaluated(pattern, self.store, self._evaluate(pattern)))
+            for name in self._together(pattern):
+                self._enter(Evaluated(name, self.store, self._evaluate(name)))
+            found = self.operators[pattern]
+            assert isinstance(found, Rows)
+            return found
 
     def _enter(self, operator: Entered) -> Entered:
         self.operators[operator.name] = operator
@@ -153,11 +164,7 @@ class Network:
 
     def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:
         """A view of some bodies."""
-        prepared: list[Conjunction] = []
-        for number, body in enumerate(bodies):
-            goals = split_negations(canonical(goal, self.store) for goal in body.goals)
-            body = replace(body, goals=tuple(goals))
-            prepared.append(replace(body, goals=tuple(self._goals(body, f"{name}/{number}"))))
+        prepared = [self._prepared(name, number, body) for number, body in enumerate(bodies)]
         view = View(name, self.store, counted=self._repeats(prepared))
         try:
             lists = [
@@ -169,6 +176,58 @@ class Network:
         view.list_derivations = _together(lists)
         self.definitions[name] = Definition(view, tuple(prepared))
         return self._enter(view)
+
+    def _recursive(self, pattern: str) -> Member:
+        """The operators of all patterns that call each other with this one."""
+        component = self.calls.component(pattern)
+        names = self._together(pattern)
+        if len(names) < len(component):
+            raise NotIncremental
+        members = {name: self._enter(Member(name, self.store)) for name in names}
+        self._open |= component
+        for name, member in members.items():
+            bodies = tuple(
+                self._prepared(name, number, body)
+                for number, body in enumerate(self._simplifier.conjunctions(name))
+            )
+            self.definitions[name] = Definition(member, bodies)
+        self._open -= component
+        for member in members.values():
+            try:
+                self._make_member(member, component)
+            except Unplannable:
+                raise NotIncremental from None
+        self._enter(Component(f"{names[0]}/component", self.store, list(members.values())))
+        return members[pattern]
+
+    def _together(self, pattern: str) -> list[str]:
+        """The patterns that call each other with this one, or the pattern alone; those that can be enumerated."""
+        component = self.calls.component(pattern) or {pattern}
+        names = [name for name in self.library.names() if name in component] or [pattern]
+        return [name for name in names if not self.library.inputs(name)]
+
+    def _prepared(self, name: str, number: int, body: Conjunction) -> Conjunction:
+        """A body over relations of the network."""
+        goals = split_negations(canonical(goal, self.store) for goal in body.goals)
+        body = replace(body, goals=tuple(goals))
+        return replace(body, goals=tuple(self._goals(body, f"{name}/{number}")))
+
+    def _make_member(self, member: Member, component: frozenset[str]) -> None:
+        """The functions of a member's bodies."""
+        bases, derivable = [], []
+        planner = self._planner
+        for number, body in enumerate(self.definitions[member.name].bodies):
+            inside = [place for place in occurrences(body) if _called(place) in component]
+            if not inside:
+                bases.append(self._build(build_source(planner, member.name, number, body)))
+            derivable.append(self._build(derivable_source(planner, member.name, number, body)))
+            for place in inside:
+                called = self.operators[_called(place) or ""]
+                assert isinstance(called, Member)
+                delta = Delta(member.name, number, body, place, (), queued=True)
+                called.spread = (*called.spread, self._build(delta_source(planner, delta, True)))
+                called.retract = (*called.retract, self._build(delta_source(planner, delta, False)))
+        member.list_base, member.derivable = bases, derivable
 
     def _repeats(self, bodies: Sequence[Conjunction]) -> bool:
         """Whether a row may have several derivations."""
@@ -186,7 +245,7 @@ class Network:
             place = f"{name}/{number}"
             match goal:
                 case CallAtom(pattern):
-                    self._usable(pattern)
+                    self._usable(pattern, positive=True)
                     found.append(goal)
                 case ClosureAtom():
                     found.append(self._closure(body, goal, place))
@@ -198,8 +257,9 @@ class Network:
                     found.append(goal)
         return found
 
-    def _usable(self, pattern: str) -> Rows:
-        if self.library.inputs(pattern):
+    def _usable(self, pattern: str, positive: bool = False) -> Rows:
+        """The operator of a pattern; one that is not finished can only be called."""
+        if self.library.inputs(pattern) or (pattern in self._open and not positive):
             raise NotIncremental
         return self.view(pattern)
 
@@ -375,8 +435,8 @@ class Network:
             operator.make(len(bodies[0].parameters) if bodies else 0)
 
     def _read(self) -> set[str]:
-        """Names of operators that have consumers."""
-        found: set[str] = set()
+        """Names of operators that take their turn, because others read them."""
+        found = {name for name, definition in self.definitions.items() if isinstance(definition.view, Member)}
         for definition in self.definitions.values():
             for body in definition.bodies:
                 for place in occurrences(body):
@@ -418,20 +478,27 @@ class Network:
                     self._classes.append((definition.view, number, body, members))
                 for index, place in enumerate(places):
                     key = _key(place)
-                    if key is not None:
+                    if key is not None and not self._inside(definition, key):
                         later = tuple(other for other in places[index + 1 :] if _key(other) == key)
                         symmetric = key[0] == "link" and self.store.relations[int(key[1])].symmetric
                         delta = Delta(
                             name, number, body, place, later, symmetric, queued=name in self._queued
                         )
                         # What is looked up in the rows must not be a row of another body.
-                        sole = name not in self._queued and len(definition.bodies) == 1
-                        found.append((key, self._with_own(delta, definition.view) if sole else delta))
+                        if name not in self._queued and len(definition.bodies) == 1:
+                            delta = self._with_own(delta, definition.view)
+                        found.append((key, delta))
         return found
 
-    def _with_own(self, delta: Delta, view: View) -> Delta:
+    def _inside(self, definition: Definition, key: Key) -> bool:
+        """Whether a relation is a pattern of the same component, whose rows spread on their own."""
+        if not isinstance(definition.view, Member) or key[0] != "rows":
+            return False
+        return key[1] in self.calls.component(definition.view.name)
+
+    def _with_own(self, delta: Delta, view: View | Member) -> Delta:
         """The delta with an index of the view on its own rows, where that pays."""
-        if view.counts is not None:
+        if isinstance(view, Member) or view.counts is not None:
             return delta
         own = own_positions(self._planner, delta)
         if own is not None:
@@ -566,7 +633,7 @@ class Network:
                 return operator.derive
             case "underive", View():
                 return operator.underive
-            case "queue", View():
+            case "queue", View() | Member():
                 return operator.queue.extend
             case "position", Rows():
                 return operator.rows.position
@@ -592,6 +659,8 @@ class Network:
                     operator.check_derivations()
                 case Fold() | Reach():
                     operator.check()
+                case Component():
+                    assert not operator.pending
                 case Rows():
                     operator.check(self._evaluate(operator.name)())
 
@@ -609,6 +678,10 @@ def _key(place: Occurrence) -> Key | None:
             return "rows", name
         case InstanceAtom():
             return None
+
+
+def _called(place: Occurrence) -> str | None:
+    return place.relation.pattern if isinstance(place.relation, CallAtom) else None
 
 
 def _class(place: Occurrence) -> InstanceAtom:
