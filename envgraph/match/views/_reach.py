@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol
 from envgraph.graph import SET, Store
 from envgraph.match.views._components import reachable_sets
 from envgraph.match.views._operators import Operator, Rows
-from envgraph.match.views._sets import MatchSet
+from envgraph.match.views._sets import Groups, MatchSet
 
 FEW: Final = 12
 """Starts that are searched one by one; more share the strongly connected components."""
@@ -17,6 +17,9 @@ Reached = dict[Any, None]
 """What is reached, in the order in which it was found. Never changed, only replaced."""
 
 NOTHING: Final[Reached] = {}
+
+SPARSE: Final = 8
+"""Pairs for each node up to which it is also kept from which starts a node is reached."""
 
 
 class Steps(Protocol):
@@ -77,6 +80,7 @@ class Reach(Operator):
         self.reflexive = reflexive
         self.reached: dict[Any, Reached] = {}
         self.begun = MatchSet(store)
+        self._inverse: Groups | None = None
         self._steps = steps
         self._gained: list[tuple[Any, Any]] = []
         self._lost: list[tuple[Any, Any]] = []
@@ -147,7 +151,7 @@ class Reach(Operator):
     def _follow(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> None:
         """Bring all starts up to date with changed steps."""
         shrunk: list[Any] = []
-        for (start,) in tuple(self.begun):
+        for start in self._concerned(lost, gained):
             old = self.reached[start]
             if any((node == start or node in old) and other in old for node, other in lost):
                 shrunk.append(start)
@@ -162,6 +166,17 @@ class Reach(Operator):
                 same[pair] = old.keys() == new.keys()
             if not same[pair]:
                 self._replace(start, new)
+
+    def _concerned(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> list[Any]:
+        """The starts that reach the near end of a changed step; all of them, if that is not kept."""
+        if self._inverse is None:
+            return [start for (start,) in self.begun]
+        found: dict[Any, None] = {}
+        for node, _ in (*lost, *gained):
+            found.update(dict.fromkeys(self._inverse.table[node]))
+            if (node,) in self.begun.position:
+                found[node] = None
+        return list(found)
 
     def _extend(self, start: Any, old: Reached, gained: list[tuple[Any, Any]]) -> None:
         """Follow new steps from what was reached already."""
@@ -203,13 +218,20 @@ class Reach(Operator):
 
     def _replace(self, start: Any, new: Reached) -> None:
         old = self.reached.get(start, NOTHING)
+        gone = [other for other in old if other not in new]
+        come = [other for other in new if other not in old]
         if self.removing is not None:
-            self._tell(self.removing, start, [other for other in old if other not in new])
+            self._tell(self.removing, start, gone)
         if self.store.recording:
             self.store.journal.extend((self.reached, start, old, SET))
         self.reached[start] = new
+        if self._inverse is not None:
+            for other in gone:
+                self._inverse.drop((other, start))
+            for other in come:
+                self._inverse.add((other, start))
         if self.added is not None:
-            self._tell(self.added, start, [other for other in new if other not in old])
+            self._tell(self.added, start, come)
 
     def _tell(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
         for other in others:
@@ -222,9 +244,15 @@ class Reach(Operator):
         self.reached.clear()
         self.begun.replace(list(self.starts.rows))
         self.reached.update(self._solve([start for (start,) in self.begun]))
+        nodes = {node for each in {id(r): r for r in self.reached.values()}.values() for node in each}
+        if len(self.begun) > FEW and self.size() <= SPARSE * (len(self.begun) + len(nodes)):
+            self._inverse = Groups(self.store, (0,), 1)
+            self._inverse.fill([(other, start) for (start,) in self.begun for other in self.reached[start]])
 
     def check(self) -> None:
         """Assert that everything is as a new search finds it."""
         assert set(self.begun) == set(self.starts.rows), self.name
         for (start,) in self.begun:
             assert self.reached[start].keys() == self._reach(start).keys(), self.name
+        if self._inverse is not None:
+            self._inverse.check([(other, start) for (start,) in self.begun for other in self.reached[start]])
