@@ -233,6 +233,7 @@ class Mirror:
 
     def update(self, match: Match, old: Match) -> None:
         assert match.row in found(self.made, self.name) and old.row not in found(self.made, self.name)
+        self.failed.discard(match.row)
         self.rows.remove(old.row)
         self.rows.add(match.row)
         self._act(f"{old.row}>{match.row}")
@@ -283,5 +284,6 @@ def mirror(script: list[Any], habits: list[int]) -> tuple[list[list[str]], int]:
 @settings(max_examples=60)
 @given(scripts, st.lists(st.integers(0, 40), max_size=12))
 @example([("keep", [("number", 1, 2), ("delete", 0)])], [1, 5, 2, 10, 3, 0])
+@example([], [0, 6, 0, 0, 0, 0, 0, 31, 4, 6, 0, 0])
 def test_jobs_can_keep_a_copy_of_the_matches(script: list[Any], habits: list[int]) -> None:
     assert mirror(script, habits) == mirror(script, habits)
