@@ -1,0 +1,139 @@
+"""Watched patterns of random worlds against the naive matcher, after every step of random walks."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from envgraph.graph import _integrity, _store
+from envgraph.match.views import _sets
+from tests.oracle.views_walk import Walk
+from tests.oracle.worlds import Dice
+
+EXAMPLES = settings().max_examples
+"""Of the profile: 100 by default, 5,000 at night."""
+
+SEEDS = st.integers(0, 2**32)
+PATTERNS = st.integers(0, 20)
+
+
+class Views(RuleBasedStateMachine):
+    """A walk that hypothesis chooses. After every step `Walk.check` compares everything."""
+
+    walk: Walk
+
+    @initialize(seed=SEEDS, watch=st.sampled_from([100, 100, 60]))
+    def start(self, seed: int, watch: int) -> None:
+        self.before()
+        self.walk = Walk(seed, watch=watch)
+        self.names = list(self.walk.sizes)
+
+    def before(self) -> None:
+        """What comes before the world."""
+
+    def name(self, number: int) -> str:
+        """Some pattern."""
+        return self.names[number % len(self.names)]
+
+    @rule(seed=SEEDS, count=st.integers(1, 5))
+    def edit(self, seed: int, count: int) -> None:
+        self.walk.edit(Dice(seed), count)
+
+    @rule(seed=SEEDS, count=st.integers(1, 5))
+    def thin_out(self, seed: int, count: int) -> None:
+        self.walk.edit(Dice(seed), count, thin=True)
+
+    @rule(seed=SEEDS)
+    def ask(self, seed: int) -> None:
+        self.walk.ask(Dice(seed))
+
+    @rule()
+    def open(self) -> None:
+        self.walk.open()
+
+    @rule(seed=SEEDS, count=st.integers(1, 5))
+    def open_and_edit(self, seed: int, count: int) -> None:
+        self.walk.open()
+        self.walk.edit(Dice(seed), count)
+
+    @precondition(lambda self: self.walk.savepoints)
+    @rule()
+    def roll_back(self) -> None:
+        self.walk.roll_back()
+
+    @precondition(lambda self: self.walk.savepoints)
+    @rule()
+    def release(self) -> None:
+        self.walk.release()
+
+    @precondition(lambda self: not self.walk.savepoints)
+    @rule()
+    def commit(self) -> None:
+        self.walk.commit()
+
+    @precondition(lambda self: self.walk.versions and not self.walk.savepoints)
+    @rule(number=st.integers(0, 9))
+    def check_out(self, number: int) -> None:
+        self.walk.check_out(number)
+
+    @precondition(lambda self: self.walk.versions)
+    @rule(number=st.integers(0, 9))
+    def drop(self, number: int) -> None:
+        self.walk.drop(number)
+
+    @precondition(lambda self: not self.walk.savepoints)
+    @rule(seed=SEEDS, count=st.integers(1, 5))
+    def load(self, seed: int, count: int) -> None:
+        self.walk.drop_all()
+        self.walk.load(Dice(seed), count)
+
+    @rule(pattern=PATTERNS)
+    def watch(self, pattern: int) -> None:
+        self.walk.watch(self.name(pattern))
+
+    @rule(pattern=PATTERNS)
+    def unwatch(self, pattern: int) -> None:
+        self.walk.unwatch(self.name(pattern))
+
+    @rule(pattern=PATTERNS)
+    def listen(self, pattern: int) -> None:
+        self.walk.listen(self.name(pattern))
+
+    @rule(pattern=PATTERNS)
+    def unlisten(self, pattern: int) -> None:
+        self.walk.unlisten(self.name(pattern))
+
+    @rule()
+    def deliver(self) -> None:
+        self.walk.deliver()
+
+    @invariant()
+    def everything_agrees(self) -> None:
+        self.walk.check()
+
+    def teardown(self) -> None:
+        if hasattr(self, "walk"):
+            self.walk.close()
+
+
+class CrowdedViews(Views):
+    """The same where three are a crowd: what else happens in large groups only happens in small ones."""
+
+    def before(self) -> None:
+        self.patch = pytest.MonkeyPatch()
+        for module in (_store, _integrity, _sets):
+            self.patch.setattr(module, "CROWD", 2)
+
+    def teardown(self) -> None:
+        super().teardown()
+        if hasattr(self, "patch"):
+            self.patch.undo()
+
+
+# Few steps, each with much to compare: an example takes about 70 ms, most of it for planning and generated code.
+TestViews = Views.TestCase
+TestViews.settings = settings(max_examples=4 * EXAMPLES, stateful_step_count=8)
+TestCrowdedViews = CrowdedViews.TestCase
+TestCrowdedViews.settings = settings(max_examples=EXAMPLES, stateful_step_count=8)

@@ -1,0 +1,224 @@
+"""Exceptions in the middle: in a listener, and while views are brought up to date."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import product
+from typing import Any
+
+import pytest
+
+from envgraph.graph import Model
+from envgraph.match import FREE, NaiveMatcher, ViewMatcher
+from envgraph.match._matcher import Row
+from envgraph.pattern import Library
+from tests.unit.match.kinds import watched
+from tests.unit.match.people import METAMODEL
+from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
+
+PATTERNS = (
+    pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")]),
+    pattern("two(a : Person, c : Person)", [find("knows", "a", "b"), find("knows", "b", "c")]),
+    pattern("reaches(a : Person, b : Person)", [find("two+", "a", "b")]),
+    pattern("lonely(a : Person)", [is_a("Person", "a"), neg(find("reaches", "a", "_"))]),
+    pattern(
+        "fans(a : Person, n : int)", [is_a("Person", "a"), equal("n", fold("count", find("two", "_", "a")))]
+    ),
+)
+
+
+class Interrupted(BaseException):
+    """Like KeyboardInterrupt: nobody catches it."""
+
+
+class Fuse(list[Any]):
+    """A log that raises when it is written for a certain time."""
+
+    def __init__(self, length: int) -> None:
+        super().__init__()
+        self.length = length
+
+    def extend(self, items: Iterable[Any]) -> None:
+        """As for a list."""
+        self.length -= 1
+        if self.length < 0:
+            raise Interrupted
+        super().extend(items)
+
+
+class Crowd:
+    """Four people, and views of who knows whom; four fan out from one who knows all."""
+
+    def __init__(self) -> None:
+        self.model = Model(METAMODEL)
+        self.library = Library(METAMODEL)
+        self.library.add(*PATTERNS)
+        self.people = [self.model.new("Person") for _ in range(4)]
+        self.knows = self.model.metamodel.feature("Person", "knows")
+        self.views = watched(self.model, self.library)
+        self.link(0, 1)
+        self.link(1, 2)
+
+    def link(self, source: int, target: int) -> None:
+        """Two people meet."""
+        self.model.link(self.people[source], self.knows, self.people[target])  # type: ignore[arg-type]
+
+    def unlink(self, source: int, target: int) -> None:
+        """Two people part."""
+        self.model.unlink(self.people[source], self.knows, self.people[target])  # type: ignore[arg-type]
+
+    def meet(self) -> None:
+        """Several meet and part at once."""
+        for source, target in ((2, 0), (3, 3), (2, 3), (0, 2)):
+            self.link(source, target)
+        self.unlink(0, 1)
+
+    def order(self) -> dict[str, list[Row]]:
+        """All rows as they are listed."""
+        return {name: list(self.views.rows(name, free(self, name))) for name in self.library_names}
+
+    @property
+    def library_names(self) -> list[str]:
+        """Names of the patterns."""
+        return [each.name for each in PATTERNS]
+
+    def light(self, pattern: str, length: int) -> None:
+        """From now on the view raises when so many rows have come or gone."""
+        rows_of(self.views, pattern).log = Fuse(length)
+
+    def quench(self) -> None:
+        """No view raises any more."""
+        for name in self.library_names:
+            rows_of(self.views, name).log = None
+
+    def assert_right(self) -> None:
+        """Answers are what the naive matcher says, whether views are up to date or not."""
+        naive = NaiveMatcher(self.model, self.library)
+        for name in self.library_names:
+            given = free(self, name)
+            assert sorted(self.views.rows(name, given)) == naive.rows(name, given), name
+            assert self.views.count(name, given) == naive.count(name, given)
+            assert all(self.views.exists(name, row) for row in naive.rows(name, given))
+
+
+def free(crowd: Crowd, name: str) -> Row:
+    return (FREE,) * len(crowd.library.parameter_types(name))
+
+
+def rows_of(views: ViewMatcher, pattern: str) -> Any:
+    return views._views[pattern].rows
+
+
+FUSES = list(product(["two", "reaches", "lonely", "fans"], [0, 1, 3]))
+
+
+def explode(crowd: Crowd, fuse: tuple[str, int], *changes: Callable[[], object]) -> bool:
+    """Make changes that may be interrupted; whether they were."""
+    crowd.light(*fuse)
+    try:
+        for change in changes:
+            change()
+    except Interrupted:
+        return True
+    finally:
+        crowd.quench()
+    return False
+
+
+@pytest.mark.parametrize("fuse", FUSES, ids=str)
+def test_a_rollback_repairs_views_that_were_interrupted(fuse: tuple[str, int]) -> None:
+    crowd = Crowd()
+    before = crowd.order()
+    savepoint = crowd.model.savepoint()
+    explode(crowd, fuse, crowd.meet, crowd.order)
+    crowd.assert_right()
+    crowd.model.rollback(savepoint)
+    assert crowd.order() == before
+    crowd.views.check_integrity()
+    crowd.meet()
+    crowd.assert_right()
+    crowd.views.check_integrity()
+
+
+def test_the_fuses_burn() -> None:
+    """Else the tests here would test nothing."""
+    burnt = 0
+    for fuse in FUSES:
+        crowd = Crowd()
+        with crowd.model.transaction():
+            burnt += explode(crowd, fuse, crowd.meet, crowd.order)
+    assert burnt >= 9
+
+
+@pytest.mark.parametrize("fuse", FUSES, ids=str)
+def test_a_savepoint_that_is_interrupted_is_not_open(fuse: tuple[str, int]) -> None:
+    crowd = Crowd()
+    before = crowd.order()
+    outer = crowd.model.savepoint()
+    exploded = explode(crowd, fuse, crowd.meet, crowd.model.savepoint)
+    if not exploded:
+        return
+    crowd.assert_right()
+    crowd.model.rollback(outer)
+    assert crowd.order() == before
+    crowd.views.check_integrity()
+
+
+@pytest.mark.parametrize("fuse", FUSES, ids=str)
+def test_views_that_were_interrupted_are_built_anew_when_there_is_nothing_to_go_back_to(
+    fuse: tuple[str, int],
+) -> None:
+    crowd = Crowd()
+    with crowd.model.transaction():
+        explode(crowd, fuse, crowd.meet, crowd.order)
+    crowd.assert_right()
+    with crowd.model.loading():
+        crowd.link(1, 3)
+    crowd.assert_right()
+    crowd.views.check_integrity()
+    crowd.link(3, 0)
+    crowd.assert_right()
+
+
+# --- listeners
+
+
+class Refused(Exception):
+    """What a listener raises."""
+
+
+def test_an_exception_in_a_listener_leaves_the_views_right() -> None:
+    crowd = Crowd()
+
+    def refuse(appeared: list[Row], disappeared: list[Row]) -> None:
+        raise Refused
+
+    crowd.views.listen("two", refuse)
+    with pytest.raises(Refused), crowd.model.transaction():
+        crowd.meet()
+    assert crowd.model.depth == 0
+    crowd.assert_right()
+    crowd.views.check_integrity()
+    crowd.unlink(3, 3)
+    with pytest.raises(Refused):
+        crowd.model.commit()
+    crowd.assert_right()
+    crowd.views.check_integrity()
+
+
+def test_a_listener_that_changes_the_model_is_told_of_that_in_turn() -> None:
+    crowd = Crowd()
+    heard: list[Row] = []
+
+    def answer(appeared: list[Row], disappeared: list[Row]) -> None:
+        heard.extend(appeared)
+        for first, second in appeared:
+            crowd.model.link(second, crowd.knows, first)  # type: ignore[arg-type]
+
+    crowd.views.listen("knows", answer)
+    crowd.link(2, 3)
+    crowd.views.deliver()
+    two, three = crowd.people[2:]
+    assert heard == [(two, three), (three, two)]
+    crowd.assert_right()
+    crowd.views.check_integrity()
