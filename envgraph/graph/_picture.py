@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, TypedDict
 
@@ -24,8 +25,11 @@ from envgraph.metamodel.picture import (
 if TYPE_CHECKING:
     from envgraph.graph._model import Model
 
-LIMIT = 150
+LIMIT = 100
 """How many objects a picture has at most, unless something else is asked for."""
+
+_FAN = 16
+"""With more lines than this at one object a picture in layers is far wider than high."""
 
 Marked = Node | Mapping[str, object] | Iterable["Node | Mapping[str, object]"]
 """Nodes to highlight: one, those among the values of a match, or several of either."""
@@ -46,7 +50,8 @@ class PictureOptions(TypedDict, total=False):
         distance: 1 if nothing is said.
         limit: at most so many objects, `LIMIT` if nothing is said: what is highlighted and what is near to it first,
             else the first object and what is near to it. A note says how many there are.
-        layout: one of Graphviz, "dot" (layers, containers on top) if nothing is said.
+        layout: one of Graphviz; if nothing is said "dot" (layers, containers on top), or "neato" where some object has
+            many links.
         position: two attributes with numbers for where an object stands, x to the right and y down, in units that fit a
             box; the layout is "neato" then.
     """
@@ -85,9 +90,7 @@ def model_picture(
     for name, number in (("limit", limit), ("distance", distance)):
         if number < 0:
             raise InvalidArgument(f"`{name}` is a number from 0, not {number}")
-    if layout is None:
-        layout = "dot" if position is None else "neato"
-    elif layout not in LAYOUTS:
+    if layout is not None and layout not in LAYOUTS:
         hint = did_you_mean(layout, LAYOUTS) or f"the layouts are {', '.join(LAYOUTS)}"
         raise InvalidArgument(f"there is no layout {layout!r}: {hint}")
     metamodel = model.metamodel
@@ -102,10 +105,13 @@ def model_picture(
     drawing = _Objects(
         metamodel, set(_named(metamodel, metamodel.attributes, attributes, "attribute")), marks, position
     )
+    edges = tuple(view.edges(shown, labels))
+    if layout is None:
+        layout = "dot" if position is None and _widest_fan(edges) <= _FAN else "neato"
     return Picture(
         visible(model.name),
         tuple(drawing.node(model, id) for id in shown),
-        tuple(view.edges(shown, labels)),
+        edges,
         f"{len(shown):,} of {total:,} objects are drawn"
         if len(shown) < total
         else ""
@@ -113,6 +119,11 @@ def model_picture(
         else "no objects",
         layout,
     )
+
+
+def _widest_fan(edges: Iterable[PictureEdge]) -> int:
+    """The most lines at one object."""
+    return max(Counter(end for edge in edges for end in (edge.source, edge.target)).values(), default=0)
 
 
 def _marks(model: Model, marked: Marked) -> dict[int, list[str]]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from html import escape
+from math import sqrt
 
 from envgraph.metamodel.picture._layout import Frame, arrange
 from envgraph.metamodel.picture._picture import INK, MARK, End, Picture, PictureEdge, PictureNode, ink_on
 
 _ENDS: Mapping[End, str] = {"none": "none", "arrow": "vee", "diamond": "diamond", "triangle": "onormal"}
 _INCH = 72.0
+_CURVED = 50
 _FONT = "Helvetica,Arial,sans-serif"
 
 
@@ -26,7 +29,9 @@ def _statements(picture: Picture) -> Iterator[str]:
     pinned = any(node.place is not None for node in picture.nodes)
     frames = arrange(picture) if pinned else {}
     if picture.layout != "dot":
-        graph.update(overlap=str(pinned).lower(), splines="true", outputorder="edgesfirst", start="1")
+        graph.update(overlap=str(pinned).lower(), outputorder="edgesfirst", start="1")
+        # Ways around the boxes take seconds to find where there are many.
+        graph.update(splines="true" if len(picture.nodes) <= _CURVED else "line")
     if picture.note:
         graph.update(label=picture.note, labelloc="b")
     yield f"  graph {_attributes(graph)};"
@@ -34,8 +39,12 @@ def _statements(picture: Picture) -> Iterator[str]:
     yield f"  edge {_attributes({'color': '#868e96', 'fontname': _FONT, 'fontsize': '9', 'arrowsize': '0.7'})};"
     for node in picture.nodes:
         yield f"  {_quoted(node.key)} {_node(node, frames.get(node.key))};"
+    degrees = Counter(end for edge in picture.edges for end in (edge.source, edge.target))
     for edge in picture.edges:
-        yield f"  {_quoted(edge.source)} -> {_quoted(edge.target)} {_edge(edge)};"
+        stretched = picture.layout != "dot" and edge.tail == "diamond" and degrees[edge.target] > 1
+        # A container of many would draw them all together, whatever else they are linked to.
+        length = max(1.0, sqrt(degrees[edge.source]) / 2) if stretched else 1.0
+        yield f"  {_quoted(edge.source)} -> {_quoted(edge.target)} {_edge(edge, length)};"
 
 
 def _attributes(attributes: Mapping[str, str]) -> str:
@@ -79,12 +88,14 @@ def _text(text: str) -> str:
     return escape(text).replace("\\", "\\\\") or " "
 
 
-def _edge(edge: PictureEdge) -> str:
+def _edge(edge: PictureEdge, length: float) -> str:
     attributes = {"dir": "both", "arrowtail": _ENDS[edge.tail], "arrowhead": _ENDS[edge.head]}
     if edge.label:
         attributes = {"label": edge.label, **attributes}
     if "diamond" in (edge.tail, edge.head) or "triangle" in (edge.tail, edge.head):
         attributes["color"] = INK
+    if length > 1:
+        attributes["len"] = f"{length:.1f}"
     return _attributes(attributes)
 
 

@@ -161,20 +161,29 @@ def _pin(picture: Picture, frames: dict[str, Frame], gap: float) -> None:
 
 def _push_apart(frames: list[Frame]) -> None:
     """Move overlapping boxes away from each other, each by half of the overlap, along its shorter side."""
+    widest = 2 * max((frame.half_width for frame in frames), default=0.0) + _GAP / 2
     for _ in range(_ROUNDS):
         moved = False
-        for number, one in enumerate(frames):
-            for other in frames[number + 1 :]:
-                across = one.half_width + other.half_width + _GAP / 2 - abs(one.x - other.x)
-                along = one.half_height + other.half_height + _GAP / 2 - abs(one.y - other.y)
-                if across <= 1e-6 or along <= 1e-6:
-                    continue
-                moved = True
-                if across < along:
-                    shift = across / 2 + 1e-3 if one.x <= other.x else -across / 2 - 1e-3
-                    one.x, other.x = one.x - shift, other.x + shift
-                else:
-                    shift = along / 2 + 1e-3 if one.y <= other.y else -along / 2 - 1e-3
-                    one.y, other.y = one.y - shift, other.y + shift
+        row = sorted(frames, key=lambda frame: frame.x)
+        for number, one in enumerate(row):
+            for other in row[number + 1 :]:
+                if other.x - one.x > 2 * widest:  # twice: boxes move while this goes on
+                    break
+                moved = _part(one, other) or moved
         if not moved:
             return
+
+
+def _part(one: Frame, other: Frame) -> bool:
+    """Move two boxes apart; False if they are."""
+    across = one.half_width + other.half_width + _GAP / 2 - abs(one.x - other.x)
+    along = one.half_height + other.half_height + _GAP / 2 - abs(one.y - other.y)
+    if across <= 1e-6 or along <= 1e-6:
+        return False
+    if across < along:
+        shift = across / 2 + 1e-3 if one.x <= other.x else -across / 2 - 1e-3
+        one.x, other.x = one.x - shift, other.x + shift
+    else:
+        shift = along / 2 + 1e-3 if one.y <= other.y else -along / 2 - 1e-3
+        one.y, other.y = one.y - shift, other.y + shift
+    return True

@@ -152,9 +152,9 @@ def test_a_large_model_is_drawn_in_part_with_a_note():
     model = Model(PEOPLE)
     for _ in range(1_200):
         model.create("Stone")
-    assert len(titles(model)) == 150
-    assert model.picture().note == "150 of 1,200 objects are drawn"
-    assert 'label="150 of 1,200 objects are drawn"' in model.to_dot()
+    assert len(titles(model)) == 100
+    assert model.picture().note == "100 of 1,200 objects are drawn"
+    assert 'label="100 of 1,200 objects are drawn"' in model.to_dot()
     assert model.picture(limit=1_200).note == ""
     assert (titles(model, limit=0), Model(PEOPLE).picture().note) == ([], "no objects")
 
@@ -182,6 +182,18 @@ def test_positions_come_from_attributes():
     assert [node.place for node in made.nodes] == [None, (0, 0), (1, 0), (0, 1), (1, 1), None]
     assert made.layout == "neato"
     assert model.picture(position=("x", "y"), layout="fdp").layout == "fdp"
+
+
+def test_the_layout_is_in_layers_unless_an_object_has_many_links():
+    assert forest(3).picture().layout == "dot"
+    assert forest(4).picture().layout == "neato"
+    assert forest(4).picture(references=["right"]).layout == forest(4).picture(layout="dot").layout == "dot"
+
+
+def test_a_container_of_many_keeps_its_distance():
+    model = forest(6)
+    assert model.to_dot().count('len="3.0"') == 37
+    assert "len=" not in model.to_dot(layout="dot") + model.to_dot(references=["states"])
 
 
 def test_a_glyph_gives_the_colour():
