@@ -88,9 +88,10 @@ class Span:
            |       ^^^^^^
         """
         line, column = self.source.position(self.start)
-        text = _CONTROL.sub("\N{REPLACEMENT CHARACTER}", self.source.line(line))
+        text = self.source.line(line)
         width = max(1, min(self.end - self.start, len(text) - column + 1))
         text, column, width = _clipped(text, column, width)
+        text = _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text)
         number = f" {line} | "
         pad = "".join(char if char == "\t" else " " for char in text[: column - 1])
         return f"{number}{text}\n{' ' * (len(number) - 2)}| {pad}{'^' * width}"

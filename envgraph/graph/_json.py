@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from importlib.resources import files
 from typing import Any
 
 from envgraph.errors import Diagnostic, EnvgraphError, LoadError, Source, did_you_mean
@@ -13,6 +15,8 @@ from envgraph.graph._store import CROWD, Ends, Relation
 from envgraph.metamodel import Attribute, Feature, Metamodel, Reference, Scalar, Value
 
 FORMAT = "envgraph-model-1"
+
+_MOST_PROBLEMS = 100
 
 _INFINITIES = {"inf": float("inf"), "-inf": float("-inf")}
 
@@ -49,6 +53,16 @@ def model_to_json(model: Model) -> dict[str, Any]:
     if orders:
         data["orders"] = orders
     return data
+
+
+def model_schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) of the format; it is the file `model.schema.json` in this package.
+
+    It says what a file looks like, not which classes and features the metamodel allows.
+    """
+    text = files("envgraph.graph").joinpath("model.schema.json").read_text("utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
 
 
 def _object(model: Model, node: int) -> dict[str, Any]:
@@ -103,7 +117,8 @@ def model_from_json(data: str | Mapping[str, Any], metamodel: Metamodel, *, file
     """
     decoded = _decoded(data, file) if isinstance(data, str) else data
     reader = _Reader(metamodel)
-    reader.read(decoded)
+    with suppress(_TooMany):
+        reader.read(decoded)
     if reader.problems:
         raise LoadError(reader.problems)
     return reader.model
@@ -118,6 +133,10 @@ def _decoded(text: str, file: str) -> Any:
     except (RecursionError, ValueError) as error:
         problem = Diagnostic("syntax", f"`{file}` cannot be read as JSON: {error}")
     raise LoadError([problem])
+
+
+class _TooMany(Exception):
+    """Enough has been said about a model."""
 
 
 class _Reader:
@@ -284,3 +303,7 @@ class _Reader:
 
     def _problem(self, path: str, code: str, message: str, hint: str | None = None) -> None:
         self.problems.append(Diagnostic(code, f"`{path}`: {message}" if path else message, hint=hint))
+        if len(self.problems) == _MOST_PROBLEMS:
+            text = f"`{path}`: too many mistakes: the rest of the file is not read"
+            self.problems.append(Diagnostic("too-many-errors", text))
+            raise _TooMany

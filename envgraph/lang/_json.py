@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 from envgraph.errors import Diagnostic, LoadError, Source, Span
@@ -29,15 +30,7 @@ def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
     >>> value, spans["x", 1].text
     ({'x': [1, 20]}, '20')
     """
-    try:
-        value = json.loads(source.text)
-    except json.JSONDecodeError as error:
-        span = source.span(error.pos, error.pos + 1)
-        raise LoadError([Diagnostic("syntax", f"not JSON: {error.msg.lower()}", span)]) from error
-    except RecursionError:
-        problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1))
-        raise LoadError([problem]) from None
-    return value, dict(_locate(source))
+    return _decoded(source), dict(_locate(source))
 
 
 def parse_model(source: Source, metamodel: Metamodel) -> Model:
@@ -46,25 +39,62 @@ def parse_model(source: Source, metamodel: Metamodel) -> Model:
     Raises:
         LoadError: the text is no JSON, or no model of the metamodel; each diagnostic is at the value it is about.
     """
-    value, spans = parse_json(source)
+    value = _decoded(source)
     if not isinstance(value, dict):
-        raise LoadError([Diagnostic("bad-format", "a model is an object", spans[()])])
+        raise LoadError([Diagnostic("bad-format", "a model is an object", source.span(0, 1))])
     try:
         return model_from_json(value, metamodel, file=source.name)
     except LoadError as error:
-        raise LoadError([_placed(problem, spans) for problem in error.diagnostics]) from error
+        paths = [_path(problem, value) for problem in error.diagnostics]
+        spans = _located(source, set(paths))
+        placed = zip(error.diagnostics, paths, strict=True)
+        raise LoadError(
+            [replace(problem, span=problem.span or spans[path]) for problem, path in placed]
+        ) from error
 
 
-def _placed(problem: Diagnostic, spans: Mapping[JsonPath, Span]) -> Diagnostic:
-    """The problem at the value that its message begins with, or at the nearest one around it."""
+def _decoded(source: Source) -> object:
+    if not source.text.strip():
+        raise LoadError([Diagnostic("empty-file", "the file is empty", source.span(0, 0))])
+    try:
+        value: object = json.loads(source.text)
+    except json.JSONDecodeError as error:
+        span = source.span(error.pos, error.pos + 1)
+        raise LoadError([Diagnostic("syntax", f"not JSON: {error.msg.lower()}", span)]) from error
+    except RecursionError:
+        problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1))
+        raise LoadError([problem]) from None
+    except ValueError as error:  # a number of thousands of digits
+        problem = Diagnostic("syntax", f"not JSON: {str(error).partition(';')[0].lower()}", source.span(0, 1))
+        raise LoadError([problem]) from None
+    return value
+
+
+def _path(problem: Diagnostic, value: object) -> JsonPath:
+    """The way to the value that a message begins with, or to the nearest one around it."""
     found = _PLACE.match(problem.message)
-    if problem.span is not None or found is None:
-        return replace(problem, span=problem.span or spans[()])
-    steps = _STEP.findall(found.group(1))
-    path: JsonPath = tuple(int(index) if index else key for key, index in steps)
-    while path not in spans:
-        path = path[:-1]
-    return replace(problem, span=spans[path])
+    steps: JsonPath = ()
+    for key, index in _STEP.findall(found.group(1)) if found else ():
+        if isinstance(value, dict) and key in value:
+            value = value[key]
+            steps = (*steps, key)
+        elif isinstance(value, list) and index and int(index) < len(value):
+            value = value[int(index)]
+            steps = (*steps, int(index))
+        else:
+            break
+    return steps
+
+
+def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath, Span]:
+    """Where some of the values stand; what comes after the last of them is not looked at."""
+    spans: dict[JsonPath, Span] = {}
+    for path, span in _locate(source):
+        if path in wanted:
+            spans[path] = span
+            if len(spans) == len(wanted):
+                break
+    return spans
 
 
 def _locate(source: Source) -> Iterator[tuple[JsonPath, Span]]:
