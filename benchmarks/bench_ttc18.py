@@ -8,8 +8,8 @@ one, those of the peers too. An update is timed from the first write to the answ
 the processor, since other programs share the machine. The peers compute their answers anew from their own, indexed
 data: sqlite3 by recursive queries, networkx by its graph algorithms.
 
-Growth is told in two ways: the time for a line of the change sets at scales 1 and 4, and the change sets of scale 4 in a
-network of 16 copies of its initial model, that is, the same changes in a model 16 times as large.
+Growth is told in two ways: the time for a line of the change sets at scales 1 and 4, and the change sets of scale 4 in
+a network of 16 copies of its initial model, that is, the same changes in a model 16 times as large.
 """
 
 from __future__ import annotations

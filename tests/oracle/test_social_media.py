@@ -185,7 +185,7 @@ def ranked(network: Network, scores: dict[int, int]) -> list[int]:
     return [network.model.node(node)["id"] for node in sorted(scores, key=place, reverse=True)[:3]]
 
 
-@settings(max_examples=EXAMPLES // 2)
+@settings(max_examples=EXAMPLES // 4)
 @given(EDITS)
 def test_both_matchers_give_the_scores_of_the_oracle(edits: list[tuple[str, int, int]]) -> None:
     engine, network = start()
@@ -229,7 +229,7 @@ class Refused(Exception):
 BATCHES = st.lists(st.tuples(st.sampled_from(("keep", "keep", "refuse", "back")), EDITS), max_size=6)
 
 
-@settings(max_examples=EXAMPLES // 2)
+@settings(max_examples=EXAMPLES // 4)
 @given(BATCHES)
 def test_views_follow_changes_rollbacks_and_versions(
     batches: list[tuple[str, list[tuple[str, int, int]]]],
