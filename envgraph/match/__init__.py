@@ -3,15 +3,18 @@
 from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Free, Matcher, Row
 from envgraph.match._naive import NaiveMatcher
+from envgraph.match._why import Failure, WhyNot
 from envgraph.match.views import Subscription, ViewMatcher
 
 __all__ = [
     "FREE",
     "CompiledMatcher",
+    "Failure",
     "Free",
     "Matcher",
     "NaiveMatcher",
     "Row",
     "Subscription",
     "ViewMatcher",
+    "WhyNot",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import chain
 from math import inf
@@ -15,9 +15,10 @@ from envgraph.match._calls import CallGraph
 from envgraph.match._closures import ClosureView, Meeting, Search
 from envgraph.match._explain import explain_view
 from envgraph.match._generate import reach_source, view_source
+from envgraph.match._live import LiveSizes
 from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
 from envgraph.match._options import Unplannable
-from envgraph.match._plan import ViewKey
+from envgraph.match._plan import BodyPlan, ViewKey
 from envgraph.match._planner import Planner
 from envgraph.match._recursion import Recursion
 from envgraph.match._symbols import (
@@ -38,6 +39,9 @@ from envgraph.match._symbols import (
     Values,
     View,
 )
+from envgraph.match._trace import Trace, trace
+from envgraph.match._why import WhyNot, why_not
+from envgraph.metamodel import Value
 from envgraph.pattern import EXPRESSION_NAMESPACE, Library, ObjectType, StaticType
 
 _BUILTINS: Final = {"chain": chain, "total": total, "mean": mean, "least": least, "most": most}
@@ -100,14 +104,48 @@ class CompiledMatcher:
         """The specialised function behind `rows`; arguments are not checked, see `Matcher.prepare`."""
         return self._specialised(pattern, bound, Mode.ROWS)
 
-    def explain(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
+    def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
         """The plan of `rows` for values at the bound positions, with estimated rows, and the generated source.
+
+        Without bound positions, or with values for them, the plan is run to the end, and the rows that each step
+        really leaves stand beside the estimates.
 
         Raises:
             InvalidArgument: an unknown pattern, or one that needs values for other parameters.
         """
         check_bound(self.library, pattern, bound)
-        return explain_view(self._planner, self._key(pattern, bound, Mode.ROWS))
+        given = dict(zip(bound, values, strict=False))
+        known = len(given) == len(bound) and not self.calls.recursive(pattern)
+
+        def actual(body: BodyPlan) -> Trace:
+            return trace(self._planner, body, given, self.build)
+
+        return explain_view(self._planner, self._key(pattern, bound, Mode.ROWS), actual if known else None)
+
+    def why_not(self, pattern: str, given: Mapping[int, Value]) -> WhyNot:
+        """Why there is no match for values at some positions: see `WhyNot`.
+
+        Raises:
+            InvalidArgument: an unknown pattern, or one that needs values for other parameters.
+        """
+        check_bound(self.library, pattern, tuple(given))
+        return why_not(self._planner, self.build, self._first, pattern, dict(given))
+
+    def _first(self, pattern: str, given: dict[int, Value]) -> Row | None:
+        bound = tuple(sorted(given))
+        found = self._specialised(pattern, bound, Mode.FIRST)(*[given[position] for position in bound])
+        return found  # type: ignore[no-any-return]
+
+    def analyze(self) -> None:
+        """Measure the model: plans that are made from now on go by the sizes that it has now.
+
+        Without it they go by what the metamodel suggests, so that they do not depend on when they are made. Rows of
+        patterns that are looked for on demand may come in another order afterwards.
+        """
+        self._planner = Planner(self.library, self.calls, LiveSizes(self.library, self.model.store))
+        self._functions.clear()
+        self._answers.clear()
+        self._closures.clear()
 
     def source(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
         """The generated source of `rows` for values at the bound positions.

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from envgraph.match._generate import view_source
 from envgraph.match._plan import (
     Absence,
     BodyPlan,
     Condition,
+    Conjunction,
+    Goal,
     Kind,
     Plan,
     Step,
@@ -19,6 +22,7 @@ from envgraph.match._plan import (
 )
 from envgraph.match._planner import Planner
 from envgraph.match._symbols import Mode
+from envgraph.match._trace import Trace
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -32,9 +36,17 @@ from envgraph.pattern import (
     UnequalAtom,
 )
 
+Actual = Callable[[BodyPlan], Trace]
+"""Runs the plan of a body."""
 
-def explain_view(planner: Planner, key: ViewKey) -> str:
+
+def explain_view(planner: Planner, key: ViewKey, actual: Actual | None) -> str:
     """The plan of every body, and the source.
+
+    Args:
+        planner: makes the plan.
+        key: what is asked.
+        actual: counts what the steps do; None if that cannot be known.
 
     Raises:
         Unplannable: a free parameter cannot be enumerated.
@@ -45,7 +57,10 @@ def explain_view(planner: Planner, key: ViewKey) -> str:
     lines = [f"pattern {key.pattern}({', '.join(names)}), given {given}"]
     for number, body in enumerate(view.bodies, 1):
         lines.append(f"body {number}: about {_number(body.plan.rows)} rows, cost {_number(body.plan.cost)}")
-        lines.extend(_steps(body.plan, _Names(planner.library, key.pattern, number - 1, body), "  "))
+        counts = actual(body).counts if actual is not None else ()
+        lines.extend(
+            steps_text(body.plan, Names(planner.library, key.pattern, number - 1, body), "  ", counts)
+        )
     if not view.distinct:
         lines.append("the same row may be found more than once and is reported once")
     if planner.calls.recursive(key.pattern):
@@ -53,60 +68,75 @@ def explain_view(planner: Planner, key: ViewKey) -> str:
     return "\n".join([*lines, "", view_source(planner, key, Mode.ROWS).text])
 
 
-class _Names:
+class Names:
     """What the variables of a conjunction are called; those that inlining has added have numbers only."""
 
-    def __init__(self, library: Library, pattern: str, number: int, body: BodyPlan) -> None:
+    def __init__(self, library: Library, pattern: str, number: int, body: BodyPlan | Conjunction) -> None:
         lowered = library.lowered(pattern).bodies[number]
         self._names = dict(enumerate(lowered.names))
-        self._constants = dict(body.conjunction.constants)
+        conjunction = body.conjunction if isinstance(body, BodyPlan) else body
+        self._constants = dict(conjunction.constants)
 
     def __call__(self, variable: int) -> str:
         if variable in self._constants:
             return repr(self._constants[variable])
         return self._names.get(variable, f"#{variable}")
 
+    def spoken(self, variable: int) -> bool:
+        """Whether a text names the variable, and it is no constant."""
+        return variable not in self._constants and not self._names.get(variable, "#").startswith("#")
+
     def all(self, variables: tuple[int, ...]) -> str:
         return ", ".join(map(self, variables))
 
 
-def _steps(plan: Plan, names: _Names, indent: str) -> Iterator[str]:
-    for step in plan.steps:
-        yield f"{indent}{_VERBS[step.kind]:7} {_goal(step, names)}  (rows {_number(step.rows)})"
+def steps_text(plan: Plan, names: Names, indent: str, counts: Sequence[int] = ()) -> Iterator[str]:
+    """One line for each step of a plan, and for those inside it; `counts` are actual rows of the outer ones."""
+    for number, step in enumerate(plan.steps):
+        actual = f", actually {counts[number]}" if counts else ""
+        yield f"{indent}{_VERBS[step.kind]:7} {goal_text(step, names)}  (rows {_number(step.rows)}{actual})"
         for inner in step.inner:
             if not isinstance(step.goal, AggregateAtom):
-                yield from _steps(inner, names, indent + "  ")
+                yield from steps_text(inner, names, indent + "  ")
 
 
 _VERBS = {
     Kind.TEST: "test",
     Kind.BIND: "bind",
     Kind.LOOP: "for",
-    Kind.ABSENT: "unless",
+    Kind.ABSENT: "test",
     Kind.EXISTS: "if any",
 }
 
 
-def _goal(step: Step, names: _Names) -> str:
+def goal_text(step: Step, names: Names) -> str:
+    """The constraint of a step."""
     goal = step.goal
     if step.kind is Kind.EXISTS:
         return "of"
     match goal:
+        case Absence(alternatives) if all(len(each) == 1 for each in alternatives):
+            return " and ".join(_negated(each[0], step, names) for each in alternatives)
         case Absence(alternatives, outer):
-            return f"any of {len(alternatives)} for {names.all(outer) or 'nothing'}"
+            return f"neg any of {len(alternatives)} for {names.all(outer) or 'nothing'}"
         case Condition():
             return f"check({names.all(inputs(goal))})"
         case Valuation(_, _, result):
             return f"{names(result)} == eval({names.all(inputs(goal))})"
         case AggregateAtom(function, relation, _, result):
-            return f"{names(result)} == {function} {_relation(relation, names)}"
+            return f"{names(result)} == {function} {relation_text(relation, names)}"
         case UnequalAtom(left, right):
             return f"{names(left)} != {names(right)}"
         case _:
-            return _relation(goal, names)
+            return relation_text(goal, names)
 
 
-def _relation(relation: RelationAtom, names: _Names) -> str:
+def _negated(goal: Goal, step: Step, names: Names) -> str:
+    return f"neg {goal_text(replace(step, goal=goal, kind=Kind.TEST), names)}"
+
+
+def relation_text(relation: RelationAtom, names: Names) -> str:
+    """A relation with its variables."""
     listed = names.all(arguments(relation))
     match relation:
         case InstanceAtom(cls, _, exact):

@@ -157,7 +157,15 @@ class Translation:
                 self._bind(step, inline=False)
             else:
                 self._block.test(self._test(step))
+            self._after(step)
         self._block.write(sink.each(self._source))
+
+    def _after(self, step: Step) -> None:
+        """Hook: what to write after a step."""
+
+    def _fork(self, block: Block, continuation: bool) -> Translation:
+        """Hook: the translation of a function inside this one, or of the rest of this one."""
+        return Translation(self._planner, self._module, self._conjunction, block, {})
 
     def _continue(self, steps: Sequence[Step], sink: Sink) -> None:
         """The rest of a plan in a function of its own."""
@@ -178,7 +186,7 @@ class Translation:
         """A function for some steps, and the source of its call."""
         shared = sink.shared if continuation else ()
         inputs = self._inputs(steps, sink)
-        inner = Translation(self._planner, self._module, self._conjunction, Block(), {})
+        inner = self._fork(Block(), continuation)
         inner._names = {v: f"v{v}" for v in inputs}
         inner._block.raw(() if shared else sink.head)
         inner._steps(steps, sink)

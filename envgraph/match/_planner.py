@@ -9,18 +9,35 @@ from envgraph.match._calls import CallGraph
 from envgraph.match._estimate import Sizes
 from envgraph.match._options import Unplannable
 from envgraph.match._order import Search
-from envgraph.match._plan import BodyPlan, Conjunction, Goal, Kind, Plan, Valuation, ViewKey, ViewPlan, inputs
+from envgraph.match._plan import (
+    BodyPlan,
+    Conjunction,
+    Goal,
+    Kind,
+    Plan,
+    Valuation,
+    ViewKey,
+    ViewPlan,
+    inputs,
+    variables,
+)
 from envgraph.match._simplify import Simplifier
 from envgraph.pattern import AggregateAtom, AttributeAtom, Library, LinkAtom
 
 
 class Planner:
-    """Plans views of the patterns of a library; a plan is a function of the pattern and the key alone."""
+    """Plans views of the patterns of a library; a plan is a function of the pattern, the key and the sizes alone.
 
-    def __init__(self, library: Library, calls: CallGraph) -> None:
+    Args:
+        library: the patterns.
+        calls: which of them call which.
+        sizes: what estimates go by; else what the metamodel suggests.
+    """
+
+    def __init__(self, library: Library, calls: CallGraph, sizes: Sizes | None = None) -> None:
         self.library = library
         self.calls = calls
-        self.sizes = Sizes(library.metamodel)
+        self.sizes = sizes or Sizes(library.metamodel)
         self._simplifier = Simplifier(library, calls)
         self._views: dict[ViewKey, ViewPlan | Unplannable] = {}
 
@@ -47,6 +64,17 @@ class Planner:
             Unplannable: a parameter that is free cannot be enumerated.
         """
         return self._plan_view(key, self._simplifier.expanded(key.pattern))
+
+    def whole(self, conjunction: Conjunction, bound: tuple[int, ...]) -> Plan:
+        """A plan that gives every variable a value, for values at the bound positions.
+
+        Raises:
+            Unplannable: some variable cannot be enumerated.
+        """
+        fixed = frozenset(number for number, _ in conjunction.constants)
+        known = fixed | {conjunction.parameters[position] for position in bound}
+        wanted = {v for goal in conjunction.goals for v in variables(goal)} | {*conjunction.parameters}
+        return Search(self, conjunction, known, frozenset(wanted) - known).plan(conjunction.goals)
 
     def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
         bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from random import Random
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
@@ -17,7 +18,7 @@ from envgraph.errors import (
     has_errors,
 )
 from envgraph.graph import Model, Node, Savepoint, Version
-from envgraph.match import FREE, Matcher, NaiveMatcher, Subscription, ViewMatcher
+from envgraph.match import FREE, Matcher, NaiveMatcher, Subscription, ViewMatcher, WhyNot
 from envgraph.metamodel import Value, accepts, type_name
 from envgraph.pattern import Derivation, Library, ObjectType, Pattern, Rule, Unit
 from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
@@ -294,16 +295,63 @@ class Engine:
         _, pattern, arguments = self._question(name, bound)
         return self.matcher.count(pattern, arguments)
 
-    def explain(self, name: str, *bound: str) -> str:
-        """How matches are found when the `bound` variables have values: the plan and the generated source.
+    def explain(self, name: str, *bound: str, **values: object) -> str:
+        """How matches are found, or, for a watched pattern, how they are kept current.
+
+        The plan has estimated rows; for no bound variables, and for given values, it is run, and has actual rows too.
+        Then comes the generated source.
+
+        Args:
+            name: of the pattern or rule.
+            *bound: variables that have a value.
+            **values: variables with their values; objects as `Node`s or ids.
 
         Raises:
-            InvalidArgument: an unknown name or variable, or a matcher that has no plans.
+            InvalidArgument: an unknown name or variable, variables with and without values, or a matcher that has no
+                plans.
+            TypeMismatch: a value of the wrong type.
         """
         shape, pattern = self._asked(name)
         if not isinstance(self.matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher tries everything, and has no plans")
-        return self.matcher.explain(pattern, tuple(sorted(shape.position(variable) for variable in bound)))
+        if bound and values:
+            raise InvalidArgument("give names of variables, or values for them, not both")
+        given = self._positions(shape, values)
+        positions = tuple(sorted(given)) or tuple(sorted(shape.position(variable) for variable in bound))
+        return self.matcher.explain(pattern, positions, [given[position] for position in sorted(given)])
+
+    def why_not(self, name: str, **bound: object) -> WhyNot:
+        """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.
+
+        Args:
+            name: of the pattern or rule.
+            **bound: values of variables; objects as `Node`s or ids.
+
+        Returns:
+            What `print` shows as text; or the match that there is.
+
+        Raises:
+            InvalidArgument: an unknown name or variable, or a matcher that has no plans.
+            TypeMismatch: a value of the wrong type.
+        """
+        shape, pattern = self._asked(name)
+        if not isinstance(self.matcher, ViewMatcher):
+            raise InvalidArgument("the naive matcher tries everything, and has no plans")
+        found = self.matcher.why_not(pattern, self._positions(shape, bound))
+        return replace(found, show=self.model.describe)
+
+    def _positions(self, shape: Shape, values: Mapping[str, object]) -> dict[int, Value]:
+        ids = self.ids(shape, values)
+        return {shape.position(variable): ids[variable] for variable in ids}
+
+    def analyze(self) -> None:
+        """Measure the model: plans that are made from now on go by the sizes that it has now.
+
+        Watched patterns are planned by measured sizes anyway. Others go by what the metamodel suggests until
+        this is called, so that the order of their matches does not depend on when they were first asked for.
+        """
+        if isinstance(self.matcher, ViewMatcher):
+            self.matcher.analyze()
 
     # --- views
 

@@ -142,15 +142,13 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
     conjunction, occurrence = delta.conjunction, delta.occurrence
     module, block = Module(), Block()
     names = [f"a{position}" for position in range(len(occurrence.columns))]
-    others = [goal for number, goal in enumerate(conjunction.goals) if number != occurrence.goal]
     goal = conjunction.goals[occurrence.goal]
     plus = coming != (occurrence.role is Role.NONE)
     if delta.own is not None and not plus:
         return _lookup_source(planner, delta, delta.own)
-    known = frozenset(v for v in occurrence.columns if v is not None)
+    plan = delta_plan(planner, delta)
     if occurrence.role is Role.NUMBER:
         assert isinstance(goal, AggregateAtom)
-        plan = planner.plan(conjunction, others, known | {goal.result})
         # With the tuple there is one more. A coming tuple ends the smaller number first, a going one the larger.
         halves = ((1, False), (0, True)) if coming else ((0, False), (1, True))
         for less, adding in halves:
@@ -158,12 +156,26 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
             number = translation.number(occurrence, names, less)
             translation.run(plan, view_sink(module, delta, adding), {goal.result: number})
     else:
-        plan = planner.plan(conjunction, others, known)
         translation = DeltaTranslation(planner, module, block, delta, names)
         alone = translation.alone(occurrence, names)
         translation.run(plan, view_sink(module, delta, plus), {}, alone)
     module.function("delta", names, block)
     return module.source("delta")
+
+
+def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
+    """The order of the other goals, when the tuple is known.
+
+    Raises:
+        Unplannable: some variables cannot be enumerated.
+    """
+    conjunction, occurrence = delta.conjunction, delta.occurrence
+    known = {v for v in occurrence.columns if v is not None}
+    goal = conjunction.goals[occurrence.goal]
+    if occurrence.role is Role.NUMBER and isinstance(goal, AggregateAtom):
+        known.add(goal.result)
+    others = [goal for number, goal in enumerate(conjunction.goals) if number != occurrence.goal]
+    return planner.plan(conjunction, others, frozenset(known))
 
 
 def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
@@ -180,8 +192,7 @@ def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
         or not set(columns) <= set(heads)
     ):
         return None
-    others = [goal for number, goal in enumerate(delta.conjunction.goals) if number != delta.occurrence.goal]
-    cost = planner.plan(delta.conjunction, others, frozenset(columns)).cost
+    cost = delta_plan(planner, delta).cost
     return tuple(heads.index(v) for v in dict.fromkeys(columns)) if columns and cost > DEAR else None
 
 

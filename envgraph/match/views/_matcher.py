@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from envgraph.errors import InvalidArgument, TransactionError
@@ -10,9 +10,11 @@ from envgraph.graph import Model
 from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match._symbols import Source
+from envgraph.match._why import WhyNot
 from envgraph.match.views._network import Network
 from envgraph.match.views._operators import Rows
 from envgraph.match.views._sets import net
+from envgraph.metamodel import Value
 from envgraph.pattern import Library
 
 Change = Callable[[list[Row], list[Row]], object]
@@ -356,9 +358,22 @@ class ViewMatcher:
 
         return rows
 
-    def explain(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
-        """How matches are found, see `CompiledMatcher.explain`."""
-        return self.demand.explain(pattern, bound)
+    def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
+        """How matches are found, see `CompiledMatcher.explain`; of a watched pattern, how they are kept current."""
+        if not bound and self._current(pattern) is not None:
+            return self._network.explain(pattern)
+        return self.demand.explain(pattern, bound, values)
+
+    def why_not(self, pattern: str, given: Mapping[int, Value]) -> WhyNot:
+        """Why there is no match for values at some positions: see `WhyNot`."""
+        return self.demand.why_not(pattern, given)
+
+    def analyze(self) -> None:
+        """Measure the model, for plans that are made from now on: see `CompiledMatcher.analyze`."""
+        self.demand.analyze()
+        if self._views and self.model.idle:
+            self.settle()
+            self._rebuild(self._views)
 
     def check_integrity(self) -> None:
         """Assert that every view holds what a new computation finds; for tests."""

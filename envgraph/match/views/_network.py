@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from envgraph.graph import Store
 from envgraph.match._calls import CallGraph
+from envgraph.match._live import LiveSizes
 from envgraph.match._options import Unplannable
 from envgraph.match._plan import Absence, Conjunction, Goal, arguments, variables
 from envgraph.match._planner import determined, disjoint
@@ -31,8 +32,9 @@ from envgraph.match.views._delta import (
     occurrences,
     own_positions,
 )
+from envgraph.match.views._explain import explain_views
 from envgraph.match.views._operators import Evaluated, Fold, Hook, Operator, Rows, View
-from envgraph.match.views._planning import LiveSizes, ViewPlanner
+from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
 from envgraph.match.views._recursive import Component, Member
 from envgraph.pattern import (
@@ -97,6 +99,7 @@ class Network:
         self.operators: dict[str, Operator] = {}
         self.definitions: dict[str, Definition] = {}
         self.edges: dict[str, tuple[Key, bool]] = {}
+        self.deltas: list[Delta] = []
         self._build = build
         self._evaluate = evaluate
         self._simplifier = ViewSimplifier(library, calls)
@@ -403,6 +406,7 @@ class Network:
 
     def connect(self) -> None:
         """Make the functions of all operators, and hang them into the store."""
+        self.deltas.clear()
         self._consumers.clear()
         self._classes.clear()
         self._retypings.clear()
@@ -436,22 +440,9 @@ class Network:
 
     def _read(self) -> set[str]:
         """Names of operators that take their turn, because others read them."""
-        found = {name for name, definition in self.definitions.items() if isinstance(definition.view, Member)}
-        for definition in self.definitions.values():
-            for body in definition.bodies:
-                for place in occurrences(body):
-                    if isinstance(place.relation, CallAtom):
-                        found.add(place.relation.pattern)
-                    if isinstance(place.relation, ClosureAtom):
-                        found.add(place.relation.step)
-        for operator in self.operators.values():
-            if isinstance(operator, Fold):
-                found.add(operator.source.name)
-            if isinstance(operator, Reach):
-                found.add(operator.starts.name)
-                kind, edges = self.edges[operator.name][0]
-                if kind == "rows":
-                    found.add(str(edges))
+        found = {name for name, operator in self.operators.items() if isinstance(operator, Member)}
+        for name in self.operators:
+            found.update(self._made_of(name))
         return found
 
     def _subscribe(self, operator: Operator) -> None:
@@ -506,6 +497,7 @@ class Network:
         return replace(delta, own=own)
 
     def _delta(self, delta: Delta) -> Consumer:
+        self.deltas.append(delta)
         try:
             added, removing = (
                 self._build(delta_source(self._planner, delta, coming)) for coming in (True, False)
@@ -650,6 +642,35 @@ class Network:
             case "pairs", Reach():
                 return operator.pairs
         raise AssertionError(symbol)
+
+    def explain(self, pattern: str) -> str:
+        """What a watched pattern is made of, and how it is kept current."""
+        needed: set[str] = set()
+        todo = [pattern]
+        for name in todo:
+            if name not in needed:
+                needed.add(name)
+                todo.extend(self._made_of(name))
+        operators = [operator for name, operator in self.operators.items() if name in needed]
+        return explain_views(operators, self.deltas, self._planner, pattern)
+
+    def _made_of(self, name: str) -> Iterator[str]:
+        """The operators that one reads."""
+        operator = self.operators[name]
+        if name in self.definitions:
+            for body in self.definitions[name].bodies:
+                for place in occurrences(body):
+                    if isinstance(place.relation, CallAtom):
+                        yield place.relation.pattern
+                    if isinstance(place.relation, ClosureAtom):
+                        yield place.relation.step
+        if isinstance(operator, Fold):
+            yield operator.source.name
+        if isinstance(operator, Reach):
+            yield operator.starts.name
+            kind, edges = self.edges[name][0]
+            if kind == "rows":
+                yield str(edges)
 
     def check(self) -> None:
         """Assert that every operator holds what a new computation finds."""

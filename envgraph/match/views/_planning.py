@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import Final, Protocol
+from typing import Protocol
 
-from envgraph.graph import Store
 from envgraph.match._calls import CallGraph
 from envgraph.match._estimate import Sizes
+from envgraph.match._live import LiveSizes
 from envgraph.match._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside
 from envgraph.match._order import Draft, Search
 from envgraph.match._plan import Absence, Conjunction, Goal, Kind, Plan, ViewKey, ViewPlan, variables
 from envgraph.match.views._bodies import existential
-from envgraph.metamodel import Reference
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -23,65 +22,6 @@ from envgraph.pattern import (
     Library,
     LinkAtom,
 )
-
-SAMPLE: Final = 256
-"""Objects whose links are counted for an estimate."""
-
-
-class LiveSizes(Sizes):
-    """Sizes as they are in a model at the moment of asking, then kept."""
-
-    def __init__(self, library: Library, store: Store) -> None:
-        super().__init__(library.metamodel)
-        self._store = store
-        self._numbers = {cls.name: number for number, cls in enumerate(library.metamodel.class_list)}
-        self._degrees: dict[tuple[int, bool], float] = {}
-        self._values: dict[int, float] = {}
-
-    def exact_extent(self, cls: str) -> float:
-        """Objects of exactly this class."""
-        if cls not in self._exact:
-            self._exact[cls] = float(len(self._store.extents[self._numbers[cls]])) or 0.5
-        return self._exact[cls]
-
-    def forward(self, reference: Reference) -> float:
-        """Targets of an object, on average."""
-        return self._degree(reference, forward=True)
-
-    def backward(self, reference: Reference) -> float:
-        """Sources of an object, on average."""
-        return self._degree(reference, forward=False)
-
-    def link(self, reference: Reference) -> float:
-        """The chance that two given objects are linked."""
-        return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
-
-    def selectivity(self, attribute: int) -> float:
-        """The chance that an object has a given value in an attribute (by index)."""
-        if attribute not in self._values:
-            owner = self._metamodel.attributes[attribute].owner
-            column = self._store.values[attribute]
-            seen = Counter(column[node] for node in self._sample(owner))
-            total = sum(seen.values())
-            share = sum(count * count for count in seen.values()) / (total * total) if total else 0.2
-            self._values[attribute] = min(max(share, 0.001), 0.9)
-        return self._values[attribute]
-
-    def _degree(self, reference: Reference, forward: bool) -> float:
-        key = (reference.index, forward)
-        if key not in self._degrees:
-            column = (self._store.forward if forward else self._store.backward)[reference.index]
-            nodes = self._sample(reference.owner if forward else reference.target)
-            links = sum(len(column[node]) for node in nodes)
-            self._degrees[key] = max(links / len(nodes), 0.01) if nodes else 0.5
-        return self._degrees[key]
-
-    def _sample(self, cls: str) -> list[int]:
-        """Objects of a class, evenly spread over its extents."""
-        extents = [self._store.extents[self._numbers[name]] for name in self._metamodel.concrete(cls)]
-        total = sum(map(len, extents))
-        step = max(1, total // SAMPLE)
-        return [node for extent in extents for node in extent[::step]]
 
 
 class Held(Protocol):

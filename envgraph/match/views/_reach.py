@@ -18,6 +18,9 @@ Reached = dict[Any, None]
 
 NOTHING: Final[Reached] = {}
 
+Difference = tuple[list[Any], list[Any]]
+"""What was reached and is no more, and what is reached and was not."""
+
 SPARSE: Final = 8
 """Pairs for each node up to which it is also kept from which starts a node is reached."""
 
@@ -138,7 +141,8 @@ class Reach(Operator):
         self._lost, self._gained, self._asked = [], [], {}
         for start, change in asked.items():
             if change < 0:
-                self._replace(start, NOTHING)
+                old = self.reached[start]
+                self._replace(start, old, NOTHING, (list(old), []))
                 self.begun.vanish((start,))
         if lost or gained:
             self._follow(lost, gained)
@@ -146,26 +150,41 @@ class Reach(Operator):
         found = self._solve(fresh)
         for start in fresh:
             self.begun.appear((start,))
-            self._replace(start, found[start])
+            old, new = self.reached.get(start, NOTHING), found[start]
+            self._replace(start, old, new, _difference(old, new))
 
     def _follow(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> None:
         """Bring all starts up to date with changed steps."""
         shrunk: list[Any] = []
+        changes: list[tuple[Any, Reached]] = []
+        first, common = None, NOTHING
         for start in self._concerned(lost, gained):
             old = self.reached[start]
             if any((node == start or node in old) and other in old for node, other in lost):
                 shrunk.append(start)
+                continue
+            # Starts that reach each other reach the same, and share it: what hangs together costs no more than its
+            # nodes. Only the last that was extended is tried, which finds most.
+            if first in old and start in common:
+                new = common
             else:
-                self._extend(start, old, gained)
-        found = self._solve(shrunk)
-        same: dict[tuple[int, int], bool] = {}
-        for start in shrunk:
-            old, new = self.reached[start], found[start]
-            pair = (id(old), id(new))
-            if pair not in same:
-                same[pair] = old.keys() == new.keys()
-            if not same[pair]:
-                self._replace(start, new)
+                new = self._extended(start, old, gained)
+                if new is not old:
+                    first, common = start, new
+            if new is not old:
+                changes.append((start, new))
+        changes.extend(self._solve(shrunk).items())
+        differences: dict[tuple[int, int], Difference] = {}
+        for start, new in changes:
+            old = self.reached[start]
+            pair = (
+                id(old),
+                id(new),
+            )  # what is new stays alive in `changes`, what is old until its last start's turn
+            if pair not in differences:
+                differences[pair] = _difference(old, new)
+            if any(differences[pair]):
+                self._replace(start, old, new, differences[pair])
 
     def _concerned(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> list[Any]:
         """The starts that reach the near end of a changed step; all of them, if that is not kept."""
@@ -178,8 +197,8 @@ class Reach(Operator):
                 found[node] = None
         return list(found)
 
-    def _extend(self, start: Any, old: Reached, gained: list[tuple[Any, Any]]) -> None:
-        """Follow new steps from what was reached already."""
+    def _extended(self, start: Any, old: Reached, gained: list[tuple[Any, Any]]) -> Reached:
+        """What is reached with new steps, too, from what was reached already; the old dict if that is all."""
         new, growing = old, True
         while growing:
             growing = False
@@ -188,8 +207,7 @@ class Reach(Operator):
                     new = dict(new) if new is old else new
                     self._search(other, new)
                     growing = True
-        if new is not old:
-            self._replace(start, new)
+        return new
 
     def _search(self, start: Any, seen: Reached) -> None:
         """Add a node and all that it reaches."""
@@ -216,10 +234,8 @@ class Reach(Operator):
                     seen[other] = None
                     push(other)
 
-    def _replace(self, start: Any, new: Reached) -> None:
-        old = self.reached.get(start, NOTHING)
-        gone = [other for other in old if other not in new]
-        come = [other for other in new if other not in old]
+    def _replace(self, start: Any, old: Reached, new: Reached, difference: Difference) -> None:
+        gone, come = difference
         if self.removing is not None:
             self._tell(self.removing, start, gone)
         if self.store.recording:
@@ -256,3 +272,7 @@ class Reach(Operator):
             assert self.reached[start].keys() == self._reach(start).keys(), self.name
         if self._inverse is not None:
             self._inverse.check([(other, start) for (start,) in self.begun for other in self.reached[start]])
+
+
+def _difference(old: Reached, new: Reached) -> Difference:
+    return [other for other in old if other not in new], [other for other in new if other not in old]

@@ -200,7 +200,7 @@ def test_explain_shows_the_order_with_estimates_and_the_source() -> None:
     head, _, source = text.partition("\n\n")
     assert head.splitlines()[0] == "pattern spread(fire, tile), given tile"
     assert re.search(r"test +VegetationTile\(tile\) +\(rows [\d.]+\)", head)
-    assert re.search(r"unless +any of 1 for tile", head)
+    assert re.search(r"test +neg any of 1 for tile", head)
     assert re.search(r"for +find neighbour\(fire, tile\)", head)
     assert source == CompiledMatcher(forest(), library()).source("spread", (1,))
 

@@ -1,0 +1,92 @@
+"""Running a plan and watching it: how many partial matches each step leaves, and how far the best one comes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from envgraph.match._generate import Translation
+from envgraph.match._plan import BodyPlan, Plan, Step
+from envgraph.match._planner import Planner
+from envgraph.match._sinks import Sink
+from envgraph.match._symbols import Held, Source
+from envgraph.match._write import Block, Module
+
+Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
+"""Makes a function of a source; the second argument gives what is held."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """What the steps of a plan did.
+
+    Attributes:
+        counts: number of partial matches after each step.
+        first: the first partial match after each step, values by variable; None if there is none.
+    """
+
+    counts: tuple[int, ...]
+    first: tuple[dict[int, Any] | None, ...]
+
+
+class _Tracing(Translation):
+    """Reports every partial match."""
+
+    numbers: dict[int, int]
+
+    def _after(self, step: Step) -> None:
+        if id(step) in self.numbers:
+            note = self._module.name(Held("note", ""))
+            known = ", ".join(f"({variable}, {source})" for variable, source in sorted(self._names.items()))
+            self._block.line(f"{note}({self.numbers[id(step)]}, ({known}{',' if known else ''}))")
+
+    def _fork(self, block: Block, continuation: bool) -> Translation:
+        if not continuation:
+            return super()._fork(block, continuation)
+        inner = _Tracing(self._planner, self._module, self._conjunction, block, {})
+        inner.numbers = self.numbers
+        return inner
+
+
+def trace(planner: Planner, body: BodyPlan, bound: dict[int, Any], build: Build) -> Trace:
+    """Run the plan of one body to the end.
+
+    Args:
+        planner: that made the plan.
+        body: the body.
+        bound: values by position of the parameter.
+        build: see `Build`.
+    """
+    counts = [0] * len(body.plan.steps)
+    first: list[dict[int, Any] | None] = [None] * len(counts)
+
+    def note(step: int, values: tuple[tuple[int, Any], ...]) -> None:
+        counts[step] += 1
+        if first[step] is None:
+            first[step] = dict(values)
+
+    source = _source(planner, body, tuple(sorted(bound)))
+    run = build(source, lambda _: note)
+    run(*(bound[position] for position in sorted(bound)))
+    return Trace(tuple(counts), tuple(first))
+
+
+def _source(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> Source:
+    module, block = Module(), Block()
+    given = {position: f"v{position}" for position in bound}
+    translation = _Tracing(planner, module, body.conjunction, block, given)
+    translation.numbers = {id(step): number for number, step in enumerate(body.plan.steps)}
+    translation.body(body.plan, Sink((), (), lambda names: ["pass"], ()))
+    module.function("traced", list(given.values()), block)
+    return module.source("traced")
+
+
+def whole(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> BodyPlan:
+    """The body with a plan that gives every variable a value, so that each constraint is a step of its own.
+
+    Raises:
+        Unplannable: some variable cannot be enumerated.
+    """
+    plan: Plan = planner.whole(body.conjunction, bound)
+    return BodyPlan(body.conjunction, plan, body.repeats)

@@ -1,0 +1,72 @@
+"""What a view is made of and how it is kept current, as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from envgraph.match._explain import Names, relation_text, steps_text
+from envgraph.match.views._delta import Delta, Role, delta_plan, delta_source
+from envgraph.match.views._operators import Evaluated, Fold, Operator, View
+from envgraph.match.views._planning import ViewPlanner
+from envgraph.match.views._reach import Reach
+from envgraph.match.views._recursive import Component, Member
+from envgraph.pattern import Library
+
+_ROLES = {
+    Role.EACH: "",
+    Role.SOME: ", if there is no other",
+    Role.NONE: ", which is excluded",
+    Role.NUMBER: ", which is counted",
+}
+
+
+def explain_views(operators: list[Operator], deltas: list[Delta], planner: ViewPlanner, pattern: str) -> str:
+    """The operators behind a watched pattern, in the order of their turns, and the delta functions of the last one.
+
+    Args:
+        operators: those that the pattern is made of, itself last.
+        deltas: of all views.
+        planner: made their plans.
+        pattern: qualified name.
+    """
+    lines = [f"{pattern} is watched. It is made of:"]
+    lines.extend(f"  {_operator(each)}" for each in operators)
+    for delta in deltas:
+        if delta.name == pattern:
+            lines.extend(["", *_delta(delta, planner)])
+    return "\n".join(lines)
+
+
+def _operator(operator: Operator) -> str:
+    size = f"{operator.size():.0f}"
+    match operator:
+        case View(counts=None):
+            return f"{operator.name}: {size} rows, each with one derivation"
+        case View():
+            return f"{operator.name}: {size} rows, derivations counted"
+        case Evaluated():
+            return f"{operator.name}: {size} rows, evaluated anew after every change"
+        case Fold():
+            return f"{operator.name}: {operator.function} over {operator.source.name}, {size} groups"
+        case Reach():
+            end = "source" if operator.forward else "target"
+            return f"{operator.name}: closure from {len(operator.begun)} {end}s, {size} pairs"
+        case Member():
+            return f"{operator.name}: {size} rows, recursive"
+        case Component():
+            return f"{operator.name}: brings {len(operator.members)} recursive patterns up to date together"
+    return f"{operator.name}: {size} rows"
+
+
+def _delta(delta: Delta, planner: ViewPlanner) -> Iterator[str]:
+    names = _names(planner.library, delta)
+    text = relation_text(delta.occurrence.relation, names)
+    yield f"body {delta.body + 1}: when {text} comes or goes{_ROLES[delta.occurrence.role]}"
+    yield from steps_text(delta_plan(planner, delta), names, "  ")
+    if delta.own is not None:
+        yield "  the rows that are lost are looked up in the view itself"
+    yield delta_source(planner, delta, True).text
+
+
+def _names(library: Library, delta: Delta) -> Names:
+    return Names(library, delta.name, delta.body, delta.conjunction)
