@@ -10,13 +10,15 @@ from envgraph.errors import Diagnostic, Severity
 from envgraph.lang._parsing import Parsed
 from envgraph.pattern import Pattern
 
+_TO_THE_END = frozenset({"unterminated-comment", "too-many-errors"})
+"""After these nothing of a file is read."""
 _UNREAD = frozenset({"empty-body", "unreferenced-parameter", "used-once"})
 """What may follow from a constraint that could not be read."""
 
 
 def unread_names(parsed: Parsed) -> frozenset[str]:
-    """The names in a text of which nothing could be saved, or in a comment that runs to the end of the file."""
-    opened = [one.span.start for one in parsed.diagnostics if one.code == "unterminated-comment" and one.span]
+    """The names in a text of which nothing could be saved, or in what was not read at the end of the file."""
+    opened = [one.span.start for one in parsed.diagnostics if one.code in _TO_THE_END and one.span]
     text = parsed.source.text
     start = 0 if parsed.tree is None else min(opened, default=len(text))
     return frozenset(re.findall(r"[^\W\d]\w*", text[start:]))

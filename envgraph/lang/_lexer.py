@@ -27,6 +27,7 @@ _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "\\": "\\", '"': '"', "'": "'"}
 _ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)")
 _LARGEST_INT = 2**63 - 1
 _MOST_NESTED = 100
+_MOST_ERRORS = 100
 _TOUCHING = re.compile(r"[\w#@$]")
 
 
@@ -122,6 +123,10 @@ class _Scanner:
         match = self._token.match
         text, position, end = self._text, 0, len(self._text)
         while position < end:
+            if len(self._scan.diagnostics) >= _MOST_ERRORS:
+                message = "too many mistakes: the rest of the file is not read"
+                self._report("too-many-errors", message, position)
+                break
             found = match(text, position)
             if found is None:
                 position = self._unknown(position)
@@ -288,6 +293,8 @@ class _Scanner:
     def _report(
         self, code: str, message: str, start: int, end: int | None = None, hint: str | None = None
     ) -> None:
+        if len(self._scan.diagnostics) > _MOST_ERRORS:
+            return
         span = self._source.span(start, start + 1 if end is None else end)
         self._scan.diagnostics.append(Diagnostic(code, message, span, hint))
 

@@ -16,7 +16,7 @@ from envgraph.lang._lexer import END, PUNCTUATION, Lexeme, first_on_line, overla
 from envgraph.lang._stack import Level, ParseStack
 
 _LOOKAHEAD = 3
-_ENDLESS = {"unterminated-text", "unterminated-comment"}
+_ENDLESS = {"unterminated-text", "unterminated-comment", "too-many-errors"}
 _SEPARATORS = (";", ",", ")", "]")
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from envgraph.metamodel import Metamodel
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import Reading, grouped_relations, positive_relations
+from envgraph.pattern._header import too_long
 from envgraph.pattern._inference import BodyTypes, Callee, Signature
 from envgraph.pattern._lowered import StaticType
 from envgraph.pattern._queries import Body, Closure, Pattern, PatternCall
@@ -170,6 +171,7 @@ class Analysis:
     def _solve_types(self) -> None:
         """Undeclared types, from the bodies; recursive patterns take several rounds, in which types only grow."""
         pending = [p for p in self._new.values() if any(parameter.type is None for parameter in p.parameters)]
+        pending = [pattern for pattern in pending if not any(map(too_long, pattern.bodies))]
         for _ in range(len(pending) * (len(self.metamodel.class_list) + 1) + 1):
             changed = False
             for pattern in pending:
@@ -196,7 +198,7 @@ class Analysis:
         pending = [
             p for p in self._new.values() if any(self._may_be_input(parameter) for parameter in p.parameters)
         ]
-        pending = [pattern for pattern in pending if pattern.qualified_name in self.entries]
+        pending = [pattern for pattern in pending if not any(map(too_long, pattern.bodies))]
         for pattern in pending:
             every = tuple(
                 i for i, parameter in enumerate(pattern.parameters) if self._may_be_input(parameter)

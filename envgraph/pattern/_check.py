@@ -19,7 +19,7 @@ from envgraph.pattern._bodies import (
     variables_read,
 )
 from envgraph.pattern._expressions import check_expression
-from envgraph.pattern._header import check_duplicates, check_header
+from envgraph.pattern._header import check_duplicates, check_header, too_long
 from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._partitions import check_connected
@@ -94,7 +94,7 @@ class _PatternCheck:
         bodies = [
             _BodyCheck(self._analysis, self._pattern, number, tainted)
             for number, body in enumerate(self._pattern.bodies)
-            if body.constraints
+            if body.constraints and not too_long(body)
         ]
         for body in bodies:
             found.extend(body.problems())

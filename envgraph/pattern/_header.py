@@ -8,7 +8,7 @@ from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
 from envgraph.metamodel import Annotation, Metamodel
-from envgraph.pattern._queries import Pattern
+from envgraph.pattern._queries import Body, Comparison, Negation, PathConstraint, Pattern
 from envgraph.pattern._types import static_type, type_names
 
 KNOWN_ANNOTATIONS: Final = (
@@ -19,7 +19,22 @@ KNOWN_ANNOTATIONS: Final = (
     "SafeRecursion",
 )
 
+MOST_STEPS: Final = 1000
+"""Constraints of a body, each step of a path counted; planning takes a few seconds then."""
+
 _SEVERITIES: Final = ("error", "warning", "info")
+
+
+def too_long(body: Body) -> bool:
+    """Whether a body is longer than what can be checked and planned in seconds; inequalities are not counted."""
+    steps = 0
+    for constraint in body.constraints:
+        relation = constraint.relation if isinstance(constraint, Negation) else constraint
+        if isinstance(relation, PathConstraint):
+            steps += len(relation.features)
+        elif not (isinstance(relation, Comparison) and relation.operator == "!="):
+            steps += 1
+    return steps > MOST_STEPS
 
 
 def check_duplicates(patterns: Sequence[Pattern], known: Mapping[str, Pattern]) -> Iterator[Diagnostic]:
@@ -47,6 +62,10 @@ def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]
         if not body.constraints:
             hint = "`check(true)` holds always"
             yield Diagnostic("empty-body", "a body needs a constraint", body.span or pattern.span, hint)
+        elif too_long(body):
+            message = f"the body has more than {MOST_STEPS} constraints and steps of paths"
+            hint = "give a part of it a pattern of its own, and `find` that"
+            yield Diagnostic("body-too-long", message, body.span or pattern.span, hint)
 
 
 def _parameters(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:

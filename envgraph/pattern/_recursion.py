@@ -32,16 +32,18 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
     onward: dict[str, list[_Edge]] = {}
     for edge in edges:
         onward.setdefault(edge.caller, []).append(edge)
-    reported: set[str] = set()
+    component = _components(onward)
+    reported: set[int] = set()
     # Edges that are errors come first, so that a cycle with one is not reported as a harmless one.
     for edge in sorted(edges, key=lambda edge: edge.monotone):
-        if edge.caller in reported:
+        number = component[edge.caller]
+        if number in reported or component.get(edge.callee) != number:
             continue
-        way = _way(edge.callee, edge.caller, onward)
+        way = _way(edge.callee, edge.caller, onward, component)
         if way is None:
             continue
         cycle = [edge, *way]
-        reported.update(_component(edge.caller, onward))
+        reported.add(number)
         if edge.monotone and any(_declared_safe(entries[link.caller].pattern) for link in cycle):
             continue
         yield _diagnostic(edge, cycle)
@@ -56,15 +58,17 @@ def _edges(pattern: Pattern, entries: Mapping[str, Entry]) -> Iterator[_Edge]:
                 yield _Edge(pattern.qualified_name, calls[site.call.pattern], site.call, word)
 
 
-def _way(start: str, goal: str, onward: Mapping[str, Sequence[_Edge]]) -> list[_Edge] | None:
-    """A shortest way from one pattern to another along calls, or None."""
+def _way(
+    start: str, goal: str, onward: Mapping[str, Sequence[_Edge]], component: Mapping[str, int]
+) -> list[_Edge] | None:
+    """A shortest way from one pattern to another of its component along calls, or None."""
     came: dict[str, _Edge | None] = {start: None}
     queue = [start]
     for current in queue:
         if current == goal:
             break
         for edge in onward.get(current, ()):
-            if edge.callee not in came:
+            if edge.callee not in came and component.get(edge.callee) == component[start]:
                 came[edge.callee] = edge
                 queue.append(edge.callee)
     if goal not in came:
@@ -77,16 +81,41 @@ def _way(start: str, goal: str, onward: Mapping[str, Sequence[_Edge]]) -> list[_
     return way[::-1]
 
 
-def _component(start: str, onward: Mapping[str, Sequence[_Edge]]) -> set[str]:
-    """The patterns that call each other in a circle with this one."""
-    reached = {start}
-    queue = [start]
-    for current in queue:
-        for edge in onward.get(current, ()):
-            if edge.callee not in reached:
-                reached.add(edge.callee)
-                queue.append(edge.callee)
-    return {name for name in reached if _way(name, start, onward) is not None}
+def _components(onward: Mapping[str, Sequence[_Edge]]) -> dict[str, int]:
+    """A number for each pattern; those that call each other in a circle have the same.
+
+    Tarjan 1972, without recursion.
+    """
+    order: dict[str, int] = {}
+    lowest: dict[str, int] = {}
+    component: dict[str, int] = {}
+    open_: list[str] = []
+    for root in onward:
+        if root in order:
+            continue
+        order[root] = lowest[root] = len(order)
+        open_.append(root)
+        path = [(root, iter(onward[root]))]
+        while path:
+            name, edges = path[-1]
+            for edge in edges:
+                if edge.callee not in order:
+                    order[edge.callee] = lowest[edge.callee] = len(order)
+                    open_.append(edge.callee)
+                    path.append((edge.callee, iter(onward.get(edge.callee, ()))))
+                    break
+                if edge.callee not in component:
+                    lowest[name] = min(lowest[name], order[edge.callee])
+            else:
+                path.pop()
+                if path:
+                    above = path[-1][0]
+                    lowest[above] = min(lowest[above], lowest[name])
+                if lowest[name] == order[name]:
+                    number = len(component)
+                    while name not in component:
+                        component[open_.pop()] = number
+    return component
 
 
 def _declared_safe(pattern: Pattern) -> bool:

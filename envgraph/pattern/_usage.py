@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
 from envgraph.pattern._binding import Binding, inputs_of
@@ -13,6 +14,9 @@ from envgraph.pattern._queries import Comparison, Evaluation, Hash, Parameter, P
 from envgraph.pattern._relations import Place
 from envgraph.pattern._terms import Constant, Variable
 from envgraph.pattern._types import type_text
+
+_MOST_COMPARED: Final = 200
+"""Variables of a body beyond which nobody looks for one of a similar name."""
 
 
 class UsageCheck:
@@ -178,7 +182,7 @@ class UsageCheck:
             yield _warning("quantified-variable", message, places[0].variable.span, hint)
         elif len(places) == 1:
             others = [other for other in self._reading.names if other != name and not other.startswith("_")]
-            near = did_you_mean(name, others)
+            near = did_you_mean(name, others) if len(others) <= _MOST_COMPARED else None
             hint = near or f"start its name with `_` (`_{name}`) if that is meant"
             yield _warning("used-once", f"`{name}` is referenced only once", places[0].variable.span, hint)
 
