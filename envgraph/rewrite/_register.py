@@ -20,6 +20,10 @@ Definition = Pattern | Rule | Unit | Derivation
 Called = TypeVar("Called", Rule, Unit)
 
 
+_MOST_TRIED: Final = 1000
+"""Patterns that are tried one by one; of more, with an error among them, rules can use none."""
+
+
 class Registration:
     """Checks definitions, and works out everything that adding them takes.
 
@@ -64,7 +68,7 @@ class Registration:
         if not self._patterns:
             return self._library
         if has_errors(problems):
-            return self._with_sound_patterns()
+            return self._with_sound_patterns() if self._definitions else self._library
         library = copy(self._library)  # the copy may grow by itself: a library never changes what it has
         library.add(*self._patterns)
         return library
@@ -73,7 +77,7 @@ class Registration:
         """With those patterns that can be added one by one; rules must not be blamed for the others."""
         library = copy(self._library)
         left = list(self._patterns)
-        while left:
+        while 0 < len(left) <= _MOST_TRIED:
             sound = [pattern for pattern in left if not has_errors(library.check(pattern))]
             if not sound:
                 break
