@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors, sort_diagnostics
 from envgraph.pattern import Derivation, Library, Pattern, Rule, Unit, static_type
