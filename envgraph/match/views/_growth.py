@@ -1,0 +1,405 @@
+"""From patterns to operators: which relations there have to be so that a pattern can be kept current."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+from envgraph.graph import Store
+from envgraph.match._calls import CallGraph
+from envgraph.match._options import Unplannable
+from envgraph.match._plan import Absence, Conjunction, Goal, arguments, variables
+from envgraph.match._planner import determined, disjoint
+from envgraph.match._symbols import Source
+from envgraph.match.views._bodies import (
+    Relation,
+    ViewSimplifier,
+    canonical,
+    component,
+    existential,
+    free_inside,
+    negated,
+    split_negations,
+)
+from envgraph.match.views._delta import (
+    Delta,
+    Occurrence,
+    build_source,
+    delta_source,
+    derivable_source,
+    occurrences,
+)
+from envgraph.match.views._operators import Evaluated, Fold, Operator, Rows, View
+from envgraph.match.views._planning import ViewPlanner
+from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
+from envgraph.match.views._recursive import Component, Member
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
+    InstanceAtom,
+    LinkAtom,
+    ObjectType,
+)
+
+Build = Callable[[Source], Any]
+"""Makes a function of generated source; symbols that a view holds are asked from the network."""
+Evaluate = Callable[[str], Callable[[], Sequence[Any]]]
+"""All rows of a pattern, on demand."""
+
+
+class NotIncremental(Exception):
+    """There is no delta for a body."""
+
+
+@dataclass(slots=True)
+class Definition:
+    """How a view is made: the bodies over the relations of the network."""
+
+    view: View | Member
+    bodies: tuple[Conjunction, ...]
+
+
+Entered = TypeVar("Entered", bound=Operator)
+Key = tuple[str, int | str]
+"""A relation: "value" or "link" with the index of the feature, "rows" with the name of an operator."""
+
+
+class Growth:
+    """The operators so far, each after those that it is made of.
+
+    Attributes:
+        operators: by name. What is named like a pattern holds its matches.
+        definitions: of the views.
+        edges: for each closure the relation that it follows, and whether that is crossed.
+
+    Args:
+        store: what the views are about.
+        calls: which patterns are recursive.
+        planner: orders goals.
+        build: see `Build`.
+        evaluate: see `Evaluate`.
+    """
+
+    def __init__(
+        self, store: Store, calls: CallGraph, planner: ViewPlanner, build: Build, evaluate: Evaluate
+    ) -> None:
+        self.store = store
+        self.library = planner.library
+        self.calls = calls
+        self.operators: dict[str, Operator] = {}
+        self.definitions: dict[str, Definition] = {}
+        self.edges: dict[str, tuple[Key, bool]] = {}
+        self._planner = planner
+        self._build = build
+        self._evaluate = evaluate
+        self._simplifier = ViewSimplifier(self.library, calls)
+        self._open: set[str] = set()
+
+    def view(self, pattern: str) -> Rows:
+        """The operator that holds the matches of a pattern."""
+        known = self.operators.get(pattern)
+        if known is not None:
+            assert isinstance(known, Rows)
+            return known
+        before = len(self.operators)
+        under_way = set(self._open)
+        try:
+            if self.library.inputs(pattern):
+                raise NotIncremental
+            if self.calls.recursive(pattern):
+                return self._recursive(pattern)
+            return self._define(pattern, self._simplifier.conjunctions(pattern))
+        except NotIncremental:
+            self._open = under_way
+            for name in list(self.operators)[before:]:
+                del self.operators[name]
+                self.definitions.pop(name, None)
+            for name in self._together(pattern):
+                self._enter(Evaluated(name, self.store, self._evaluate(name)))
+            found = self.operators[pattern]
+            assert isinstance(found, Rows)
+            return found
+
+    def _enter(self, operator: Entered) -> Entered:
+        self.operators[operator.name] = operator
+        operator.fill()
+        return operator
+
+    def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:
+        """A view of some bodies."""
+        prepared = [self._prepared(name, number, body) for number, body in enumerate(bodies)]
+        view = View(name, self.store, counted=self._repeats(prepared))
+        try:
+            lists = [
+                self._build(build_source(self._planner, name, number, body))
+                for number, body in enumerate(prepared)
+            ]
+        except Unplannable:
+            raise NotIncremental from None
+        view.list_derivations = _together(lists)
+        self.definitions[name] = Definition(view, tuple(prepared))
+        return self._enter(view)
+
+    def _recursive(self, pattern: str) -> Member:
+        """The operators of all patterns that call each other with this one."""
+        component = self.calls.component(pattern)
+        names = self._together(pattern)
+        if len(names) < len(component):
+            raise NotIncremental
+        members = {name: self._enter(Member(name, self.store)) for name in names}
+        self._open |= component
+        for name, member in members.items():
+            bodies = tuple(
+                self._prepared(name, number, body)
+                for number, body in enumerate(self._simplifier.conjunctions(name))
+            )
+            self.definitions[name] = Definition(member, bodies)
+        self._open -= component
+        for member in members.values():
+            try:
+                self._make_member(member, component)
+            except Unplannable:
+                raise NotIncremental from None
+        self._enter(Component(f"{names[0]}/component", self.store, list(members.values())))
+        return members[pattern]
+
+    def _together(self, pattern: str) -> list[str]:
+        """The patterns that call each other with this one, or the pattern alone; those that can be enumerated."""
+        component = self.calls.component(pattern) or {pattern}
+        names = [name for name in self.library.names() if name in component] or [pattern]
+        return [name for name in names if not self.library.inputs(name)]
+
+    def _prepared(self, name: str, number: int, body: Conjunction) -> Conjunction:
+        """A body over relations of the network."""
+        goals = split_negations(canonical(goal, self.store) for goal in body.goals)
+        body = replace(body, goals=tuple(goals))
+        return replace(body, goals=tuple(self._goals(body, f"{name}/{number}")))
+
+    def _make_member(self, member: Member, component: frozenset[str]) -> None:
+        """The functions of a member's bodies."""
+        bases, derivable = [], []
+        planner = self._planner
+        for number, body in enumerate(self.definitions[member.name].bodies):
+            inside = [place for place in occurrences(body) if called(place) in component]
+            if not inside:
+                bases.append(self._build(build_source(planner, member.name, number, body)))
+            derivable.append(self._build(derivable_source(planner, member.name, number, body)))
+            for place in inside:
+                target = self.operators[called(place) or ""]
+                assert isinstance(target, Member)
+                delta = Delta(member.name, number, body, place, (), queued=True)
+                target.spread = (*target.spread, self._build(delta_source(planner, delta, True)))
+                target.retract = (*target.retract, self._build(delta_source(planner, delta, False)))
+        member.list_base, member.derivable = bases, derivable
+
+    def _repeats(self, bodies: Sequence[Conjunction]) -> bool:
+        """Whether a row may have several derivations."""
+        for body in bodies:
+            known = {*body.parameters, *(number for number, _ in body.constants)}
+            counted = {v for goal in body.goals for v in variables(goal)} - existential(body)
+            if not counted <= determined(body.goals, known, self._planner.sizes):
+                return True
+        return not disjoint(tuple(range(len(bodies[0].parameters))) if bodies else (), bodies)
+
+    def _goals(self, body: Conjunction, name: str) -> list[Goal]:
+        """The goals over relations of the network."""
+        found: list[Goal] = []
+        for number, goal in enumerate(body.goals):
+            place = f"{name}/{number}"
+            match goal:
+                case CallAtom(pattern):
+                    self._usable(pattern, positive=True)
+                    found.append(goal)
+                case ClosureAtom():
+                    found.append(self._closure(body, goal, place))
+                case Absence():
+                    found.append(self._absence(body, goal, place))
+                case AggregateAtom():
+                    found.append(self._aggregate(body, goal, place))
+                case _:
+                    found.append(goal)
+        return found
+
+    def _usable(self, pattern: str, positive: bool = False) -> Rows:
+        """The operator of a pattern; one that is not finished can only be called."""
+        if self.library.inputs(pattern) or (pattern in self._open and not positive):
+            raise NotIncremental
+        return self.view(pattern)
+
+    def _absence(self, body: Conjunction, goal: Absence, place: str) -> Goal:
+        relation, local = negated(goal), set(free_inside(goal))
+        if isinstance(relation, ClosureAtom):
+            if local:
+                raise NotIncremental
+            closure = self._closure(body, relation, place)
+            return replace(goal, alternatives=((closure,),))
+        if isinstance(relation, CallAtom):
+            self._usable(relation.pattern)
+        whole = {v for v in arguments(relation) if v not in local}
+        direct = not local if isinstance(relation, InstanceAtom | CallAtom) else bool(whole)
+        if isinstance(relation, AttributeAtom):
+            direct = relation.object not in local
+        if direct:
+            return goal
+        projected = self._projected(body, relation, tuple(goal.outer), place)
+        return replace(goal, alternatives=((CallAtom(projected.name, goal.outer),),))
+
+    def _projected(self, body: Conjunction, relation: Relation, heads: tuple[int, ...], place: str) -> View:
+        """A view of one relation with other columns."""
+        fixed = dict(body.constants)
+        kept = {v for v in arguments(relation) if v in fixed}
+        constants = tuple((number, value) for number, value in body.constants if number in kept)
+        alone = Conjunction(body.types, constants, heads, (relation,))
+        return self._define(place, [alone])
+
+    def _aggregate(self, body: Conjunction, goal: AggregateAtom, place: str) -> Goal:
+        relation = goal.relation
+        local = set(free_inside(goal))
+        called = arguments(relation)
+        if (
+            isinstance(relation, LinkAtom)
+            and goal.function == "count"
+            and len([v for v in called if v in local]) == 1
+        ):
+            return goal
+        if isinstance(relation, ClosureAtom):
+            raise NotIncremental
+        if isinstance(relation, CallAtom):
+            self._usable(relation.pattern)
+        fixed = {number for number, _ in body.constants}
+        if isinstance(relation, CallAtom) and len(set(called)) == len(called) and fixed.isdisjoint(called):
+            source = self.view(relation.pattern)
+            columns = called
+        else:
+            columns = tuple(dict.fromkeys(called))
+            source = self._projected(body, relation, columns, f"{place}/of")
+        group = tuple(dict.fromkeys(v for v in called if v not in local))
+        positions = tuple(columns.index(v) for v in group)
+        column = None if goal.column is None else columns.index(goal.column)
+        fold = Fold(f"{place}/{goal.function}", source, positions, goal.function, column)
+        self._enter(fold)
+        return replace(goal, relation=CallAtom(fold.name, columns))
+
+    # --- closures
+
+    def _closure(self, body: Conjunction, goal: ClosureAtom, place: str) -> ClosureAtom:
+        """A closure from those starts that the rest of the body asks for."""
+        link = self._link_of(goal.step)
+        if link is None:
+            self._usable(goal.step)
+        reflexive = goal.closure is Closure.STAR
+        types = self.library.parameter_types(goal.step)
+        both = not reflexive or types[0] == types[1]
+        options = [self._starts(body, goal, forward, place) for forward in (True, False) if forward or both]
+        asked = [option for option in options if option is not None]
+        if not asked:
+            raise NotIncremental
+        forward, starts = min(asked, key=lambda option: option[1].size())
+        for _, other in asked:
+            if other is not starts:
+                self._discard(other.name)
+        if link is not None:
+            side = self.store.forward if forward == (not link[1]) else self.store.backward
+            steps: Any = LinkSteps(side[link[0]])
+        else:
+            rows = self.operators[goal.step]
+            assert isinstance(rows, Rows)
+            steps = RowSteps(rows, forward)
+        reach = Reach(f"{place}/{goal.closure}", self.store, starts, steps, forward, reflexive)
+        self.edges[reach.name] = (("link", link[0]), link[1]) if link else (("rows", goal.step), False)
+        self._enter(reach)
+        return replace(goal, step=reach.name)
+
+    def _discard(self, name: str) -> None:
+        del self.operators[name]
+        self.definitions.pop(name, None)
+
+    def _link_of(self, step: str) -> tuple[int, bool] | None:
+        """Index of the reference, and whether it is crossed, if a step is one link."""
+        bodies = self._simplifier.conjunctions(step)
+        if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
+            return None
+        goal = canonical(bodies[0].goals[0], self.store)
+        if not isinstance(goal, LinkAtom):
+            return None
+        ends = (goal.source, goal.target)
+        if bodies[0].parameters == ends:
+            return goal.reference.index, False
+        return (goal.reference.index, True) if bodies[0].parameters == ends[::-1] else None
+
+    def _starts(
+        self, body: Conjunction, goal: ClosureAtom, forward: bool, place: str
+    ) -> tuple[bool, View] | None:
+        """The view of what the rest of the body allows at one end."""
+        start = goal.source if forward else goal.target
+        fixed = frozenset(number for number, _ in body.constants)
+        others = [g for g in body.goals if isinstance(g, InstanceAtom | AttributeAtom | LinkAtom | CallAtom)]
+        goals: list[Goal] = list(component(others, start, fixed))
+        types = list(body.types)
+        type_ = self.library.parameter_types(goal.step)[0 if forward else 1]
+        if goal.closure is Closure.STAR and isinstance(type_, ObjectType):
+            goals.append(InstanceAtom(type_.cls, start))
+        if not goals and start not in fixed:
+            other = len(types)
+            types.append(self.library.parameter_types(goal.step)[1 if forward else 0])
+            ends = (start, other) if forward else (other, start)
+            goals = [self._step(goal.step, ends)]
+        used = {v for g in goals for v in arguments(g)} | {start}  # type: ignore[arg-type]
+        constants = tuple((number, value) for number, value in body.constants if number in used)
+        for each in goals:
+            if isinstance(each, CallAtom):
+                self._usable(each.pattern)
+        try:
+            name = f"{place}/{'from' if forward else 'to'}"
+            return forward, self._define(name, [Conjunction(tuple(types), constants, (start,), tuple(goals))])
+        except NotIncremental:
+            return None
+
+    def _step(self, step: str, ends: tuple[int, int]) -> Goal:
+        link = self._link_of(step)
+        if link is None:
+            return CallAtom(step, ends)
+        reference = self.library.metamodel.references[link[0]]
+        return LinkAtom(reference, *(ends[::-1] if link[1] else ends))
+
+    # --- who reads whom
+
+    def read(self) -> set[str]:
+        """Names of operators that take their turn, because others read them."""
+        found = {name for name, operator in self.operators.items() if isinstance(operator, Member)}
+        for name in self.operators:
+            found.update(self.made_of(name))
+        return found
+
+    def made_of(self, name: str) -> Iterator[str]:
+        """The operators that one reads."""
+        operator = self.operators[name]
+        if name in self.definitions:
+            for body in self.definitions[name].bodies:
+                for place in occurrences(body):
+                    if isinstance(place.relation, CallAtom):
+                        yield place.relation.pattern
+                    if isinstance(place.relation, ClosureAtom):
+                        yield place.relation.step
+        if isinstance(operator, Fold):
+            yield operator.source.name
+        if isinstance(operator, Reach):
+            yield operator.starts.name
+            kind, edges = self.edges[name][0]
+            if kind == "rows":
+                yield str(edges)
+
+
+def called(place: Occurrence) -> str | None:
+    """The operator that is called at a place."""
+    return place.relation.pattern if isinstance(place.relation, CallAtom) else None
+
+
+def _together(lists: Sequence[Callable[[], list[Any]]]) -> Callable[[], list[Any]]:
+    if len(lists) == 1:
+        return lists[0]
+    return lambda: [row for each in lists for row in each()]

@@ -1,0 +1,294 @@
+"""Who hears of what: the delta functions of a network, hung into the store and into each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from envgraph.graph import Store
+from envgraph.match._options import Unplannable
+from envgraph.match._plan import Conjunction
+from envgraph.match.views._delta import Delta, Occurrence, delta_source, occurrences, own_positions
+from envgraph.match.views._growth import Build, Definition, Growth, Key
+from envgraph.match.views._operators import Fold, Hook, Operator, View
+from envgraph.match.views._planning import ViewPlanner
+from envgraph.match.views._reach import Reach
+from envgraph.match.views._recursive import Member
+from envgraph.pattern import AttributeAtom, CallAtom, ClosureAtom, InstanceAtom, LinkAtom
+
+Consumer = tuple[Hook, Hook]
+"""What is called with a tuple that has come, and with one that is about to go."""
+Kind = frozenset[tuple[str, bool]]
+"""Classes that an object is an instance of, and whether directly, as far as anybody asks."""
+
+
+class Wiring:
+    """The functions that bring changes to the operators.
+
+    Attributes:
+        deltas: what they find.
+        turns: the operators that take turns; the others are changed in place.
+
+    Args:
+        store: what tells of changes.
+        growth: the operators.
+        planner: orders goals.
+        build: makes functions of source.
+    """
+
+    def __init__(self, store: Store, growth: Growth, planner: ViewPlanner, build: Build) -> None:
+        self.store = store
+        self.deltas: list[Delta] = []
+        self.turns: list[Operator] = []
+        self._growth = growth
+        self._planner = planner
+        self._build = build
+        self._consumers: dict[Key, list[Consumer]] = {}
+        self._classes: list[tuple[View | Member, int, Conjunction, tuple[Occurrence, ...]]] = []
+        self._retypings: dict[tuple[Kind, Kind], tuple[Hook | None, Hook | None]] = {}
+        self._membership: dict[tuple[str, int, frozenset[int]], Consumer] = {}
+        self._queued: set[str] = set()
+
+    def connect(self) -> None:
+        """Make the functions of all operators, and hang them into the store."""
+        self.deltas.clear()
+        self._consumers.clear()
+        self._classes.clear()
+        self._retypings.clear()
+        self._membership.clear()
+        self._queued = self._growth.read()
+        deltas = self._deltas()
+        # What nobody reads is changed in place, and has all its groups by now.
+        for operator in self._growth.operators.values():
+            operator.added = operator.removing = None
+            if operator.name not in self._queued:
+                self._make(operator)
+        for operator in self._growth.operators.values():
+            self._subscribe(operator)
+        for key, delta in deltas:
+            self._listen(key, self._delta(delta))
+        self._hang()
+        for operator in self._growth.operators.values():
+            if operator.name in self._queued:
+                operator.added, operator.removing = self._fan(("rows", operator.name))
+                self._make(operator)
+        self.turns = [
+            operator
+            for operator in self._growth.operators.values()
+            if not isinstance(operator, View) or operator.name in self._queued
+        ]
+
+    def _make(self, operator: Operator) -> None:
+        if isinstance(operator, View):
+            bodies = self._growth.definitions[operator.name].bodies
+            operator.make(len(bodies[0].parameters) if bodies else 0)
+
+    def _subscribe(self, operator: Operator) -> None:
+        match operator:
+            case Fold():
+                self._listen(("rows", operator.source.name), (operator.touch, operator.touch))
+            case Reach():
+                self._listen(("rows", operator.starts.name), (operator.ask, operator.unask))
+                gain: Hook = operator.gain
+                lose: Hook = operator.lose
+                key, crossed = self._growth.edges[operator.name]
+                if crossed:
+                    gain, lose = _crossed(gain), _crossed(lose)
+                self._listen(key, (gain, lose))
+
+    def _deltas(self) -> list[tuple[Key, Delta]]:
+        """What changes of which relation concern which place; for classes that is found out when they change."""
+        found: list[tuple[Key, Delta]] = []
+        for name, definition in self._growth.definitions.items():
+            for number, body in enumerate(definition.bodies):
+                places = occurrences(body)
+                members = tuple(place for place in places if isinstance(place.relation, InstanceAtom))
+                if members:
+                    self._classes.append((definition.view, number, body, members))
+                for index, place in enumerate(places):
+                    key = _key(place)
+                    if key is not None and not self._inside(definition, key):
+                        later = tuple(other for other in places[index + 1 :] if _key(other) == key)
+                        symmetric = key[0] == "link" and self.store.relations[int(key[1])].symmetric
+                        delta = Delta(
+                            name, number, body, place, later, symmetric, queued=name in self._queued
+                        )
+                        # What is looked up in the rows must not be a row of another body.
+                        if name not in self._queued and len(definition.bodies) == 1:
+                            delta = self._with_own(delta, definition.view)
+                        found.append((key, delta))
+        return found
+
+    def _inside(self, definition: Definition, key: Key) -> bool:
+        """Whether a relation is a pattern of the same component, whose rows spread on their own."""
+        if not isinstance(definition.view, Member) or key[0] != "rows":
+            return False
+        return key[1] in self._growth.calls.component(definition.view.name)
+
+    def _with_own(self, delta: Delta, view: View | Member) -> Delta:
+        """The delta with an index of the view on its own rows, where that pays."""
+        if isinstance(view, Member) or view.counts is not None:
+            return delta
+        own = own_positions(self._planner, delta)
+        if own is not None:
+            view.group(own)
+        return replace(delta, own=own)
+
+    def _delta(self, delta: Delta) -> Consumer:
+        self.deltas.append(delta)
+        try:
+            added, removing = (
+                self._build(delta_source(self._planner, delta, coming)) for coming in (True, False)
+            )
+        except Unplannable as reason:
+            raise AssertionError(f"{delta} cannot be planned") from reason
+        return added, removing
+
+    def _listen(self, key: Key, consumer: Consumer) -> None:
+        self._consumers.setdefault(key, []).append(consumer)
+
+    def _fan(self, key: Key) -> Consumer | tuple[None, None]:
+        consumers = self._consumers.get(key)
+        if not consumers:
+            return None, None
+        added = _fan([consumer[0] for consumer in consumers])
+        # A deletion is the mirror of an insertion.
+        removing = _fan([consumer[1] for consumer in reversed(consumers)])
+        return added, removing
+
+    def _hang(self) -> None:
+        """Hang the functions into the store."""
+        store = self.store
+        for relation in store.relations:
+            key = ("link", relation.fact.index)
+            added, removing = self._fan(key)
+            if relation.symmetric and added is not None and removing is not None:
+                added, removing = _both_ways(added), _both_ways(removing)
+            relation.added, relation.removing = added, removing
+        for index in range(len(store.value_added)):
+            store.value_added[index], store.value_removing[index] = self._fan(("value", index))
+        self._hang_classes()
+
+    def _hang_classes(self) -> None:
+        """All functions are made now: one that is made later might ask for an index that has no history."""
+        store, metamodel = self.store, self._growth.library.metamodel
+        kinds = [self._kind(index) for index in range(len(metamodel.class_list))]
+        hooks = {kind: self._class_hooks(kind) for kind in dict.fromkeys(kinds)}
+        for index, kind in enumerate(kinds):
+            store.class_removing[index], store.class_added[index] = hooks[kind]
+        if not self._classes:
+            store.retyping = None
+            return
+        for old in hooks:
+            for new in hooks:
+                self._retypings[old, new] = (
+                    self._class_hooks(old - new)[0],
+                    self._class_hooks(new - old)[1],
+                )
+        retypings = self._retypings
+        store.retyping = lambda old, new: retypings[kinds[old], kinds[new]]
+
+    def unhang(self) -> None:
+        """Hear nothing any more."""
+        store = self.store
+        for relation in store.relations:
+            relation.added = relation.removing = None
+        for hooks in (store.value_added, store.value_removing, store.class_added, store.class_removing):
+            for index in range(len(hooks)):
+                hooks[index] = None
+        store.retyping = None
+
+    # --- classes: an object that comes or goes changes the relation of every class that it is an instance of
+
+    def _kind(self, cls: int) -> Kind:
+        """The class atoms that hold for the direct instances of a class."""
+        metamodel = self._growth.library.metamodel
+        name = metamodel.class_list[cls].name
+        atoms = {
+            (atom.cls, atom.exact) for _, _, _, members in self._classes for atom in map(_class, members)
+        }
+        return frozenset(
+            (above, exact)
+            for above, exact in atoms
+            if name == above or (not exact and metamodel.is_a(name, above))
+        )
+
+    def _class_hooks(self, change: Kind) -> tuple[Hook | None, Hook | None]:
+        """What happens before an object ceases to be what these atoms say, and after it has begun to be that."""
+        consumers = self._affected(change)
+        if not consumers:
+            return None, None
+        return _fan([each[1] for each in reversed(consumers)]), _fan([each[0] for each in consumers])
+
+    def _affected(self, change: Kind) -> list[Consumer]:
+        """The delta functions of all places whose class an object enters or leaves in one step."""
+        found: list[Consumer] = []
+        for view, number, body, members in self._classes:
+            places = [p for p in members if (_class(p).cls, _class(p).exact) in change]
+            group = frozenset(place.goal for place in places)
+            for index, place in enumerate(places):
+                key = (f"{view.name}/{number}", place.goal, group)
+                if key not in self._membership:
+                    later = tuple(places[index + 1 :])
+                    queued = view.name in self._queued
+                    delta = Delta(view.name, number, body, place, later, queued=queued)
+                    self._membership[key] = self._delta(delta)
+                found.append(self._membership[key])
+        return found
+
+
+def _key(place: Occurrence) -> Key | None:
+    """The relation of an occurrence; None for a class, which has functions of its own."""
+    match place.relation:
+        case AttributeAtom(attribute):
+            return "value", attribute.index
+        case LinkAtom(reference):
+            return "link", reference.index
+        case CallAtom(name):
+            return "rows", name
+        case ClosureAtom(name):
+            return "rows", name
+        case InstanceAtom():
+            return None
+
+
+def _class(place: Occurrence) -> InstanceAtom:
+    assert isinstance(place.relation, InstanceAtom)
+    return place.relation
+
+
+def _fan(hooks: Sequence[Hook]) -> Hook:
+    """One function that calls several."""
+    if len(hooks) == 1:
+        return hooks[0]
+    if len(hooks) == 2:
+        first, second = hooks
+
+        def two(*values: Any) -> None:
+            first(*values)
+            second(*values)
+
+        return two
+    several = tuple(hooks)
+
+    def all_(*values: Any) -> None:
+        for hook in several:
+            hook(*values)
+
+    return all_
+
+
+def _crossed(hook: Hook) -> Hook:
+    return lambda source, target: hook(target, source)
+
+
+def _both_ways(hook: Hook) -> Hook:
+    """A link that counts in both directions is two tuples, or one if it leads from an object to itself."""
+
+    def both(source: int, target: int) -> None:
+        hook(source, target)
+        if source != target:
+            hook(target, source)
+
+    return both
