@@ -197,6 +197,30 @@ def apply(
 
 
 @app.command()
+def convert(
+    file: Annotated[
+        str,
+        typer.Argument(
+            help="A .metamodel or .ecore file; or a .model or .xmi file, or a model as JSON.",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Argument(
+            help="Where to: a metamodel as .ecore; a model as .xmi or .json.",
+            show_default=False,
+        ),
+    ],
+    metamodel: Metamodel = None,
+) -> None:
+    """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON."""
+    from envgraph.cli._convert import convert_file
+
+    convert_file(file, output, metamodel)
+
+
+@app.command()
 def generate(
     family: Annotated[
         str,

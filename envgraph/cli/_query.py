@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import envgraph.lang
+from envgraph.cli._convert import model_text
 from envgraph.cli._output import OutputFormat, print_json, print_table
 from envgraph.errors import InvalidArgument, did_you_mean, with_article
-from envgraph.graph import Model, Node, model_to_json, model_to_xmi
+from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, Match
@@ -82,16 +82,9 @@ def apply_rule(
             print(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
     if output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
-        output.write_text(_text(engine.model, output), "utf-8")
+        output.write_text(model_text(engine.model, output), "utf-8")
         if format is OutputFormat.TEXT:
             print(f"wrote {output}")
-
-
-def _text(model: Model, output: Path) -> str:
-    """A model in the format that the name of a file asks for."""
-    if output.suffix == ".xmi":
-        return model_to_xmi(model)
-    return json.dumps(model_to_json(model), ensure_ascii=False, indent=1) + "\n"
 
 
 def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> list[str] | None:
@@ -188,7 +181,7 @@ def _shown(value: Node | Value) -> str:
     """An object by its class and name, or by its key or id; a value as in the languages."""
     if isinstance(value, Node):
         attributes = value.model.metamodel.key(value.cls)
-        key = ", ".join(f"{name} = {getattr(value, name)}" for name in attributes)
+        key = ", ".join(f"{name} = {value[name]}" for name in attributes)
         name = value.model.object_name(value.id)
         return f"{value.cls} {name or (key and '{' + key + '}') or value.id}"
     return str(value).lower() if isinstance(value, bool) else str(value)
@@ -199,7 +192,7 @@ def _plain(value: Node | Value) -> Any:
     if not isinstance(value, Node):
         return value
     features = value.model.metamodel.features(value.cls).values()
-    attributes = {one.name: getattr(value, one.name) for one in features if isinstance(one, Attribute)}
+    attributes = {one.name: value[one.name] for one in features if isinstance(one, Attribute)}
     return {
         "class": value.cls,
         "id": value.id,

@@ -310,7 +310,7 @@ class _Loader:
         self._resolve_names()
         metamodel = self._metamodel()
         lost = frozenset(self.lost)
-        models = self._models(metamodel if len(self.metamodels) < 2 else None, lost)
+        models = self._models(None if self._others() else metamodel, lost)
         workspace = Workspace(
             metamodel,
             tuple(models),
@@ -324,7 +324,7 @@ class _Loader:
             sources=self.sources,
         )
         found: list[Diagnostic] = []
-        if len(self.metamodels) < 2:  # else nobody knows which of them the names are of
+        if not self._others():  # else nobody knows which of them the names are of
             checked = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
             broken = {_file(one) for one in self.diagnostics} & set(self.xml)
             found += [one for one in checked if one.code != "no-metamodel" or _file(one) not in broken]
@@ -414,13 +414,20 @@ class _Loader:
             self.sources[name] = as_utf8(self.xml[name].text)
         return self.xml[name]
 
-    def _one_metamodel(self) -> None:
+    def _others(self) -> list[tuple[MetamodelFile, Import | None]]:
+        """The metamodels that are not the first one, in another format perhaps."""
         found = list(self.metamodels.values())
         first = found[0][0].metamodel if found else None
-        for other, asked in found[1:]:
-            if first and other.metamodel and _same(first, other.metamodel):
-                continue  # the same in two formats
-            notes = (Note("the first one is here", found[0][0].span),)
+        return [
+            (file, asked)
+            for file, asked in found[1:]
+            if not (first and file.metamodel and _same(first, file.metamodel))
+        ]
+
+    def _one_metamodel(self) -> None:
+        for other, asked in self._others():
+            first = next(iter(self.metamodels.values()))[0]
+            notes = (Note("the first one is here", first.span),)
             hint = "one engine has one metamodel: put the classes together"
             span = asked.span if asked else other.span
             message = "this is a second metamodel"

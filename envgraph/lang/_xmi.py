@@ -646,7 +646,7 @@ class _Document:
         for link in self.links:
             if "#" not in link.text:
                 continue
-            for word in link.text.split():
+            for word in (one for one in link.text.split() if "#" in one):
                 path = unquote(word.partition("#")[0])
                 name = self._document_name(path)
                 if not path or name in self.reading.documents:
@@ -762,6 +762,8 @@ class _Document:
         if found is None:
             known = (*document.ids, *document.identified)
             hint = did_you_mean(fragment, known) if len(known) <= _MANY else None
+            if not known and not fragment.startswith("/"):
+                hint = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
             self._report(
                 "unknown-object", f"there is no object `{_short(word)}`", self._where(link, word), hint
             )

@@ -53,6 +53,7 @@ def test_a_model_comes_back_from_xmi(model: Model) -> None:
 def test_slips_in_a_file_are_told_with_a_place_and_soon(name: str, slips: list[Slip]) -> None:
     texts = {**TEXTS, name: slipped(TEXTS[name], slips)}
     started = process_time()
-    workspace = load_workspace(["library.ecore", "library.xmi", "library.vql"], files=TextFiles(texts))
+    files = [f"{name.partition('.')[0]}.{ending}" for ending in ("ecore", "xmi", "vql")]
+    workspace = load_workspace(files, files=TextFiles(texts))
     assert process_time() - started < SECONDS
     assert_placed(workspace.diagnostics)

@@ -1,0 +1,56 @@
+"""`envgraph convert`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import envgraph.lang
+from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.graph import Model, model_to_json, model_to_xmi
+from envgraph.metamodel import metamodel_to_ecore
+
+_FORMATS = (".ecore", ".xmi", ".json")
+
+
+def convert_file(file: str, output: Path, metamodel: str | None) -> None:
+    """Write the metamodel or model of a file in the format that the name of another one asks for."""
+    if output.suffix not in _FORMATS:
+        hint = did_you_mean(output.suffix, _FORMATS) or f"there are {', '.join(_FORMATS)}"
+        raise InvalidArgument(f"`{output}` is of no format that can be written; {hint}")
+    text = _metamodel(file) if output.suffix == ".ecore" else model_text(read_model(file, metamodel), output)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(text, "utf-8")
+    print(f"wrote {output}")
+
+
+def read_model(file: str, metamodel: str | None) -> Model:
+    """The model of a `.model` or `.xmi` file, or of a JSON file, which needs a metamodel."""
+    paths = [metamodel] if metamodel is not None else []
+    if not file.endswith(".json"):
+        workspace = envgraph.lang.load_workspace([*paths, file])
+        workspace.raise_errors()
+        if not workspace.models:
+            raise InvalidArgument(f"`{file}` has no model")
+        return workspace.model()
+    workspace = envgraph.lang.load_workspace(paths)
+    workspace.raise_errors()
+    if workspace.metamodel is None:
+        raise InvalidArgument("a model as JSON needs a metamodel; name it with --metamodel")
+    source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), file)
+    return envgraph.lang.parse_model(source, workspace.metamodel)
+
+
+def model_text(model: Model, output: Path) -> str:
+    """A model in the format that the name of a file asks for."""
+    if output.suffix == ".xmi":
+        return model_to_xmi(model)
+    return json.dumps(model_to_json(model), ensure_ascii=False, indent=1) + "\n"
+
+
+def _metamodel(file: str) -> str:
+    workspace = envgraph.lang.load_workspace([file])
+    workspace.raise_errors()
+    if workspace.metamodel is None:
+        raise InvalidArgument(f"`{file}` is no metamodel, and imports none")
+    return metamodel_to_ecore(workspace.metamodel)

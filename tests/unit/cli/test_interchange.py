@@ -1,0 +1,125 @@
+"""`.ecore`, `.xmi` and `.vql` files on the command line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from envgraph.cli import main
+
+DATA = Path(__file__).parents[2] / "data" / "emf"
+RAILWAY = (DATA / "railway.xmi", DATA / "railway.vql")
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs a command in an empty directory: exit code, output, messages."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run_it(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["envgraph", *map(str, arguments)])
+        try:
+            code = main()
+        except SystemExit as stop:
+            code = stop.code if isinstance(stop.code, int) else 0
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return code, out, err
+
+    return run_it
+
+
+def test_matches_are_objects_with_class_id_and_attributes(run: Run) -> None:
+    code, out, _ = run(
+        "match", *RAILWAY, "posLength", "--metamodel", DATA / "railway.ecore", "--format", "json"
+    )
+    matches: list[dict[str, Any]] = json.loads(out)
+    assert code == 0
+    first = matches[0]["segment"]
+    assert (first["class"], first["attributes"]) == ("Segment", {"id": 52, "length": -5})
+    assert isinstance(first["id"], int) and matches[0]["length"] == -5
+
+
+def test_the_table_names_objects_by_their_key(run: Run) -> None:
+    code, out, _ = run("match", *RAILWAY, "switchMonitored", "-m", DATA / "railway.ecore")
+    assert code == 0
+    assert "1 match of switchMonitored" in out and "Switch {id = 42}" in out
+
+
+def test_without_the_metamodel_it_is_said_how_to_name_it(run: Run) -> None:
+    code, _, err = run("match", *RAILWAY, "posLength")
+    assert code == 1
+    assert "no metamodel has the uri `http://www.semanticweb.org/ontologies/2015/trainbenchmark`" in err
+    assert "--metamodel" in err and err.count("hint:") == 1
+
+
+def test_a_model_that_names_its_metamodel_needs_no_option(run: Run) -> None:
+    code, out, _ = run("match", DATA / "library.xmi", DATA / "library.vql", "freeBook")
+    assert code == 0 and "Emma" in out
+
+
+def test_another_metamodel_than_the_files_are_about_is_told(run: Run) -> None:
+    code, _, err = run("match", *RAILWAY, "posLength", "-m", DATA / "library.ecore")
+    assert code == 1
+    assert "no namespace `http://www.semanticweb.org" in err and "no metamodel has the uri" in err
+
+
+def test_metamodels_and_models_are_converted(run: Run, tmp_path: Path) -> None:
+    assert run("convert", DATA / "railway.ecore", "a/r.ecore") == (0, "wrote a/r.ecore\n", "")
+    assert run("convert", DATA / "railway.xmi", "r.json", "-m", "a/r.ecore")[0] == 0
+    assert run("convert", "r.json", "r.xmi", "-m", "a/r.ecore")[0] == 0
+    arguments = ("switchSet", "-m", "a/r.ecore", "--format", "json")
+    matches = [
+        run("match", model, DATA / "railway.vql", *arguments)[1] for model in (RAILWAY[0], "r.json", "r.xmi")
+    ]
+    assert matches[0] == matches[1] == matches[2] and json.loads(matches[0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("railway.xmi", "out.xml"), "of no format that can be written; did you mean `.xmi`?"),
+        (("railway.xmi", "out.ecore"), "names its `.ecore` or `.metamodel` file too"),
+        (("railway.vql", "out.xmi"), "no metamodel has the uri"),
+        (("railway.ecore", "out.json"), "has no model"),
+        (("nothing.json", "out.xmi"), "name it with --metamodel"),
+        (("nothing.xmi", "out.json"), "there is no such file"),
+    ],
+)
+def test_what_cannot_be_converted_is_told(run: Run, arguments: tuple[str, str], message: str) -> None:
+    code, out, err = run("convert", DATA / arguments[0], arguments[1])
+    assert (code, out) == (1, "")
+    assert message.replace("names its", "name its") in err
+
+
+def test_applying_a_rule_writes_xmi(run: Run, tmp_path: Path) -> None:
+    rule = 'package r\nimport "railway"\nrule longer { lhs { s : Segment; check s.length < 0; } '
+    (tmp_path / "r.rules").write_text(rule + "modify { set s.length = 7; } }")
+    metamodel = ("-m", DATA / "railway.ecore")
+    assert run("apply", DATA / "railway.xmi", "r.rules", "longer", *metamodel, "-o", "new.xmi")[0] == 0
+    assert 'length="7"' in (tmp_path / "new.xmi").read_text("utf-8")
+    assert "1 match of posLength" in run("match", "new.xmi", DATA / "railway.vql", "posLength", *metamodel)[1]
+
+
+def test_a_broken_model_as_json_is_told_with_positions(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text(
+        '{"format": "envgraph-model-1", "objects": [{"id": 0, "class": "Rout"}]}'
+    )
+    for name, message in (
+        ("bad.json", "bad.json:1:63: "),
+        ("none.json", "none.json:1:1: there is no such file"),
+    ):
+        code, _, err = run("match", name, DATA / "railway.vql", "posLength", "-m", DATA / "railway.ecore")
+        assert code == 1 and message in err
+    (tmp_path / "dir.json").mkdir()
+    (tmp_path / "empty.json").touch()
+    for name, message in (("dir.json", "this is a directory"), ("empty.json", "the file is empty")):
+        code, _, err = run("match", name, DATA / "railway.vql", "posLength", "-m", DATA / "railway.ecore")
+        assert code == 1 and message in err
