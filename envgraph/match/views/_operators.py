@@ -233,7 +233,7 @@ class Fold(Operator):
         self.values: dict[Row, Any] = {}
         self._table = source.group(group).table
         self._bare = len(group) == 1
-        self._group = group
+        self.group = group
         self._dirty: dict[Row, None] = {}
 
     @property
@@ -248,7 +248,7 @@ class Fold(Operator):
 
     def touch(self, *row: Any) -> None:
         """A tuple of the source comes or goes."""
-        self._dirty[tuple([row[position] for position in self._group])] = None
+        self._dirty[tuple([row[position] for position in self.group])] = None
 
     def value(self, key: Row) -> Any:
         """The value of a group; None if there is none."""

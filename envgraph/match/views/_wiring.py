@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
+from types import CodeType
 from typing import Any
 
 from envgraph.graph import Store
@@ -71,7 +73,7 @@ class Wiring:
         self._hang()
         for operator in self._growth.operators.values():
             if operator.name in self._queued:
-                operator.added, operator.removing = self._fan(("rows", operator.name))
+                operator.added, operator.removing = self._fan(("rows", operator.name), self._arity(operator))
                 self._make(operator)
         self.turns = [
             operator
@@ -81,8 +83,20 @@ class Wiring:
 
     def _make(self, operator: Operator) -> None:
         if isinstance(operator, View):
-            bodies = self._growth.definitions[operator.name].bodies
-            operator.make(len(bodies[0].parameters) if bodies else 0)
+            operator.make(self._arity(operator))
+
+    def _arity(self, operator: Operator) -> int:
+        """Values in a tuple of an operator."""
+        definition = self._growth.definitions.get(operator.name)
+        match operator:
+            case Fold():
+                return len(operator.group) + 1
+            case Reach():
+                return 2
+            case _ if definition is not None:
+                return len(definition.bodies[0].parameters) if definition.bodies else 0
+            case _:
+                return len(self._growth.library.parameter_types(operator.name))
 
     def _subscribe(self, operator: Operator) -> None:
         match operator:
@@ -148,13 +162,13 @@ class Wiring:
     def _listen(self, key: Key, consumer: Consumer) -> None:
         self._consumers.setdefault(key, []).append(consumer)
 
-    def _fan(self, key: Key) -> Consumer | tuple[None, None]:
+    def _fan(self, key: Key, arity: int) -> Consumer | tuple[None, None]:
         consumers = self._consumers.get(key)
         if not consumers:
             return None, None
-        added = _fan([consumer[0] for consumer in consumers])
+        added = _fan([consumer[0] for consumer in consumers], arity)
         # A deletion is the mirror of an insertion.
-        removing = _fan([consumer[1] for consumer in reversed(consumers)])
+        removing = _fan([consumer[1] for consumer in reversed(consumers)], arity)
         return added, removing
 
     def _hang(self) -> None:
@@ -162,12 +176,12 @@ class Wiring:
         store = self.store
         for relation in store.relations:
             key = ("link", relation.fact.index)
-            added, removing = self._fan(key)
+            added, removing = self._fan(key, 2)
             if relation.symmetric and added is not None and removing is not None:
                 added, removing = _both_ways(added), _both_ways(removing)
             relation.added, relation.removing = added, removing
         for index in range(len(store.value_added)):
-            store.value_added[index], store.value_removing[index] = self._fan(("value", index))
+            store.value_added[index], store.value_removing[index] = self._fan(("value", index), 2)
         self._hang_classes()
 
     def _hang_classes(self) -> None:
@@ -219,7 +233,7 @@ class Wiring:
         consumers = self._affected(change)
         if not consumers:
             return None, None
-        return _fan([each[1] for each in reversed(consumers)]), _fan([each[0] for each in consumers])
+        return _fan([each[1] for each in reversed(consumers)], 1), _fan([each[0] for each in consumers], 1)
 
     def _affected(self, change: Kind) -> list[Consumer]:
         """The delta functions of all places whose class an object enters or leaves in one step."""
@@ -258,25 +272,24 @@ def _class(place: Occurrence) -> InstanceAtom:
     return place.relation
 
 
-def _fan(hooks: Sequence[Hook]) -> Hook:
-    """One function that calls several."""
+@lru_cache(maxsize=1024)
+def _fan_code(hooks: int, arity: int) -> CodeType:
+    """A function of some values that calls several others with them."""
+    names = ", ".join(f"h{number}" for number in range(hooks))
+    values = ", ".join(f"a{number}" for number in range(arity))
+    calls = "".join(f"        h{number}({values})\n" for number in range(hooks))
+    return compile(
+        f"def build({names}):\n    def fan({values}):\n{calls}    return fan\n", "<fan of envgraph>", "exec"
+    )
+
+
+def _fan(hooks: Sequence[Hook], arity: int) -> Hook:
+    """One function that calls several with its values."""
     if len(hooks) == 1:
         return hooks[0]
-    if len(hooks) == 2:
-        first, second = hooks
-
-        def two(*values: Any) -> None:
-            first(*values)
-            second(*values)
-
-        return two
-    several = tuple(hooks)
-
-    def all_(*values: Any) -> None:
-        for hook in several:
-            hook(*values)
-
-    return all_
+    namespace: dict[str, Any] = {}
+    exec(_fan_code(len(hooks), arity), namespace)
+    return namespace["build"](*hooks)  # type: ignore[no-any-return]
 
 
 def _crossed(hook: Hook) -> Hook:
