@@ -212,6 +212,24 @@ def test_documents_may_name_each_other() -> None:
     assert list(ann.friends) == [ben] and len(model) == 4
 
 
+def test_mistakes_in_other_documents_are_told_where_they_stand() -> None:
+    names = "".join(f'<members name="{name}" friends="{name}.xmi#/"/>' for name in "bc")
+    texts = {
+        "a.xmi": f'<lib:Library {HEAD} name="a">{names}</lib:Library>',
+        "b.xmi": f'\n<lib:Library {HEAD} name="b"/>',
+        "c.xmi": f'\n\n<lib:Library {HEAD} nam="c"/>',
+    }
+    problems = load_workspace(["library.ecore", "a.xmi"], files=TextFiles(TEXTS | texts)).diagnostics
+    found = [f"{str(one.span).rpartition(':')[0]}: {one.message}" for one in problems]
+    expected = "takes objects of class `Person`, and `Library#{}` is a `Library`"
+    assert found == [
+        "a.xmi:1: `Person.friends` " + expected.format(3),
+        "a.xmi:1: `Person.friends` " + expected.format(4),
+        "c.xmi:3: `Library` has no feature `nam`",
+    ]
+    assert [str(note.span) for one in problems for note in one.notes] == ["b.xmi:2:2", "c.xmi:3:2"]
+
+
 def test_nothing_is_fetched_and_no_entity_is_expanded() -> None:
     found = mistakes(
         f'<lib:Library {HEAD} name="x"><director href="https://example.org/a.xmi#/"/></lib:Library>'

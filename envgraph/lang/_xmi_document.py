@@ -1,0 +1,222 @@
+"""One reading of XMI: the model that comes of it, its documents, and how they name objects."""
+
+from __future__ import annotations
+
+import posixpath
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from envgraph.errors import Diagnostic, Note, Source, Span
+from envgraph.graph import Model, usual_value
+from envgraph.lang._xml import Stop, XmlPlaces
+from envgraph.metamodel import Attribute, Feature, Reference
+
+MOST_ERRORS = 100
+LOST = -1
+"""The place of an object that could not be read: to name it is no mistake."""
+
+Fetch = Callable[[str, str], Source]
+"""Reads another document, by its path and the name of the one that names it; raises LoadError."""
+
+
+@dataclass(slots=True)
+class Table:
+    """What a class says about the tags of its objects.
+
+    Attributes:
+        unset: attributes that have no value where a tag does not mention them, though a fresh object has one.
+    """
+
+    name: str
+    attributes: Mapping[str, Attribute]
+    references: Mapping[str, Reference]
+    unset: Sequence[Attribute]
+    identifier: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A reference that waits until all objects are there; `key` is the XML attribute that holds it."""
+
+    node: int
+    reference: Reference
+    text: str
+    byte: int
+    key: str
+
+
+class Reading:
+    """One model, from one document and those that it names."""
+
+    def __init__(self, model: Model, lost: frozenset[str], fetch: Fetch | None) -> None:
+        self.model = model
+        self.metamodel = model.metamodel
+        self.lost = lost
+        self.fetch = fetch
+        self.diagnostics: list[Diagnostic] = []
+        self.documents: dict[str, Document | None] = {}
+        self.tables = {
+            cls.name: self._table(cls.name) for cls in self.metamodel.class_list if not cls.abstract
+        }
+        self.packages = {package.uri: package for package in self.metamodel.packages}
+        self.foreign: set[str] = set()
+
+    def _table(self, cls: str) -> Table:
+        features = self.metamodel.features(cls)
+        attributes = {name: one for name, one in features.items() if isinstance(one, Attribute)}
+        return Table(
+            cls,
+            attributes,
+            {name: one for name, one in features.items() if isinstance(one, Reference)},
+            [one for one in attributes.values() if usual_value(one) is None],
+            next((name for name, one in attributes.items() if one.identifier), None),
+        )
+
+    def enter(self, source: Source) -> Document:
+        """Begins with a document."""
+        document = Document(self, source)
+        self.documents[source.name] = document
+        return document
+
+    def add(self, diagnostic: Diagnostic) -> None:
+        """Notes a mistake; after a hundred it ends.
+
+        Raises:
+            Stop: there have been enough.
+        """
+        self.diagnostics.append(diagnostic)
+        if len(self.diagnostics) == MOST_ERRORS:
+            message = "too many mistakes: the rest of the file is not read"
+            self.diagnostics.append(Diagnostic("too-many-errors", message, diagnostic.span))
+            raise Stop
+
+
+class Spans(Mapping[int, Span]):
+    """Where each object's tag stands, worked out on demand: objects of a document have ids one after the other."""
+
+    def __init__(self, reading: Reading) -> None:
+        documents = [one for one in reading.documents.values() if one]
+        self._parts = [(one.first, one.bytes, one.places) for one in dict.fromkeys(documents)]
+
+    def __getitem__(self, node: int) -> Span:
+        for first, places, text in self._parts:
+            if 0 <= node - first < len(places):
+                return text.tag(places[node - first])
+        raise KeyError(node)
+
+    def __iter__(self) -> Iterator[int]:
+        return (first + index for first, places, _ in self._parts for index in range(len(places)))
+
+    def __len__(self) -> int:
+        return sum(len(places) for _, places, _ in self._parts)
+
+
+class Document:
+    """One file.
+
+    Attributes:
+        first: the id of the first object.
+        bytes: where the tag of each object begins, in the order of the ids.
+        roots: the objects at the top, `LOST` for those that could not be read.
+        gaps: places in a containment reference whose objects could not be read.
+        ids, identified: objects by their `xmi:id`, and by the value of their `iD` attribute.
+        links: what waits until all objects are there.
+    """
+
+    def __init__(self, reading: Reading, source: Source) -> None:
+        self.reading = reading
+        self.model = reading.model
+        self.source = source
+        self.places = XmlPlaces(source)
+        self.first = 0
+        self.bytes = array("Q")
+        self.roots: list[int] = []
+        self.gaps: dict[tuple[int, str], list[int]] = {}
+        self.ids: dict[str, int] = {}
+        self.identified: dict[str, int] = {}
+        self.links: list[Link] = []
+        self._found: dict[str, int | None] = {}
+        self._listed: dict[str, Sequence[int]] = {}
+
+    def beside(self, path: str) -> str:
+        """The name of another document, by its path in this one."""
+        return posixpath.normpath(posixpath.join(posixpath.dirname(self.source.name), path))
+
+    def find(self, fragment: str) -> int | None:
+        """The object of a fragment (`//@regions.0`, `/1/@a`, an id), `LOST`, or None."""
+        if not fragment.startswith("/"):
+            found = self.ids.get(fragment)
+            return self.identified.get(fragment) if found is None else found
+        siblings, _, index = fragment.rpartition(".")
+        listed = self._listed.get(siblings)
+        if listed is not None and index.isdecimal() and len(index) < 10 and int(index) < len(listed):
+            return listed[int(index)]
+        return self._look_for(fragment)
+
+    def _look_for(self, fragment: str) -> int | None:
+        head, _, last = fragment.rpartition("/")
+        if not last.startswith("@"):
+            return self._root_at(last) if head == "" or fragment == "//" else None
+        if head not in self._found:
+            self._found[head] = self._walk(head)
+        above = self._found[head]
+        found = self._step(above, last)
+        if found is not None and found != LOST and above is not None and "." in last:
+            name = last[1:].partition(".")[0]
+            reference = self.reading.metamodel.feature(self.model.class_of(above), name)
+            if isinstance(reference, Reference) and (above, name) not in self.gaps:
+                self._listed[fragment.rpartition(".")[0]] = self.model.targets(above, reference)
+        return found
+
+    def _walk(self, fragment: str) -> int | None:
+        root, *steps = fragment.split("/")[1:]
+        node = self._root_at(root)
+        for step in steps:
+            node = self._step(node, step)
+        return node
+
+    def _root_at(self, text: str) -> int | None:
+        place = int(text) if text.isdecimal() and len(text) < 10 else 0 if not text else -1
+        return self.roots[place] if 0 <= place < len(self.roots) else None
+
+    def _step(self, node: int | None, step: str) -> int | None:
+        """The child at `@feature.3`, or `@feature` of a single reference."""
+        if node is None or node == LOST:
+            return node
+        name, _, index = step[1:].partition(".")
+        feature: Feature | None = self.reading.metamodel.feature(self.model.class_of(node), name)
+        place = int(index) if index.isdecimal() and len(index) < 10 else 0 if not index else -1
+        if not isinstance(feature, Reference) or place < 0:
+            return LOST if name in self.reading.lost else None
+        gaps = self.gaps.get((node, name), ())
+        if place in gaps:
+            return LOST
+        place -= sum(gap < place for gap in gaps)
+        targets = self.model.targets(node, feature)
+        return targets[place] if place < len(targets) else None
+
+    def tag(self, node: int) -> Span:
+        """The tag of an object."""
+        return self.places.tag(self.bytes[node - self.first])
+
+    def where(self, link: Link, word: str) -> Span:
+        """A word in a reference."""
+        return self.places.attribute(link.byte, link.key, word)
+
+    def report(
+        self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
+    ) -> None:
+        """Notes a mistake; raises `Stop` when there have been enough."""
+        self.reading.add(Diagnostic(code, message, span, hint, notes=notes))
+
+
+def short(text: str) -> str:
+    """A text for a message, on one line and not too long."""
+    line = " ".join(text.split())
+    return line if len(line) <= 80 else f"{line[:77]}..."
+
+
+def plural(count: int, word: str) -> str:
+    """A number of things, for a message."""
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"

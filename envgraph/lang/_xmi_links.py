@@ -1,0 +1,162 @@
+"""The references of an `.xmi` file: other documents, and links between objects that are all there."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from urllib.parse import unquote
+
+from envgraph.errors import Diagnostic, LoadError, Note, RuleError, TypeMismatch, did_you_mean, with_article
+from envgraph.graph import arrange_targets
+from envgraph.lang._xmi_document import LOST, Document, Link, Spans, plural, short
+from envgraph.metamodel import Reference
+
+_MANY = 1000
+"""Among more names than this, nobody looks for the nearest."""
+
+
+class Linker:
+    """Makes the links of one document."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._reading = document.reading
+        self._model = document.model
+        self._lists: list[tuple[int, Reference, list[int]]] = []
+
+    def others(self) -> Iterator[Document]:
+        """The documents that links name, read now."""
+        for link in self._document.links:
+            if "#" not in link.text:
+                continue
+            for word in (one for one in link.text.split() if "#" in one):
+                path = unquote(word.partition("#")[0])
+                name = self._document.beside(path)
+                if not path or name in self._reading.documents:
+                    continue
+                self._reading.documents[name] = None
+                found = self._fetch(path, link)
+                if found:
+                    yield found
+
+    def _fetch(self, path: str, link: Link) -> Document | None:
+        span = self._document.where(
+            link, next(one for one in link.text.split() if unquote(one).startswith(path))
+        )
+        if re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+:", path):
+            message = f"`{short(path)}` is not read: only files beside this one are"
+            self._document.report("other-file", message, span)
+            return None
+        if self._reading.fetch is None:
+            self._document.report("missing-file", f"`{short(path)}`: there is no such file", span)
+            return None
+        try:
+            source = self._reading.fetch(path, self._document.source.name)
+        except LoadError as error:
+            for problem in error.diagnostics:
+                inside = problem.span is not None and problem.span.source.text
+                self._reading.add(
+                    problem
+                    if inside
+                    else Diagnostic(problem.code, f"`{path}`: {problem.message}", span, problem.hint)
+                )
+            return None
+        known = self._reading.documents.get(source.name)  # by another path
+        document = known or self._reading.enter(source)
+        self._reading.documents[self._document.beside(path)] = document
+        return None if known else document
+
+    def link(self) -> None:
+        """Makes the links of all references."""
+        for link in self._document.links:
+            self._resolve_link(link)
+
+    def _resolve_link(self, link: Link) -> None:
+        model, reference = self._model, link.reference
+        words = link.text.split()
+        targets: list[int] = []
+        for index, word in enumerate(words):
+            if ":" in word and "#" not in word and index + 1 < len(words) and "#" in words[index + 1]:
+                continue  # the type of the object that comes next
+            target = self._target(link, word)
+            if target is None or target == LOST:
+                continue
+            if not self._reading.metamodel.is_a(model.class_of(target), reference.target):
+                self._wrong_class(link, word, target)
+            elif reference.upper is not None and len(targets) >= reference.upper:
+                message = f"`{reference}` takes {plural(reference.upper, 'object')} at most"
+                self._document.report("too-many-targets", message, self._document.where(link, word))
+                break
+            else:
+                targets.append(target)
+                self._add(link, word, target)
+        if len(targets) > 1 and reference.opposite is not None:
+            self._lists.append((link.node, reference, targets))
+
+    def _add(self, link: Link, word: str, target: int) -> None:
+        model, reference = self._model, link.reference
+        if model.has_link(link.node, reference, target):
+            return  # the opposite has said so
+        relation = model.store.relations[reference.index]
+        child = target if relation.containment else link.node if relation.contained else None
+        if child is not None and model.container(child) is not None:
+            message = f"{model.describe(child)} is in another container already"
+            self._document.report(
+                "two-containers",
+                message,
+                self._document.where(link, word),
+                "an object has one container at most",
+            )
+            return
+        try:
+            model.link(link.node, reference, target)
+        except (RuleError, TypeMismatch) as error:
+            self._document.report(
+                "impossible-link", str(error).split("\n", maxsplit=1)[0], self._document.where(link, word)
+            )
+
+    def reorder(self) -> None:
+        """Gives many-valued references the order of the text, which making links from the other end has changed."""
+        for node, reference, targets in self._lists:
+            ends = self._model.targets(node, reference)
+            if list(ends) != targets and sorted(ends) == sorted(targets):
+                arrange_targets(self._model, node, reference, targets)
+
+    def _wrong_class(self, link: Link, word: str, target: int) -> None:
+        cls = self._model.class_of(target)
+        message = (
+            f"`{link.reference}` takes objects of class `{link.reference.target}`, "
+            f"and {self._model.describe(target)} is {with_article(cls)}"
+        )
+        self._document.report(
+            "wrong-type", message, self._document.where(link, word), notes=self._note(target)
+        )
+
+    def _note(self, target: int) -> tuple[Note, ...]:
+        span = Spans(self._reading).get(target)
+        return (Note("it is here", span),) if span else ()
+
+    def _target(self, link: Link, word: str) -> int | None:
+        """The object that a word names; None, reported, if there is none."""
+        path, mark, fragment = word.rpartition("#")
+        if not mark:
+            fragment = word
+        document: Document | None = self._document
+        if path:
+            document = self._reading.documents.get(self._document.beside(unquote(path)))
+            if document is None:
+                return LOST  # which was reported
+        assert document is not None
+        found = document.find(fragment)
+        if found is None:
+            known = (*document.ids, *document.identified)
+            hint = did_you_mean(fragment, known) if len(known) <= _MANY else None
+            if not known and not fragment.startswith("/"):
+                hint = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
+            self._document.report(
+                "unknown-object",
+                f"there is no object `{short(word)}`",
+                self._document.where(link, word),
+                hint,
+            )
+        return found
