@@ -15,9 +15,14 @@ from envgraph.lang._xml import xml_source
 LARGEST_FILE = 16 * 1024 * 1024
 LARGEST_MODEL = 256 * 1024 * 1024
 """Of files that programs write: models as XMI or JSON."""
+LARGEST_QUERIES = 4 * 1024 * 1024
+"""Of files with definitions that are checked together, which takes about 10 seconds for each MB."""
 
 _XML = ("ecore", "xmi")
 _MODELS = ("xmi", "json")
+_LARGEST = dict.fromkeys(_MODELS, LARGEST_MODEL) | dict.fromkeys(
+    ("query", "vql", "rules", "environment"), LARGEST_QUERIES
+)
 
 
 class Files(Protocol):
@@ -141,11 +146,12 @@ def read_source(files: Files, name: str) -> Source:
     """The text of a file.
 
     Raises:
-        LoadError: the file is missing, a directory, unreadable, larger than 16 MB (a model as XMI or JSON: 256 MB), or
-            not UTF-8 (XML: not what it declares). The diagnostic is at the start of the file.
+        LoadError: the file is missing, a directory, unreadable, larger than 16 MB (a model as XMI or JSON: 256 MB;
+            queries, rules and environments: 4 MB), or not UTF-8 (XML: not what it declares). The diagnostic is at the
+            start of the file.
     """
     extension = name.rpartition(".")[2]
-    most = LARGEST_MODEL if extension in _MODELS else LARGEST_FILE
+    most = _LARGEST.get(extension, LARGEST_FILE)
     try:
         if files.is_directory(name):
             raise IsADirectoryError
@@ -157,7 +163,8 @@ def read_source(files: Files, name: str) -> Source:
     except (OSError, ValueError) as error:
         _refuse(name, "unreadable-file", f"the file cannot be read: {_reason(error)}", None)
     if len(data) > most:
-        _refuse(name, "file-too-large", f"the file has more than {most // 2**20} MB", None)
+        hint = "divide it: files can import each other" if most == LARGEST_QUERIES else None
+        _refuse(name, "file-too-large", f"the file has more than {most // 2**20} MB", hint)
     if extension in _XML:
         return xml_source(name, data)
     try:
