@@ -229,6 +229,7 @@ class ViewMatcher:
             InvalidArgument, TransactionError: as `watch`.
         """
         self.watch(pattern)
+        self.settle()  # what is pending is no news
         subscription = Subscription(pattern, changed, restored or changed)
         rows = self._views[pattern].rows
         if rows.log is None:
