@@ -222,7 +222,7 @@ def test_a_file_with_mistakes_does_not_make_its_names_unknown() -> None:
 
 def test_files_that_cannot_be_read_are_diagnosed(directory: Path) -> None:
     (directory / "latin.query").write_bytes(b"package a\n// caf\xe9\n")
-    (directory / "large.query").write_bytes(b" " * (16 * 1024 * 1024 + 1))
+    (directory / "large.query").write_bytes(b" " * (50 * 1024 * 1024))
     (directory / "dir.query").mkdir()
     found = load_workspace(
         ["latin.query", "large.query", "dir.query", "m.qury", "nul\0l.query", "x" * 5000 + ".query"]
@@ -230,13 +230,21 @@ def test_files_that_cannot_be_read_are_diagnosed(directory: Path) -> None:
     messages = [one.message for one in found.errors]
     assert messages[:3] == [
         "the byte 0xe9 is not UTF-8",
-        "the file has more than 16 MB",
+        "the file has more than 4 MB",
         "the directory holds no file of any of the languages",
     ]
     assert shown(found.errors)[0].startswith("latin.query:2:7")
     assert shown(found.errors)[3] == "m.qury:1:1: there is no such file"
     assert found.errors[3].hint == "did you mean `m.query`?"
     assert len(messages) == 6
+
+
+def test_texts_of_objects_may_be_longer_than_those_of_queries(directory: Path) -> None:
+    for name, size in (("q.rules", 4), ("e.environment", 4), ("m.model", 16), ("n.metamodel", 16)):
+        (directory / name).write_bytes(b" " * (size * 1024 * 1024 + 1))
+        (error,) = load_workspace([name]).errors
+        assert error.message == f"the file has more than {size} MB"
+    assert error.hint is None
 
 
 def test_files_of_other_kinds_are_refused(directory: Path) -> None:

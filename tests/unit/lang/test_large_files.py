@@ -1,0 +1,94 @@
+"""Large files and long lists of mistakes: an answer in time that grows with the text, not with its square."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import process_time
+
+import pytest
+
+from envgraph.errors import Diagnostic
+from envgraph.lang import TextFiles, load_workspace
+
+METAMODEL = "metamodel m class Node { int size refers Node[0..1] next }"
+IMPORT = 'import "m.metamodel"\n'
+COUNT = 1500
+SECONDS = 20.0
+"""Of processor time; each of the texts takes about one second, and a quadratic pass over it many."""
+
+
+def patterns(make: Callable[[int], str], last: str = "") -> str:
+    return IMPORT + "\n".join(map(make, range(COUNT))) + "\n" + last
+
+
+def said(text: str, name: str = "q.query") -> tuple[Diagnostic, ...]:
+    return load_workspace([name], files=TextFiles({"m.metamodel": METAMODEL, name: text})).diagnostics
+
+
+LARGE = {
+    "calls": (patterns(lambda n: f"pattern p{n}(x : Node) {{ find p{n + 1}(x); }}"), {"unknown-pattern": 1}),
+    "unknown names": (
+        patterns(lambda n: f"pattern p{n}(x : Nod) {{ Nodes(x); }}"),
+        {"unknown-type": 2 * COUNT},
+    ),
+    "one mistake": (
+        patterns(lambda n: f"pattern p{n}(x : Node) {{ Node(x); }}", "pattern q(x : Nod) { Node(x); }"),
+        {"unknown-type": 1},
+    ),
+    "one name": (patterns(lambda n: "pattern p(x : Node) { Node(x); }"), {"duplicate-definition": COUNT - 1}),
+    "parameters": (
+        f"{IMPORT}pattern p({', '.join(f'x{n} : Node' for n in range(COUNT))}) {{ Node(x0); }}",
+        {"unreferenced-parameter": COUNT - 1},
+    ),
+    "bodies": (IMPORT + "pattern p(x : Node) { Node(x); }" + " or { Node(x); }" * COUNT, {}),
+    "a long body": (
+        IMPORT
+        + "pattern p(x0 : Node) {"
+        + "".join(f"Node.next(x{n}, x{n + 1});" for n in range(COUNT))
+        + "}",
+        {"body-too-long": 1},
+    ),
+    "a long path": (f"{IMPORT}pattern p(x : Node) {{ Node{'.next' * COUNT}(x, _); }}", {"body-too-long": 1}),
+    "a long body without types": (
+        IMPORT + "pattern p(x0) {" + "".join(f"Node.next(x{n}, x{n + 1});" for n in range(COUNT)) + "}",
+        {"body-too-long": 1},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_a_large_file_is_checked_soon(name: str) -> None:
+    text, expected = LARGE[name]
+    started = process_time()
+    found = [one.code for one in said(text)]
+    assert process_time() - started < SECONDS
+    assert {code: found.count(code) for code in dict.fromkeys(found)} == expected
+
+
+def test_inequalities_do_not_make_a_body_too_long() -> None:
+    names = [f"x{number}" for number in range(46)]
+    pairs = [f"{one} != {other};" for one in names for other in names if one < other]
+    text = f"{IMPORT}pattern p({', '.join(f'{name} : Node' for name in names)}) {{ {' '.join(pairs)} }}"
+    assert len(pairs) > 1000
+    assert [one.code for one in said(text)] == ["loose-connection"]
+
+
+@pytest.mark.parametrize("mistake", ["$ ", '"open\n', "3x ", "0x1 ", "\\ "])
+def test_after_a_hundred_spelling_mistakes_the_rest_is_not_read(mistake: str) -> None:
+    found = said(IMPORT + mistake * 100_000 + "\npattern p(x : Node) { find q(x); }")
+    assert len(found) <= 202
+    assert "too-many-errors" in [one.code for one in found]
+    assert "unknown-pattern" not in [one.code for one in found]
+
+
+def test_one_string_with_many_mistakes_is_cut_short() -> None:
+    found = said(IMPORT + 'pattern p(x : Node) { check("' + "\\q" * 100_000 + '" == "a"); }')
+    assert [one.code for one in found[:100]] == ["bad-escape"] * 100
+    assert len(found) <= 102
+
+
+def test_names_after_the_place_where_reading_stopped_are_not_unknown() -> None:
+    text = (
+        f"{IMPORT}pattern p(x : Node) {{ find q(x); }}\n" + "$ " * 200 + "\npattern q(x : Node) { Node(x); }"
+    )
+    assert {one.code for one in said(text)} == {"stray-character", "too-many-errors"}
