@@ -34,6 +34,8 @@ class Network:
         self._growth = Growth(store, calls, self._planner, build, evaluate)
         self._wiring = Wiring(store, self._growth, self._planner, build)
         self._evaluate = evaluate
+        self._store = store
+        self._settled = -1
         self.operators = self._growth.operators
         self.definitions = self._growth.definitions
 
@@ -74,20 +76,25 @@ class Network:
 
     def settle(self) -> None:
         """Bring everything up to date: each operator once, after those that it is made of."""
+        if self._settled == self._store.revision:
+            return
         for operator in self._wiring.turns:
             if operator.pending:
                 operator.process()
+        self._settled = self._store.revision
 
     def forget(self) -> None:
         """The state that the operators hold is right as it is: what is pending is void."""
         for operator in self._wiring.turns:
             operator.forget()
+        self._settled = self._store.revision
 
     def refill(self) -> None:
         """Compute everything anew."""
         self.forget()
         for operator in self.operators.values():
             operator.fill()
+        self._settled = self._store.revision
 
     def held(self, symbol: Held) -> object:
         """What a name in generated source stands for."""
