@@ -188,6 +188,8 @@ class Walk:
         if not self.versions or self.savepoints:
             return
         version, before = self.versions[number % len(self.versions)]
+        if self.model.version is version:
+            self.views.deliver()  # what was told and then rolled back; going nowhere tells nothing
         try:
             self.model.checkout(version)
         except TransactionError:

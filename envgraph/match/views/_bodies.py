@@ -8,7 +8,7 @@ from what is counted.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -79,14 +79,14 @@ def canonical(goal: Goal, store: Store) -> Goal:
             return goal
 
 
-def split_negations(goals: Iterable[Goal]) -> Iterator[Goal]:
-    """A negation of several relations is one of each."""
+def split_negations(goals: Iterable[Goal], fixed: Container[int]) -> Iterator[Goal]:
+    """A negation of several relations is one of each; variables with a fixed value have it inside as well."""
     for goal in goals:
         if isinstance(goal, Absence):
             for (relation,) in goal.alternatives:
                 assert isinstance(relation, Relation)
-                called = set(arguments(relation))
-                yield Absence(((relation,),), tuple(v for v in goal.outer if v in called))
+                called = dict.fromkeys(arguments(relation))
+                yield Absence(((relation,),), tuple(v for v in called if v in goal.outer or v in fixed))
         else:
             yield goal
 

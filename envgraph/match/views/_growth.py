@@ -175,7 +175,8 @@ class Growth:
 
     def _prepared(self, name: str, number: int, body: Conjunction) -> Conjunction:
         """A body over relations of the network."""
-        goals = split_negations(canonical(goal, self.store) for goal in body.goals)
+        fixed = {number for number, _ in body.constants}
+        goals = split_negations((canonical(goal, self.store) for goal in body.goals), fixed)
         body = replace(body, goals=tuple(goals))
         return replace(body, goals=tuple(self._goals(body, f"{name}/{number}")))
 
@@ -245,8 +246,10 @@ class Growth:
             direct = relation.object not in local
         if direct:
             return goal
-        projected = self._projected(body, relation, tuple(goal.outer), place)
-        return replace(goal, alternatives=((CallAtom(projected.name, goal.outer),),))
+        fixed = {number for number, _ in body.constants}
+        outer = tuple(v for v in goal.outer if v not in fixed)
+        projected = self._projected(body, relation, outer, place)
+        return replace(goal, alternatives=((CallAtom(projected.name, outer),),), outer=outer)
 
     def _projected(self, body: Conjunction, relation: Relation, heads: tuple[int, ...], place: str) -> View:
         """A view of one relation with other columns."""

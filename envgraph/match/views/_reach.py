@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import filterfalse
 from typing import Any, Final, Protocol
 
 from envgraph.graph import SET, Store
@@ -275,4 +276,4 @@ class Reach(Operator):
 
 
 def _difference(old: Reached, new: Reached) -> Difference:
-    return [other for other in old if other not in new], [other for other in new if other not in old]
+    return list(filterfalse(new.__contains__, old)), list(filterfalse(old.__contains__, new))

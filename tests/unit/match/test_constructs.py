@@ -353,6 +353,24 @@ def test_negation_of_negation(world: Make) -> None:
 # --- aggregates
 
 
+def test_a_value_inside_a_negated_pattern_counts(world: Make) -> None:
+    w = world(
+        pattern("old(x : Person)", [path("Person.age", "x", 50)]),
+        pattern(
+            "p(a : Person, b : Person)",
+            [path("Person.knows", "a", "b"), neg(find("old", "a")), neg(find("old", "b"))],
+        ),
+    )
+    assert w.rows("p") == names("bob cyd", "dan dan")
+    w.model["cyd"].age = 49
+    w.model["ada"].age = None
+    assert w.rows("p") == names("ada bob", "bob cyd", "cyd ada", "dan dan")
+    w.model["bob"].age = 50
+    assert w.rows("p") == names("cyd ada", "dan dan")
+    w.model["bob"].age = 30
+    assert w.rows("p") == names("ada bob", "bob cyd", "cyd ada", "dan dan")
+
+
 def test_a_pattern_without_parameters_is_counted(world: Make) -> None:
     w = world(
         pattern("any()", [is_a("Ghost", "_")]),

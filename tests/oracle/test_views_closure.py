@@ -1,0 +1,348 @@
+"""Views of closures against networkx: random graphs whose edges come and go, and large grids."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import networkx as nx
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from envgraph.graph import Model
+from envgraph.match import FREE, ViewMatcher
+from envgraph.match.views._reach import Reach
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+from envgraph.pattern import Constant, Library, Pattern
+from tests.oracle.worlds import Dice
+from tests.unit.match.kinds import watched
+from tests.unit.match.writing import find, is_a, neg, path, pattern, unequal
+
+EXAMPLES = settings().max_examples
+
+PLACES = Metamodel(
+    "places",
+    (
+        Class(
+            "Place",
+            features=(
+                Attribute("shut", Scalar.BOOL),
+                Reference("to", "Place", 0, None),
+                Reference("beside", "Place", 0, None, opposite="beside"),
+            ),
+        ),
+        Class("Start", supertypes=("Place",)),
+        Class("Goal", supertypes=("Place",)),
+    ),
+)
+TO, BESIDE = PLACES.references
+SHUT = PLACES.attributes[0]
+
+STEPS: dict[str, tuple[Pattern, ...]] = {
+    "link": (pattern("step(a : Place, b : Place)", [path("Place.to", "a", "b")]),),
+    "crossed link": (pattern("step(a : Place, b : Place)", [path("Place.to", "b", "a")]),),
+    "undirected link": (pattern("step(a : Place, b : Place)", [path("Place.beside", "a", "b")]),),
+    "bodies with negation": (
+        pattern("shut(a : Place)", [path("Place.shut", "a", True)]),
+        pattern(
+            "step(a : Place, b : Place)",
+            [path("Place.to", "a", "b"), neg(find("shut", "a")), neg(find("shut", "b"))],
+            [path("Place.beside", "a", "b"), neg(find("shut", "a")), neg(find("shut", "b"))],
+        ),
+    ),
+    "view": (
+        pattern("edge(a : Place, b : Place)", [path("Place.to", "a", "c"), path("Place.beside", "c", "b")]),
+        pattern("step(a : Place, b : Place)", [find("edge", "a", "b"), unequal("a", "b")]),
+    ),
+}
+
+ASKED = (
+    pattern("pairs(a : Place, b : Place)", [find("step+", "a", "b")]),
+    pattern("pairs0(a : Place, b : Place)", [find("step*", "a", "b")]),
+    pattern("starts(a : Start, b : Place)", [find("step+", "a", "b")]),
+    pattern("starts0(a : Start, b : Place)", [find("step*", "a", "b")]),
+    pattern("goals(a : Place, b : Goal)", [find("step+", "a", "b")]),
+    pattern("solvable(a : Start, b : Goal)", [find("step*", "a", "b")]),
+    pattern("lost(a : Start, b : Goal)", [is_a("Start", "a"), is_a("Goal", "b"), neg(find("solvable", "a", "b"))]),
+    pattern("loops(a : Place)", [find("step+", "a", "a")]),
+    pattern("loops0(a : Place)", [find("step*", "a", "a")]),
+    pattern("round(a : Place, b : Place)", [find("step+", "a", "b"), find("step+", "b", "a"), unequal("a", "b")]),
+)  # fmt: skip
+
+
+class Shadow:
+    """A model of places, and the same as plain data.
+
+    Attributes:
+        to, beside: edges; both directions of `beside`.
+        shut, starts, goals: some of the places.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.model = Model(PLACES)
+        self.places = [self.model.new("Place") for _ in range(size)]
+        self.to: dict[tuple[int, int], None] = {}
+        self.beside: dict[tuple[int, int], None] = {}
+        self.shut: set[int] = set()
+        self.starts: set[int] = set()
+        self.goals: set[int] = set()
+
+    def step(self, kind: str) -> nx.DiGraph:
+        """The graph of a kind of steps."""
+        graph = nx.DiGraph()
+        graph.add_nodes_from(self.places)
+        match kind:
+            case "link":
+                graph.add_edges_from(self.to)
+            case "crossed link":
+                graph.add_edges_from((b, a) for a, b in self.to)
+            case "undirected link":
+                graph.add_edges_from(self.beside)
+            case "bodies with negation":
+                graph.add_edges_from(self.to)
+                graph.add_edges_from(self.beside)
+                graph.remove_edges_from([e for e in graph.edges if not self.shut.isdisjoint(e)])
+            case "view":
+                across = ((a, b) for a, c in self.to for d, b in self.beside if c == d)
+                graph.add_edges_from(edge for edge in across if edge[0] != edge[1])
+        return graph
+
+    def expected(self, kind: str) -> dict[str, set[tuple[int, ...]]]:
+        """What every pattern of `ASKED` should find."""
+        pairs = set(nx.transitive_closure(self.step(kind), reflexive=False).edges)
+        pairs0 = pairs | {(place, place) for place in self.places}
+        solvable = {(a, b) for a, b in pairs0 if a in self.starts and b in self.goals}
+        return {
+            "pairs": pairs,
+            "pairs0": pairs0,
+            "starts": {(a, b) for a, b in pairs if a in self.starts},
+            "starts0": {(a, b) for a, b in pairs0 if a in self.starts},
+            "goals": {(a, b) for a, b in pairs if b in self.goals},
+            "solvable": solvable,
+            "lost": {(a, b) for a in self.starts for b in self.goals} - solvable,
+            "loops": {(a,) for a, b in pairs if a == b},
+            "loops0": {(a,) for a in self.places},
+            "round": {(a, b) for a, b in pairs if a != b and (b, a) in pairs},
+        }
+
+    def change(self, dice: Dice, growing: int) -> None:
+        """One place or edge changes; edges are added so often, in percent."""
+        place, other = dice.one(self.places), dice.one(self.places)
+        roll = dice.number(0, 9)
+        if roll == 0:
+            cls = dice.one(["Place", "Start", "Goal"])
+            self.model.retype(place, cls)
+            self.starts.discard(place)
+            self.goals.discard(place)
+            if cls != "Place":
+                (self.starts if cls == "Start" else self.goals).add(place)
+        elif roll == 1:
+            shut = dice.chance(30)
+            self.model.set_value(place, SHUT, shut)
+            (self.shut.add if shut else self.shut.discard)(place)
+        elif dice.chance(growing):
+            self._link(place, other, roll < 6)
+        else:
+            self._unlink(dice, roll < 6)
+
+    def _link(self, place: int, other: int, directed: bool) -> None:
+        self.model.link(place, TO if directed else BESIDE, other)
+        if directed:
+            self.to[place, other] = None
+        else:
+            self.beside[place, other] = self.beside[other, place] = None
+
+    def _unlink(self, dice: Dice, directed: bool) -> None:
+        edges = self.to if directed else self.beside
+        if edges:
+            place, other = dice.one(list(edges))
+            self.model.unlink(place, TO if directed else BESIDE, other)
+            edges.pop((place, other))
+            if not directed:
+                edges.pop((other, place), None)
+
+    def state(self) -> tuple[object, ...]:
+        """A copy of the plain data."""
+        return self.to.copy(), self.beside.copy(), self.shut.copy(), self.starts.copy(), self.goals.copy()
+
+    def restore(self, state: tuple[object, ...]) -> None:
+        """Be as in a copy."""
+        self.to, self.beside, self.shut, self.starts, self.goals = state  # type: ignore[assignment]
+
+
+def order(views: ViewMatcher) -> dict[str, list[tuple[object, ...]]]:
+    """The rows of every asked pattern, as they are listed."""
+    return {each.name: list(views.rows(each.name, (FREE,) * len(each.parameters))) for each in ASKED}
+
+
+def assert_as_expected(views: ViewMatcher, shadow: Shadow, kind: str) -> None:
+    expected = shadow.expected(kind)
+    for name, rows in order(views).items():
+        assert len(set(rows)) == len(rows)
+        assert set(rows) == expected[name], name
+    views.check_integrity()
+
+
+def walk(seed: int, kind: str, *sizes: int) -> None:
+    """Edges come and go, one at a time and in batches; some are rolled back."""
+    dice = Dice(seed)
+    shadow = Shadow(dice.one(sizes))
+    library = Library(PLACES)
+    library.add(*STEPS[kind], *ASKED)
+    if dice.chance(60):  # else there is nothing yet when the views are built
+        for _ in range(dice.number(0, 3 * len(shadow.places))):
+            shadow.change(dice, growing=90)
+    views = watched(shadow.model, library)
+    assert_as_expected(views, shadow, kind)
+    for _ in range(dice.number(2, 6)):
+        batch, growing = dice.one([1, 1, 1, 5, len(shadow.places) // 2]), dice.one([10, 50, 90])
+        undone = dice.chance(40)
+        before, state = order(views), shadow.state()
+        savepoint = shadow.model.savepoint()
+        for _ in range(batch):
+            shadow.change(dice, growing)
+        assert_as_expected(views, shadow, kind)
+        if undone:
+            shadow.model.rollback(savepoint)
+            shadow.restore(state)
+            assert order(views) == before
+            assert_as_expected(views, shadow, kind)
+        else:
+            shadow.model.release(savepoint)
+
+
+@pytest.mark.parametrize("kind", STEPS)
+@settings(max_examples=EXAMPLES // 5, suppress_health_check=list(HealthCheck))
+@given(seed=st.integers(0, 2**32))
+def test_closures_of_small_graphs_are_those_of_networkx(kind: str, seed: int) -> None:
+    walk(seed, kind, 3, 6, 12, 24)
+
+
+@pytest.mark.parametrize("kind", STEPS)
+@settings(max_examples=EXAMPLES // 20, suppress_health_check=list(HealthCheck))
+@given(seed=st.integers(0, 2**32))
+def test_closures_of_graphs_with_two_hundred_nodes_are_those_of_networkx(kind: str, seed: int) -> None:
+    walk(seed, kind, 200)
+
+
+# --- grids: what hangs together costs its nodes, not their pairs
+
+CELLS = Metamodel(
+    "cells",
+    (
+        Class(
+            "Cell",
+            features=(
+                Attribute("role", Scalar.STRING),
+                Reference("east", "Cell", 0, 1, opposite="west"),
+                Reference("west", "Cell", 0, 1, opposite="east"),
+                Reference("south", "Cell", 0, 1, opposite="north"),
+                Reference("north", "Cell", 0, 1, opposite="south"),
+            ),
+        ),
+    ),
+)
+EAST, SOUTH = CELLS.references[0], CELLS.references[2]
+
+CELL_STEP = pattern(
+    "step(a : Cell, b : Cell)",
+    *([path(f"Cell.{way}", "a", "b")] for way in ("east", "west", "south", "north")),
+)
+GRID_QUERIES = (
+    CELL_STEP,
+    pattern("loop(a : Cell)", [find("step+", "a", "a")]),
+    pattern(
+        "solvable(a : Cell, b : Cell)",
+        [path("Cell.role", "a", Constant("start")), path("Cell.role", "b", Constant("goal")), find("step+", "a", "b")],
+    ),
+    pattern("fromStart(b : Cell)", [path("Cell.role", "a", Constant("start")), find("step*", "a", "b")]),
+)  # fmt: skip
+
+
+class Grid:
+    """Cells in rows, each linked to its neighbours in both directions; the first is the start, the last the goal."""
+
+    def __init__(self, width: int) -> None:
+        self.model = Model(CELLS)
+        self.width = width
+        self.cells = []
+        with self.model.loading():
+            for number in range(width * width):
+                self.cells.append(self.model.new("Cell"))
+                if number % width:
+                    self.model.link(self.cells[number - 1], EAST, self.cells[number])
+                if number >= width:
+                    self.model.link(self.cells[number - width], SOUTH, self.cells[number])
+            self.model.node(self.cells[0]).role = "start"
+            self.model.node(self.cells[-1]).role = "goal"
+        library = Library(CELLS)
+        library.add(*GRID_QUERIES)
+        self.views = watched(self.model, library)
+
+    def cut(self, row: int, column: int) -> None:
+        """Take all links of a cell away."""
+        node = self.model.node(self.cells[row * self.width + column])
+        node.east = node.west = node.south = node.north = None
+
+    def join(self, row: int, column: int) -> None:
+        """Link a cell with the one to its left."""
+        right = row * self.width + column
+        self.model.link(self.cells[right - 1], EAST, self.cells[right])
+
+    def stored(self) -> int:
+        """Nodes in all reached sets that are held, each set once, and in the indexes of them."""
+        found = 0
+        for operator in self.views._network.operators.values():
+            if isinstance(operator, Reach):
+                found += sum(map(len, {id(each): each for each in operator.reached.values()}.values()))
+                if operator._inverse is not None:
+                    found += sum(map(len, operator._inverse.table.values()))
+        return found
+
+    def count(self, pattern_: str, size: int) -> int:
+        """Number of matches."""
+        return self.views.count(pattern_, (FREE,) * size)
+
+
+def test_a_grid_of_ten_thousand_cells_does_not_store_its_pairs() -> None:
+    grid = Grid(100)
+    cells = 10_000
+    assert grid.count("loop", 1) == grid.count("fromStart", 1) == cells
+    assert grid.count("solvable", 2) == 1
+    assert grid.stored() <= 4 * cells
+    changes: Iterable[tuple[Callable[[int, int], None], int, int, int]] = (
+        (grid.cut, 50, 50, cells - 1),  # from the middle
+        (grid.join, 50, 50, cells),
+        (grid.cut, 0, 99, cells - 1),  # a corner
+        (grid.join, 0, 99, cells),
+        (grid.cut, 99, 99, cells - 1),  # the goal
+    )
+    most = 4 * cells
+    for change, row, column, loops in changes:
+        change(row, column)
+        assert grid.count("loop", 1) == grid.count("fromStart", 1) == loops
+        most += 4 * cells  # a cell that is linked again is alone with its set
+        assert grid.stored() <= most
+    assert grid.count("solvable", 2) == 0
+    grid.join(99, 99)
+    assert grid.count("solvable", 2) == 1
+
+
+def test_a_grid_that_falls_into_halves_and_grows_together_does_not_store_its_pairs() -> None:
+    grid = Grid(40)
+    cells = 1_600
+    savepoint = grid.model.savepoint()
+    for row in range(40):
+        grid.cut(row, 20)
+    assert grid.count("loop", 1) == cells - 40
+    assert grid.count("fromStart", 1) == 20 * 40
+    assert grid.stored() <= 6 * cells
+    for row in range(40):
+        grid.join(row, 20)
+        assert grid.count("loop", 1) == cells - 39 + row
+    assert grid.stored() <= 6 * cells + 40 * 20 * 40
+    grid.views.check_integrity()
+    grid.model.rollback(savepoint)
+    assert grid.count("loop", 1) == cells
+    assert grid.stored() <= 4 * cells
+    grid.views.check_integrity()
