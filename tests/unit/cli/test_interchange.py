@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import pytest
 
 from envgraph.cli import main
+from envgraph.lang import bundled_domain
 
 DATA = Path(__file__).parents[2] / "data" / "emf"
 RAILWAY = (DATA / "railway.xmi", DATA / "railway.vql")
@@ -123,3 +125,23 @@ def test_a_broken_model_as_json_is_told_with_positions(run: Run, tmp_path: Path)
     for name, message in (("dir.json", "this is a directory"), ("empty.json", "the file is empty")):
         code, _, err = run("match", name, DATA / "railway.vql", "posLength", "-m", DATA / "railway.ecore")
         assert code == 1 and message in err
+
+
+def test_a_family_of_files_of_other_tools_is_the_same(run: Run, tmp_path: Path) -> None:
+    directory = tmp_path / "other"
+    shutil.copytree(bundled_domain("burning_forest"), directory)
+    for name, converted in (("target_8x8.model", "target.xmi"), ("burning_forest.metamodel", "forest.ecore")):
+        assert run("convert", directory / name, directory / converted)[0] == 0
+    for path in directory.iterdir():
+        if path.suffix in (".model", ".metamodel"):
+            path.unlink()
+        else:
+            text = path.read_text("utf-8").replace("target_8x8.model", "target.xmi")
+            path.write_text(text.replace("burning_forest.metamodel", "forest.ecore"), "utf-8")
+    assert run("check", directory) == (0, f"no problems in {directory}\n", "")
+    shown = [
+        run("generate", what, "--generations", 30, "--name", f"{n}")
+        for n, what in enumerate(("other", "burning_forest"))
+    ]
+    assert shown[0][0] == 0
+    assert run("show", 0)[1] == run("show", 1)[1]
