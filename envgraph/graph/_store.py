@@ -40,14 +40,17 @@ class Relation:
         plain: single-valued, no containment, and never refuses to replace a target.
         code: the reference's number in the hash.
         added, removing: what follows the links, see `Follower`; called with the ends of the fact.
+        connect, disconnect: see those of `Store`; made by it.
     """
 
     __slots__ = (
         "added",
         "backward",
         "code",
+        "connect",
         "contained",
         "containment",
+        "disconnect",
         "fact",
         "flipped",
         "forward",
@@ -85,6 +88,8 @@ class Relation:
         self.code = reference_code(self.fact)
         self.added: Callable[[int, int], object] | None = None
         self.removing: Callable[[int, int], object] | None = None
+        self.connect: Callable[[int, int], object]
+        self.disconnect: Callable[[int, int], object]
 
     def ends(self, source: int, target: int) -> tuple[int, int]:
         """Source and target of the fact for a link of this reference."""
@@ -183,6 +188,9 @@ class Store:
         self._source_salts, self._target_salts = self.salts
         self._class_codes = tuple(class_code(cls) for cls in metamodel.class_list)
         self._value_codes: tuple[dict[Value, int], ...] = tuple({} for _ in metamodel.attributes)
+        for relation in self.relations:
+            relation.connect = self._connector(relation)
+            relation.disconnect = self._disconnector(relation)
         self.reserve(64)
 
     def reserve(self, count: int) -> None:
@@ -284,29 +292,78 @@ class Store:
 
     def connect(self, relation: Relation, source: int, target: int) -> None:
         """A link that was not there."""
-        self._add(relation.forward, source, target)
-        if not (relation.symmetric and source == target):
-            self._add(relation.backward, target, source)
-        first, second = relation.ends(source, target)
-        self.total += relation.code * self._source_salts[first] * self._target_salts[second]
-        self.revision += 1
-        if relation.added is not None:
-            relation.added(first, second)
-        if self.listeners:
-            self._inserted(LinkFact(relation.fact, first, second))
+        relation.connect(source, target)
 
     def disconnect(self, relation: Relation, source: int, target: int) -> None:
         """A link goes."""
-        first, second = relation.ends(source, target)
-        if relation.removing is not None:
-            relation.removing(first, second)
-        if self.listeners:
-            self._removing(LinkFact(relation.fact, first, second))
-        self._drop(relation.forward, source, target)
-        if not (relation.symmetric and source == target):
-            self._drop(relation.backward, target, source)
-        self.total -= relation.code * self._source_salts[first] * self._target_salts[second]
-        self.revision += 1
+        relation.disconnect(source, target)
+
+    def _connector(self, relation: Relation) -> Callable[[int, int], object]:
+        """Adds links of one reference. Most objects have few of them, so these are dealt with on the spot."""
+        store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
+        forward, backward = relation.forward, relation.backward
+        code, (first_salts, second_salts) = relation.code, self.salts
+
+        def connect(source: int, target: int) -> None:
+            ends = forward[source]
+            if len(ends) < CROWD:
+                forward[source] = (*ends, target)
+                if store.recording:
+                    record((forward, source, ends, SET))
+            else:
+                store._add(forward, source, target)
+            if not (symmetric and source == target):
+                ends = backward[target]
+                if len(ends) < CROWD:
+                    backward[target] = (*ends, source)
+                    if store.recording:
+                        record((backward, target, ends, SET))
+                else:
+                    store._add(backward, target, source)
+            if flipped or (symmetric and source > target):
+                source, target = target, source
+            store.total += code * first_salts[source] * second_salts[target]
+            store.revision += 1
+            if relation.added is not None:
+                relation.added(source, target)
+            if store.listeners:
+                store._inserted(LinkFact(relation.fact, source, target))
+
+        return connect
+
+    def _disconnector(self, relation: Relation) -> Callable[[int, int], object]:
+        """Removes links of one reference."""
+        store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
+        forward, backward = relation.forward, relation.backward
+        code, (first_salts, second_salts) = relation.code, self.salts
+
+        def disconnect(source: int, target: int) -> None:
+            first, second = source, target
+            if flipped or (symmetric and source > target):
+                first, second = target, source
+            if relation.removing is not None:
+                relation.removing(first, second)
+            if store.listeners:
+                store._removing(LinkFact(relation.fact, first, second))
+            ends = forward[source]
+            if len(ends) == 1:
+                forward[source] = ()
+                if store.recording:
+                    record((forward, source, ends, SET))
+            else:
+                store._drop(forward, source, target)
+            if not (symmetric and source == target):
+                ends = backward[target]
+                if len(ends) == 1:
+                    backward[target] = ()
+                    if store.recording:
+                        record((backward, target, ends, SET))
+                else:
+                    store._drop(backward, target, source)
+            store.total -= code * first_salts[first] * second_salts[second]
+            store.revision += 1
+
+        return disconnect
 
     def rename(self, node: int, name: str | None) -> None:
         """The object gets another name, or none. Names are no facts: listeners and hash ignore them."""
