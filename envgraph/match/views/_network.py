@@ -41,7 +41,9 @@ class Network:
 
     def view(self, pattern: str) -> Rows:
         """The operator that holds the matches of a pattern, made if there is none."""
-        return self._growth.view(pattern)
+        view = self._growth.view(pattern)
+        view.asked = True
+        return view
 
     def connect(self) -> None:
         """Make the functions of all operators, and hang them into the store."""
@@ -99,6 +101,8 @@ class Network:
     def held(self, symbol: Held) -> object:
         """What a name in generated source stands for."""
         operator = self.operators[symbol.name]
+        if isinstance(operator, Rows) and symbol.what in ("position", "rows", "group"):
+            operator.asked = True
         match symbol.what, operator:
             case "derive", View():
                 return operator.derive

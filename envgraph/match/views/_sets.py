@@ -60,10 +60,18 @@ class MatchSet(IndexedSet[Row]):
         return super().take(item)
 
     def put(self, item: Row, index: int) -> None:
-        """As `IndexedSet.put`."""
+        """As `IndexedSet.put`; written out, because rollbacks consist of it."""
+        position = self.position
+        if index < len(self):
+            moved = self[index]
+            position[moved] = len(self)
+            self.append(moved)
+            self[index] = item
+        else:
+            self.append(item)
+        position[item] = index
         if self.log is not None:
             self.log.extend((item, True))
-        super().put(item, index)
 
     def add(self, item: Row) -> None:
         """As `IndexedSet.add`."""

@@ -6,6 +6,7 @@ One text for each shape of a view, with nothing in it that the view does not nee
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from types import CodeType
 from typing import TYPE_CHECKING, Any
@@ -31,7 +32,10 @@ def changes(
     """
     groups = list(rows.groups.values())
     shape = tuple((each.positions, each.item) for each in groups)
-    text = _text(shape, counts is not None, rows.added is not None, rows.removing is not None, arity)
+    form = Form(
+        shape, counts is not None, rows.listed, rows.added is not None, rows.removing is not None, arity
+    )
+    text = _text(form)
     namespace: dict[str, Any] = {}
     exec(_code(text), namespace)
     values = {
@@ -56,7 +60,28 @@ def _code(text: str) -> CodeType:
 Shape = tuple[tuple[tuple[int, ...], int | None], ...]
 
 
-def _text(shape: Shape, counted: bool, added: bool, removing: bool, arity: int) -> str:
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What there is to be done when a row comes or goes.
+
+    Attributes:
+        shape: positions of the keys, and of what is kept, of each group.
+        counted: derivations are counted.
+        listed: the rows are kept.
+        added, removing: there are consumers.
+        arity: values in a row.
+    """
+
+    shape: Shape
+    counted: bool
+    listed: bool
+    added: bool
+    removing: bool
+    arity: int
+
+
+def _text(form: Form) -> str:
+    shape = form.shape
     lines = [
         "def build(rows, store, counts, added, removing, tables, adds, drops, queue):",
         "    position = rows.position",
@@ -64,18 +89,18 @@ def _text(shape: Shape, counted: bool, added: bool, removing: bool, arity: int) 
         "    record = store.journal.extend",
         *(f"    table{n}, add{n}, drop{n} = tables[{n}], adds[{n}], drops[{n}]" for n in range(len(shape))),
         "    def gain(row):",
-        *_indented(_gain(shape, counted, added, arity, "return"), 2),
+        *_indented(_gain(form, "return"), 2),
         "    def lose(row):",
-        *_indented(_lose(shape, counted, removing, arity, "return"), 2),
+        *_indented(_lose(form, "return"), 2),
         "    def work():",
         "        entries = queue[:]",
         "        queue.clear()",
         "        both = iter(entries)",
         "        for row, coming in zip(both, both):",
         "            if coming:",
-        *_indented(_gain(shape, counted, added, arity, "continue"), 4),
+        *_indented(_gain(form, "continue"), 4),
         "            else:",
-        *_indented(_lose(shape, counted, removing, arity, "continue"), 4),
+        *_indented(_lose(form, "continue"), 4),
         "    return gain, lose, work",
         "",
     ]
@@ -86,17 +111,23 @@ def _indented(lines: list[str], depth: int) -> list[str]:
     return ["    " * depth + line for line in lines]
 
 
-def _gain(shape: Shape, counted: bool, added: bool, arity: int, leave: str) -> list[str]:
-    lines, record = [], [f"rows, row, None, {OUT}"]
-    if counted:
+def _gain(form: Form, leave: str) -> list[str]:
+    lines = []
+    if form.counted:
         lines += [
             "count = counts.get(row, 0)",
             f"if store.recording: record((counts, row, count, {SET}))",
             "counts[row] = count + 1",
             f"if count: {leave}",
         ]
-    lines += ["position[row] = len(rows)", "append(row)"]
-    for number, (positions, item) in enumerate(shape):
+    if form.listed:
+        lines += [
+            "position[row] = len(rows)",
+            "append(row)",
+            f"if store.recording: record((rows, row, None, {OUT}))",
+            "if rows.log is not None: rows.log.extend((row, True))",
+        ]
+    for number, (positions, item) in enumerate(form.shape):
         key, old = f"key{number}", f"old{number}"
         lines += [
             f"{key} = {_key(positions)}",
@@ -106,18 +137,14 @@ def _gain(shape: Shape, counted: bool, added: bool, arity: int, leave: str) -> l
             f"    if store.recording: record((table{number}, {key}, {old}, {SET}))",
             f"else: add{number}(row)",
         ]
-    lines += [
-        f"if store.recording: record(({', '.join(record)}))",
-        "if rows.log is not None: rows.log.extend((row, True))",
-    ]
-    if added:
-        lines.append(f"added({_values(arity)})")
-    return lines
+    if form.added:
+        lines.append(f"added({_values(form.arity)})")
+    return lines or ["pass"]
 
 
-def _lose(shape: Shape, counted: bool, removing: bool, arity: int, leave: str) -> list[str]:
+def _lose(form: Form, leave: str) -> list[str]:
     lines = []
-    if counted:
+    if form.counted:
         lines += [
             "count = counts[row]",
             f"if store.recording: record((counts, row, count, {SET}))",
@@ -127,9 +154,9 @@ def _lose(shape: Shape, counted: bool, removing: bool, arity: int, leave: str) -
             "if store.recording: counts[row] = 0",
             "else: del counts[row]",
         ]
-    if removing:
-        lines.append(f"removing({_values(arity)})")
-    for number, (positions, item) in enumerate(shape):
+    if form.removing:
+        lines.append(f"removing({_values(form.arity)})")
+    for number, (positions, item) in enumerate(form.shape):
         key, old = f"key{number}", f"old{number}"
         lines += [
             f"{key} = {_key(positions)}",
@@ -140,16 +167,17 @@ def _lose(shape: Shape, counted: bool, removing: bool, arity: int, leave: str) -
             f"    if store.recording: record((table{number}, {key}, {old}, {SET}))",
             f"else: drop{number}(row)",
         ]
-    lines += [
-        "index = discard(row)",
-        "last = pop()",
-        "if index < len(rows):",
-        "    rows[index] = last",
-        "    position[last] = index",
-        f"if store.recording: record((rows, row, index, {IN}))",
-        "if rows.log is not None: rows.log.extend((row, False))",
-    ]
-    return lines
+    if form.listed:
+        lines += [
+            "index = discard(row)",
+            "last = pop()",
+            "if index < len(rows):",
+            "    rows[index] = last",
+            "    position[last] = index",
+            f"if store.recording: record((rows, row, index, {IN}))",
+            "if rows.log is not None: rows.log.extend((row, False))",
+        ]
+    return lines or ["pass"]
 
 
 def _key(positions: tuple[int, ...]) -> str:

@@ -74,6 +74,8 @@ class Wiring:
         for operator in self._growth.operators.values():
             if operator.name in self._queued:
                 operator.added, operator.removing = self._fan(("rows", operator.name), self._arity(operator))
+                if isinstance(operator, View) and self._only_followed(operator):
+                    operator.unlist()
                 self._make(operator)
         self.turns = [
             operator
@@ -84,6 +86,10 @@ class Wiring:
     def _make(self, operator: Operator) -> None:
         if isinstance(operator, View):
             operator.make(self._arity(operator))
+
+    def _only_followed(self, view: View) -> bool:
+        """Whether a view has no readers but closures, which go from group to group."""
+        return bool(view.groups) and not view.asked and all(item is not None for _, item in view.groups)
 
     def _arity(self, operator: Operator) -> int:
         """Values in a tuple of an operator."""
