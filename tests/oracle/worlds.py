@@ -213,12 +213,12 @@ class Scope:
         """An argument: mostly a known variable."""
         known = self.names(type_)
         roll = self.dice.number(0, 9)
+        if not isinstance(type_, ObjectType) and self.dice.chance(25):
+            return self.literal(type_)
         if roll < 6 and known:
             return Variable(self.dice.one(known))
-        if roll < 8 and positive:
+        if roll < 9 and positive:
             return Variable(self.new(type_))
-        if roll < 9 and not isinstance(type_, ObjectType):
-            return self.literal(type_)
         return Variable("_")
 
     def literal(self, type_: AttributeType) -> Constant | EnumLiteral:
@@ -411,11 +411,11 @@ def constraint(scope: Scope) -> Constraint | None:
     """One constraint, or None if the dice want one that is not possible."""
     dice = scope.dice
     roll = dice.number(0, 19)
-    if roll < 10:
+    if roll < 9:
         return relation(scope)
-    if roll < 13:
+    if roll < 12:
         return Negation(relation(scope, positive=False))
-    if roll < 15:
+    if roll < 14:
         name = dice.one(list(scope.variables) or ["_"])
         others = [o for o in scope.names(scope.variables[name]) if o != name] if name != "_" else []
         if not others:
@@ -473,7 +473,7 @@ def body(
                 constraints.append(Comparison("==", Variable(parameter.name), scope.literal(kind)))
     if partners and dice.chance(60):
         constraints.append(call(scope, dice.one(partners), positive=True))
-    for _ in range(dice.number(1, 6)):
+    for _ in range(dice.one([1, 1, 2, 3, 4, 5, 6])):  # of one relation alone is what can be inlined everywhere
         made = constraint(scope)
         if made is not None:
             constraints.append(made)
