@@ -104,6 +104,25 @@ class CompiledMatcher:
         """The specialised function behind `rows`; arguments are not checked, see `Matcher.prepare`."""
         return self._specialised(pattern, bound, Mode.ROWS)
 
+    def lister(self, pattern: str) -> Callable[[], list[Row]]:
+        """All rows."""
+        return self._specialised(pattern, (), Mode.ROWS)
+
+    def tester(self, pattern: str) -> Callable[[Row], bool]:
+        """Whether a row is a match."""
+        types = self._types(pattern)
+        holds = self._specialised(pattern, tuple(range(len(types))), Mode.EXISTS)
+        objects = tuple(p for p, type_ in enumerate(types) if isinstance(type_, ObjectType))
+        classes = self.model.store.classes
+
+        def test(row: Row) -> bool:
+            for position in objects:
+                if classes[row[position]] < 0:  # type: ignore[index]
+                    return False
+            return bool(holds(*row))
+
+        return test
+
     def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
         """The plan of `rows` for values at the bound positions, with estimated rows, and the generated source.
 

@@ -61,6 +61,15 @@ class Matcher(Protocol):
         ids of objects that are alive.
         """
 
+    def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
+        """All rows, to look at before the model changes, and not to be kept: of a watched pattern its own list.
+
+        So a choice among the matches of a watched pattern takes constant time.
+        """
+
+    def tester(self, pattern: str) -> Callable[[Row], bool]:
+        """Whether a row is a match; unchecked, its values must have the right type. Objects may be gone."""
+
 
 def check_bound(library: Library, pattern: str, bound: Collection[int]) -> None:
     """Whether a pattern can be asked with values at these positions alone.

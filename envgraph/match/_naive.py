@@ -93,6 +93,14 @@ class NaiveMatcher:
 
         return rows
 
+    def lister(self, pattern: str) -> Callable[[], list[Row]]:
+        """All rows."""
+        return self.prepare(pattern, ())
+
+    def tester(self, pattern: str) -> Callable[[Row], bool]:
+        """Whether a row is a match."""
+        return lambda row: self.exists(pattern, row)
+
     # --- patterns
 
     def _matches(self, pattern: str, arguments: Arguments) -> list[Row]:

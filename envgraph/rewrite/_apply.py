@@ -42,7 +42,7 @@ def effect_of(plan: RulePlan, model: Model, matcher: Matcher) -> Effect:
 
 def _straight(plan: RulePlan, model: Model) -> Effect:
     body = plan.body
-    writer = Writer(model, "e{}".format, lossy=plan.lossy)
+    writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True)
     endangered = _endangered([body], model.metamodel)
     kept = tuple(slot for slot in body.kept if body.classes[slot] in endangered)
     changes = [*writer.unlink(body), *writer.delete(body)]
@@ -62,16 +62,9 @@ def _straight(plan: RulePlan, model: Model) -> Effect:
         lines += changes
     lines.append(f"return {writer.slots(tuple(range(body.slots)))}")
     unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
-    function = _function("do_apply", "row", [unpack, *lines], writer.namespace)
-
-    def apply(row: Row) -> Sequence[Any]:
-        try:
-            result: Sequence[Any] = function(row)
-        except RuleError as error:
-            raise refusal(plan.name, error) from None
-        return result
-
-    return apply
+    writer.namespace.update(RuleError=RuleError, refused=lambda error: refusal(plan.name, error))
+    caught = ["except RuleError as error:", " raise refused(error) from None"]
+    return _function("do_apply", "row", [unpack, "try:", *map(_indented, lines), *caught], writer.namespace)
 
 
 def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:

@@ -278,7 +278,6 @@ class LeftLowering:
             (body,),
             package=self.rule.package,
             private=True,
-            strategy="search",
             span=span,
         )
         self.patterns.append(pattern)

@@ -80,7 +80,7 @@ class Run:
 
 def apply_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequence[object]] | None:
     """Apply a rule at one of the rows, drawn uniformly; if that is refused, at one of the others."""
-    left = list(rows) if len(rows) > 1 else rows
+    left = rows
     while left:
         number = draw(run.rng, len(left))
         row = left[number]
@@ -109,7 +109,7 @@ def apply_one_of(run: Run, rules: Sequence[RuleRunner]) -> bool | None:
     left = [rule for rule in rules if rule.exists()]
     while left:
         rule = left[draw_weighted(run.rng, [rule.weight for rule in left])]
-        if apply_one(run, rule, rule.all_rows()) is not None:
+        if apply_one(run, rule, rule.live_rows()) is not None:
             return True
         left = [other for other in left if other is not rule]
     return None

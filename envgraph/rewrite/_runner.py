@@ -71,6 +71,8 @@ class RuleRunner(ABC):
         self._free: tuple[object, ...] = (FREE,) * len(shape.names)
         self._prepared: dict[tuple[str, ...], Find] = {}
         self._all: Find | None = None
+        self._live: Find | None = None
+        self._holds: Callable[[Row], bool] | None = None
 
     # --- matches
 
@@ -89,6 +91,16 @@ class RuleRunner(ABC):
             self._all = self.prepare(())
         return self._all()
 
+    def live_rows(self) -> Sequence[Row]:
+        """As `all_rows`, but to be read before the model changes, and not to be kept.
+
+        Takes constant time where the rule is watched (`Engine.watch`).
+        """
+        if self._live is None:
+            self._require(())
+            self._live = self.matcher.lister(self.pattern)
+        return self._live()
+
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
         """Whether there is a match that agrees with the arguments; raises like `rows`."""
         return self.matcher.exists(self.pattern, self._arguments(arguments))
@@ -96,6 +108,12 @@ class RuleRunner(ABC):
     def is_match(self, row: Row) -> bool:
         """Whether a row is a match in the present state."""
         return self.matcher.exists(self.pattern, row)
+
+    def still_holds(self, row: Row) -> bool:
+        """As `is_match`, for a row that has been one: unchecked, and fast."""
+        if self._holds is None:
+            self._holds = self.matcher.tester(self.pattern)
+        return self._holds(row)
 
     def prepare(self, names: tuple[str, ...]) -> Find:
         """`rows` for one set of bound variables, as a fast function of their values in the order of `names`.
@@ -115,8 +133,26 @@ class RuleRunner(ABC):
 
     def pick(self, rng: Randomness, arguments: Mapping[str, object] = NO_ARGUMENTS) -> Row | None:
         """One of the matches, equally likely; None if there is none."""
-        rows = self.rows(arguments)
+        rows = self.rows(arguments) if arguments else self.live_rows()
         return rows[draw(rng, len(rows))] if rows else None
+
+    def once(self, rng: Randomness) -> Row | None:
+        """Apply the rule at one of its matches, equally likely: the fast path of loops, unchecked and unrecorded.
+
+        Watch the rule (`Engine.watch`) and this takes the time of the change, whatever the number of matches.
+
+        Returns:
+            The match; None if there is none.
+
+        Raises:
+            RuleError: the rule is refused there; the model is as before.
+        """
+        rows = self._live() if self._live is not None else self.live_rows()
+        if not rows:
+            return None
+        row = rows[int(rng.random() * len(rows))] if len(rows) > 1 else rows[0]
+        self.fire(row)
+        return row
 
     def _arguments(self, arguments: Mapping[str, object]) -> tuple[object, ...]:
         self._require(arguments)
@@ -225,6 +261,17 @@ class ExactClassRule(GraphRule):
     def all_rows(self) -> Sequence[Row]:
         """All matches."""
         return [(node,) for node in self.model.exact_extent(self._cls)]
+
+    def live_rows(self) -> Sequence[Row]:
+        """All matches."""
+        return self.all_rows()
+
+    def once(self, rng: Randomness) -> Row | None:
+        """Apply the rule at one of its matches."""
+        row = self.pick(rng)
+        if row is not None:
+            self.fire(row)
+        return row
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
         """Whether there is a match."""

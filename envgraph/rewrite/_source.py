@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from sys import maxsize
 from typing import Any
 
 from envgraph.errors import EvaluationError, RuleError
@@ -49,13 +50,20 @@ Namer = Callable[[int], str]
 class Writer:
     """Writes the source of one function, and keeps the constants it names.
 
+    Args:
+        model: that the function changes.
+        slot: what stands for a slot.
+        lossy: SPO.
+        sure: objects are of the classes that the plan says, so that links are changed without a look at them.
+
     Attributes:
         namespace: what the source may refer to.
     """
 
-    def __init__(self, model: Model, slot: Namer, *, lossy: bool) -> None:
+    def __init__(self, model: Model, slot: Namer, *, lossy: bool, sure: bool = False) -> None:
         self.model = model
         self.slot = slot
+        self.sure = sure
         self.semantics = "spo" if lossy else "dpo"
         self.lossy = lossy
         self.namespace: dict[str, Any] = {
@@ -130,8 +138,32 @@ class Writer:
     # --- parts
 
     def _unlink(self, op: Unlink) -> str:
-        source, reference, target = self.slot(op.source), self.constant(op.reference), self.slot(op.target)
-        return f"unlink({source}, {reference}, {target})"
+        return self._take(self.slot(op.source), op.reference, self.slot(op.target))
+
+    def _take(self, source: str, reference: Reference, target: str) -> str:
+        """Remove a link, if it is there."""
+        relation = self.model.store.relations[reference.index]
+        if not self.sure:
+            return f"unlink({source}, {self.constant(reference)}, {target})"
+        forward, disconnect = self.constant(relation.forward), self.constant(relation.disconnect)
+        return f"if {target} in {forward}[{source}]: {disconnect}({source}, {target})"
+
+    def _make(self, source: str, reference: Reference, target: str) -> str:
+        """Add a link, unless it is there."""
+        relation = self.model.store.relations[reference.index]
+        linked = f"link({source}, {self.constant(reference)}, {target})"
+        if not self.sure or relation.containment or relation.contained:
+            return linked
+        forward, backward = self.constant(relation.forward), self.constant(relation.backward)
+        room = []
+        if relation.upper < maxsize:
+            room.append(f"len({forward}[{source}]) < {relation.upper}")
+        if relation.opposite_upper < maxsize:
+            room.append(f"len({backward}[{target}]) < {relation.opposite_upper}")
+        made = f"{self.constant(relation.connect)}({source}, {target})"
+        # Where there is no room `link` says so.
+        whole = f"{made} if {' and '.join(room)} else {linked}" if room else made
+        return f"if {target} not in {forward}[{source}]: {whole}"
 
     def _leave(self, op: Rehome) -> str:
         return f"_leave({self.slot(op.node)}, {self.slot(op.container)}, {self.constant(op.reference)})"
@@ -145,7 +177,7 @@ class Writer:
 
     def _link(self, op: Link) -> str:
         source, target = self.slot(op.source), self.slot(op.target)
-        return f"if {target} is not None: link({source}, {self.constant(op.reference)}, {target})"
+        return f"if {target} is not None:\n {self._make(source, op.reference, target)}"
 
     def _assign(self, op: Assign) -> str:
         node = self.slot(op.object)

@@ -242,7 +242,7 @@ def _apply(rule: RuleRunner, arguments: Mapping[str, _Evaluate], outputs: Mappin
         run.count()
         run.refusal = None
         if find is not None and not names:
-            rows = find()
+            rows = rule.live_rows()
         else:
             bound = _evaluated(arguments, environment)
             if bound is None or not all(alive(bound[name]) for name in objects):  # type: ignore[arg-type]
@@ -280,7 +280,7 @@ def _every(rule: RuleRunner, arguments: Mapping[str, _Evaluate]) -> Action:
         changed = None
         for row in list(find(*bound.values())):
             run.count()
-            if rule.is_match(row):
+            if rule.still_holds(row):
                 try:
                     rule.fire(row)
                 except RuleError as error:

@@ -359,6 +359,26 @@ class ViewMatcher:
 
         return rows
 
+    def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
+        """All rows, as they are held if the pattern is watched."""
+        search = self.demand.lister(pattern)
+
+        def rows() -> Sequence[Row]:
+            view = self._current(pattern)
+            return search() if view is None else view.rows
+
+        return rows
+
+    def tester(self, pattern: str) -> Callable[[Row], bool]:
+        """Whether a row is a match; a watched pattern only has to be looked up."""
+        search = self.demand.tester(pattern)
+
+        def test(row: Row) -> bool:
+            view = self._current(pattern)
+            return search(row) if view is None else row in view.rows.position
+
+        return test
+
     def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
         """How matches are found, see `CompiledMatcher.explain`; of a watched pattern, how they are kept current."""
         if not bound and self._current(pattern) is not None:

@@ -103,3 +103,21 @@ def test_a_prepared_function_takes_the_values_at_the_bound_positions(world: Worl
 
 def test_the_free_marker_reads_as_its_name() -> None:
     assert repr(FREE) == "FREE"
+
+
+def test_rows_can_be_looked_at_without_a_copy(world: World) -> None:
+    look = world.matcher.lister("age")
+    assert sorted(look()) == sorted(world.matcher.rows("age", (FREE, FREE)))
+    world.model["dan"].age = 21
+    assert sorted(look()) == sorted(world.matcher.rows("age", (FREE, FREE)))
+    assert (world.id("dan"), 21) in look()
+
+
+def test_a_row_can_be_tested(world: World) -> None:
+    test, dan = world.matcher.tester("age"), world.id("dan")
+    assert test((dan, 20)) and not test((dan, 21))
+    world.model["dan"].age = 21
+    assert test((dan, 21)) and not test((dan, 20))
+    world.model["dan"].delete("spo")
+    assert not test((dan, 21))
+    assert world.matcher.tester("older")((world.id("ada"), 40))

@@ -290,7 +290,6 @@ def test_a_rule_that_does_not_match_does_nothing() -> None:
         ({"pattern": "number", "update": "finish", "key": ("y",)}, "no variable `y`"),
         ({"pattern": "number", "update": "finish", "key": ("n", "x")}, "is ever updated"),
         ({"pattern": "sought", "appear": "finish"}, "never watched"),
-        ({"pattern": "reset", "appear": "finish"}, "never watched"),
     ],
 )
 def test_wrong_registrations_are_refused(options: dict[str, object], message: str) -> None:
