@@ -26,7 +26,7 @@ def convert_file(file: str, output: Path, metamodel: str | None) -> None:
 
 def read_model(file: str, metamodel: str | None) -> Model:
     """The model of a `.model` or `.xmi` file, or of a JSON file, which needs a metamodel."""
-    paths = [metamodel] if metamodel is not None else []
+    paths = metamodel_paths(metamodel)
     if not file.endswith(".json"):
         workspace = envgraph.lang.load_workspace([*paths, file])
         workspace.raise_errors()
@@ -39,6 +39,15 @@ def read_model(file: str, metamodel: str | None) -> Model:
         raise InvalidArgument("a model as JSON needs a metamodel; name it with --metamodel")
     source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), file)
     return envgraph.lang.parse_model(source, workspace.metamodel)
+
+
+def metamodel_paths(metamodel: str | None) -> list[str]:
+    """The value of `--metamodel`, if it was given."""
+    if metamodel is None:
+        return []
+    if not metamodel.endswith((".ecore", ".metamodel")):
+        raise InvalidArgument(f"`{metamodel}` is no metamodel: its name would end with .ecore or .metamodel")
+    return [metamodel]
 
 
 def model_text(model: Model, output: Path) -> str:

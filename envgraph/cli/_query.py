@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import envgraph.lang
-from envgraph.cli._convert import model_text
+from envgraph.cli._convert import metamodel_paths, model_text
 from envgraph.cli._output import OutputFormat, print_json, print_table
 from envgraph.errors import InvalidArgument, did_you_mean, with_article
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, Match
+
+_NO_MODELS = (".metamodel", ".ecore", ".query", ".vql", ".rules", ".environment")
 
 
 def print_matches(
@@ -36,7 +38,9 @@ def print_matches(
 
 def _open(model: str, definitions: str, metamodel: str | None, seed: int = 0) -> Engine:
     """An engine on a `.model` or `.xmi` file, or on a model as JSON, such as `envgraph apply --output` writes."""
-    paths = [path for path in (metamodel, definitions) if path is not None]
+    if model.endswith(_NO_MODELS):
+        raise InvalidArgument(f"`{model}` is no model; a model is a .model, .xmi or .json file")
+    paths = [*metamodel_paths(metamodel), definitions]
     if not model.endswith(".json"):
         return envgraph.lang.open(*paths, model, seed=seed)
     workspace = envgraph.lang.load_workspace(paths)

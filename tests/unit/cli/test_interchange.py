@@ -101,6 +101,22 @@ def test_what_cannot_be_converted_is_told(run: Run, arguments: tuple[str, str], 
     assert message.replace("names its", "name its") in err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("railway.ecore", "railway.vql", "posLength"), "railway.ecore` is no model"),
+        (("railway.xmi", "railway.vql", "posLength", "-m", "railway.vql"), "`railway.vql` is no metamodel"),
+        (
+            ("railway.xmi", "railway.vql", "posLength", "-m", "rail.ecore"),
+            "rail.ecore:1:1: there is no such file",
+        ),
+    ],
+)
+def test_files_in_the_wrong_place_are_told(run: Run, arguments: tuple[str, ...], message: str) -> None:
+    code, out, err = run("match", *(DATA / one if n < 2 else one for n, one in enumerate(arguments)))
+    assert (code, out) == (1, "") and message in err
+
+
 def test_applying_a_rule_writes_xmi(run: Run, tmp_path: Path) -> None:
     rule = 'package r\nimport "railway"\nrule longer { lhs { s : Segment; check s.length < 0; } '
     (tmp_path / "r.rules").write_text(rule + "modify { set s.length = 7; } }")
