@@ -27,7 +27,7 @@ from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._register import Registration
 from envgraph.rewrite._run import STEP_LIMIT, Run, apply_one_of, draw_weighted
-from envgraph.rewrite._runner import PythonRule, Randomness, RuleRunner, graph_rule
+from envgraph.rewrite._runner import NO_ARGUMENTS, PythonRule, Randomness, RuleRunner, graph_rule
 from envgraph.rewrite._units import UnitBuilder, UnitProgram
 
 if TYPE_CHECKING:
@@ -83,6 +83,7 @@ class Engine:
         self._units: dict[str, UnitProgram] = {}
         self._groups: dict[str, tuple[str, ...]] = {}
         self._choices: dict[tuple[str, ...], _Choice] = {}
+        self._named: dict[str, RuleRunner] = {}
         self._recorders: list[list[Firing]] = []
         self._questions: dict[str, tuple[Shape, str]] = {}
         self._events: Events | None = None
@@ -144,6 +145,7 @@ class Engine:
         """Names may mean something else now."""
         self._choices.clear()
         self._questions.clear()
+        self._named.clear()
 
     def _registration(self, definitions: Sequence[Definition]) -> Registration:
         return Registration(definitions, self.library, self._directory)
@@ -498,9 +500,19 @@ class Engine:
         """What event rules are about to do, in that order."""
         return Agenda(self._events)
 
-    def _holding(self) -> AbstractContextManager[None]:
-        """Event rules fire at the end of the block, not inside it."""
-        return _NOTHING if self._events is None else self._events.held()
+    def _holding(self) -> AbstractContextManager[None] | None:
+        """At the end of the block, not inside it, event rules fire and listeners are told; None if there are none."""
+        if self._events is not None:
+            return self._events.held()
+        matcher = self.matcher
+        return self._telling(matcher) if isinstance(matcher, ViewMatcher) and matcher.heard else None
+
+    @contextmanager
+    def _telling(self, matcher: ViewMatcher) -> Iterator[None]:
+        """Listeners are told at the end: by the model if there was a transaction, but many rules need none."""
+        yield
+        if not self.model.in_transaction:
+            matcher.deliver()
 
     def check_integrity(self) -> None:
         """Assert that model and views hold what a computation from scratch finds; for tests."""
@@ -582,25 +594,31 @@ class Engine:
             InvalidArgument: an unknown rule or variable, or a match of something else.
             RuleError: the match is none any more, or the rule cannot be applied there. The model is as before.
         """
-        with self._holding():
+        holding = self._holding()
+        if holding is None:
+            return self._apply(rule, match, arguments)
+        with holding:
             return self._apply(rule, match, arguments)
 
     def _apply(self, rule: str, match: Match | None, arguments: Mapping[str, object]) -> Application | None:
-        qualified = self._directory.resolve(rule)
-        if qualified in self._groups:
-            return self._apply_group(qualified, match, arguments)
-        runner = self.prepare(rule)
+        runner = self._named.get(rule)
+        if runner is None:
+            qualified = self._directory.resolve(rule)
+            if qualified in self._groups:
+                return self._apply_group(qualified, match, arguments)
+            runner = self._named[rule] = self.prepare(rule)
         if match is not None:
             if arguments:
                 raise InvalidArgument("give a match or arguments, not both")
             row = self._row_of(runner, match)
             result = runner.apply_checked(row)
         else:
-            found = runner.pick(self.rng, self.ids(runner.shape, arguments))
+            found = runner.pick(self.rng, self.ids(runner.shape, arguments) if arguments else NO_ARGUMENTS)
             if found is None:
                 return None
             row, result = found, runner.fire(found)
-        self._record([Firing(runner.name, row)])
+        if self._recorders:
+            self._record([Firing(runner.name, row)])
         return runner.application(row, result)
 
     def _apply_group(
@@ -642,7 +660,7 @@ class Engine:
                 there to go on. The model is as before.
             EvaluationError: the step limit was reached, or a value could not be computed. The model is as before.
         """
-        with self._holding():
+        with self._holding() or _NOTHING:
             qualified = self._directory.resolve(unit)
             if qualified in self._rules:
                 return self._apply(qualified, None, arguments) is not None
@@ -711,9 +729,10 @@ class Engine:
         Raises:
             RuleError: it cannot be applied; the model is as before.
         """
-        if self._events is None:
+        holding = self._holding()
+        if holding is None:
             return self._fire(name, row)
-        with self._events.held():
+        with holding:
             return self._fire(name, row)
 
     def _fire(self, name: str, row: Row) -> tuple[Firing, ...]:
@@ -773,7 +792,7 @@ class Engine:
     def transaction(self) -> Iterator[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it. Transactions nest."""
         lengths = [len(recorder) for recorder in self._recorders]
-        with self._holding():
+        with self._holding() or _NOTHING:
             try:
                 with self.model.transaction() as savepoint:
                     yield savepoint

@@ -238,12 +238,13 @@ class GraphRule(RuleRunner):
 
     def application(self, row: Row, result: Sequence[Any]) -> Application:
         """What people see of an application."""
-        created = {
-            self.plan.body.names[new.node]: self.model.node(result[new.node])
-            for new in self.plan.body.creates
-        }
-        outputs = {name: self._shown(name, result[slot]) for name, slot in self.plan.outputs}
-        return Application(self.name, Match(self.model, self.shape, row), created, outputs)
+        plan = self.plan
+        match = Match(self.model, self.shape, row)
+        if not (plan.outputs or plan.body.creates):
+            return Application(self.name, match, {}, {})
+        created = {plan.body.names[new.node]: self.model.node(result[new.node]) for new in plan.body.creates}
+        outputs = {name: self._shown(name, result[slot]) for name, slot in plan.outputs}
+        return Application(self.name, match, created, outputs)
 
     def _shown(self, name: str, value: Any) -> Node | Value:
         is_object = name not in self.shape.names or self.shape.is_object(self.shape.position(name))

@@ -248,6 +248,11 @@ class ViewMatcher:
                 view.rows.log = None
 
     @property
+    def heard(self) -> bool:
+        """Whether anybody listens."""
+        return bool(self._subscriptions)
+
+    @property
     def telling(self) -> bool:
         """Whether listeners are being told: what they change is told after that."""
         return self._telling

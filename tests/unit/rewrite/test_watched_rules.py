@@ -9,7 +9,7 @@ import pytest
 from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Fact, Model, Node
 from envgraph.rewrite import Engine, Match, Row
-from tests.unit.rewrite.graphs import METAMODEL, chain, engine, snapshot
+from tests.unit.rewrite.graphs import METAMODEL, chain, engine, patterns, snapshot
 
 RULES = """
 rule cut { lhs { a : Item -next-> b : Item; } modify { delete a -next-> b; } }
@@ -168,3 +168,54 @@ def test_a_full_reference_refuses_a_link_of_a_rule() -> None:
         one.apply("pairUp", a=0, b=3)
     assert refused.value.reason == "full" and snapshot(model) == before
     assert [target.id for target in items[0].pair] == [1, 2]
+
+
+def test_listeners_are_told_after_each_outermost_call() -> None:
+    """Also after a rule that needs no transaction of its own."""
+    one, told = engine(RULES, model=chain(6)), []
+    one.listen("cut", lambda came, went: told.append((len(came), len(went))))
+
+    def heard() -> list[tuple[int, int]]:
+        found = told[:]
+        told.clear()
+        return found
+
+    one.apply("cut", a=0)
+    assert heard() == [(0, 1)]
+    one.apply("cut", one.matches("cut", a=1)[0])
+    assert heard() == [(0, 1)]
+    one.run("cut")
+    assert heard() == [(0, 1)]
+    one.run("all_of_them")
+    assert heard() == [(3, 0)]  # two were cut and tied again
+    one.fire("cut", (0, 1))
+    assert heard() == [(0, 1)]
+    one.replay([("cut", (1, 2)), ("tie", (0, 1))])
+    assert heard() == [(1, 1)]
+    with one.transaction():
+        one.apply("cut", a=0)
+        one.fire("cut", (2, 3))
+        assert heard() == []
+    assert heard() == [(0, 2)]
+    assert one.apply("cut", a=0) is None and heard() == []
+
+
+def test_listeners_hear_of_a_function_rule_once() -> None:
+    one, told = engine(RULES, model=chain(4)), []
+    one.add(*patterns("pattern pair(a : Item, b : Item) { Item.next(a, b); }"))
+
+    @one.rule("pair", name="twice")
+    def twice(engine: Engine) -> None:
+        before = len(told)
+        engine.apply("cut")
+        engine.apply("cut")
+        assert len(told) == before
+        if not engine.exists("pair"):
+            raise ZeroDivisionError
+
+    one.listen("pair", lambda came, went: told.append((len(came), len(went))))
+    one.apply("twice")
+    assert told == [(0, 2)]
+    with pytest.raises(ZeroDivisionError):
+        one.apply("twice")
+    assert one.count("pair") == 1 and told == [(0, 2)]
