@@ -74,13 +74,13 @@ class Linker:
     def _resolve_link(self, link: Link) -> None:
         model, reference = self._model, link.reference
         words = link.text.split()
-        targets: list[int] = []
+        targets: dict[int, None] = {}
         for index, word in enumerate(words):
             if ":" in word and "#" not in word and index + 1 < len(words) and "#" in words[index + 1]:
                 continue  # the type of the object that comes next
             target = self._target(link, word)
-            if target is None or target == LOST:
-                continue
+            if target is None or target == LOST or target in targets:
+                continue  # to say it twice is to say it once, as in EMF
             if not self._reading.metamodel.is_a(model.class_of(target), reference.target):
                 self._wrong_class(link, word, target)
             elif reference.upper is not None and len(targets) >= reference.upper:
@@ -88,10 +88,10 @@ class Linker:
                 self._document.report("too-many-targets", message, self._document.where(link, word))
                 break
             else:
-                targets.append(target)
+                targets[target] = None
                 self._add(link, word, target)
         if len(targets) > 1 and reference.opposite is not None:
-            self._lists.append((link.node, reference, targets))
+            self._lists.append((link.node, reference, list(targets)))
 
     def _add(self, link: Link, word: str, target: int) -> None:
         model, reference = self._model, link.reference

@@ -159,6 +159,14 @@ def test_ids_become_names_and_references_use_them() -> None:
     assert 'director="jane"' in text and 'friends="jane"' in text and 'friends="//@members.1"' in text
 
 
+def test_a_target_that_is_named_twice_is_one() -> None:
+    model = library('<members name="a" friends="/0/@members.1 //@members.1"/><members name="b"/>')
+    assert [list(person.friends) for person in model.nodes("Person")] == [
+        [model.nodes("Person")[1]],
+        [model.nodes("Person")[0]],
+    ]
+
+
 def test_a_name_that_is_no_id_is_not_used_in_references() -> None:
     model = library('<members name="Jane"/><members name="Max"/>')
     jane, other = model.nodes("Person")
