@@ -271,6 +271,9 @@ class Growth:
             return goal
         if isinstance(relation, ClosureAtom):
             raise NotIncremental
+        reached = self._plain_closure(relation)
+        if reached is not None and goal.function == "count" and len(local) == 1 and len(set(called)) == 2:
+            return self._number_reached(body, goal, reached, place)
         if isinstance(relation, CallAtom):
             self._usable(relation.pattern)
         fixed = {number for number, _ in body.constants}
@@ -287,17 +290,49 @@ class Growth:
         self._enter(fold)
         return replace(goal, relation=CallAtom(fold.name, columns))
 
+    def _plain_closure(self, relation: Relation) -> ClosureAtom | None:
+        """The closure that a called pattern is, if it is nothing else."""
+        if not isinstance(relation, CallAtom) or self.calls.recursive(relation.pattern):
+            return None
+        bodies = self._simplifier.conjunctions(relation.pattern)
+        if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
+            return None
+        (goal,) = bodies[0].goals
+        heads = bodies[0].parameters
+        if not isinstance(goal, ClosureAtom) or len(set(heads)) < len(heads):
+            return None
+        numbers = dict(zip(heads, relation.arguments, strict=True))
+        if {goal.source, goal.target} != set(heads):
+            return None
+        return replace(goal, source=numbers[goal.source], target=numbers[goal.target])
+
+    def _number_reached(
+        self, body: Conjunction, goal: AggregateAtom, reached: ClosureAtom, place: str
+    ) -> Goal:
+        """How many a start reaches: from the starts that the rest of the body asks for, not from all."""
+        forward = reached.target in goal.local
+        closure = self._closure(body, reached, place, forward)
+        source = self.operators[closure.step]
+        assert isinstance(source, Reach)
+        fold = Fold(f"{place}/count", source, (0 if forward else 1,), "count", None)
+        self._enter(fold)
+        ends = (reached.source, reached.target)
+        return replace(goal, relation=CallAtom(fold.name, ends))
+
     # --- closures
 
-    def _closure(self, body: Conjunction, goal: ClosureAtom, place: str) -> ClosureAtom:
-        """A closure from those starts that the rest of the body asks for."""
+    def _closure(
+        self, body: Conjunction, goal: ClosureAtom, place: str, direction: bool | None = None
+    ) -> ClosureAtom:
+        """A closure from those starts that the rest of the body asks for, in the given direction if there is one."""
         link = self._link_of(goal.step)
         if link is None:
             self._usable(goal.step)
         reflexive = goal.closure is Closure.STAR
         types = self.library.parameter_types(goal.step)
         both = not reflexive or types[0] == types[1]
-        options = [self._starts(body, goal, forward, place) for forward in (True, False) if forward or both]
+        possible = (True, False) if direction is None else (direction,)
+        options = [self._starts(body, goal, forward, place) for forward in possible if forward or both]
         asked = [option for option in options if option is not None]
         if not asked:
             raise NotIncremental

@@ -6,8 +6,8 @@ While the functions of its consumers run, a changed tuple is present: it comes, 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Any, Protocol
 
 from envgraph.graph import SET, Store
 from envgraph.match._aggregates import aggregate
@@ -74,6 +74,11 @@ class Rows(Operator):
         if not self.listed:
             return float(sum(map(len, next(iter(self.groups.values())).table.values())))
         return float(len(self.rows))
+
+    def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
+        """The tuples under the values at some positions, for an aggregate."""
+        self.asked = True
+        return self.group(positions).table
 
     def unlist(self) -> None:
         """Keep nothing but the groups."""
@@ -225,6 +230,16 @@ class Evaluated(Rows):
         self.set_rows(self._evaluate())
 
 
+class Grouped(Protocol):
+    """What can be aggregated."""
+
+    name: str
+    store: Store
+
+    def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
+        """The tuples under the values at some positions."""
+
+
 class Fold(Operator):
     """The value of an aggregate for each group of a view; a group that is not there has the value of nothing.
 
@@ -238,7 +253,7 @@ class Fold(Operator):
     """
 
     def __init__(
-        self, name: str, source: Rows, group: tuple[int, ...], function: str, column: int | None
+        self, name: str, source: Grouped, group: tuple[int, ...], function: str, column: int | None
     ) -> None:
         super().__init__(name, source.store)
         self.source = source
@@ -246,7 +261,7 @@ class Fold(Operator):
         self.column = column
         self.empty = aggregate(function, [])
         self.values: dict[Row, Any] = {}
-        self._table = source.group(group).table
+        self._table = source.group_table(group)
         self._bare = len(group) == 1
         self.group = group
         self._dirty: dict[Row, None] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import filterfalse
 from typing import Any, Final, Protocol
 
@@ -101,6 +101,11 @@ class Reach(Operator):
 
     def size(self) -> float:
         return float(sum(len(self.reached[start]) for (start,) in self.begun))
+
+    def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
+        """What each start reaches, for counting."""
+        assert positions == ((0,) if self.forward else (1,))
+        return self.reached
 
     # --- what it hears
 
