@@ -80,19 +80,23 @@ def values_of(engine: Engine, pattern: str, rows: list[Row]) -> list[Row]:
     return [*rows[:1], *rows[-1:], *([others] if fits else [])]
 
 
-@pytest.mark.parametrize("file", FILES)
-def test_the_matchers_agree_on_every_binding_before_and_after_edits(file: str) -> None:
-    engine = engine_of(file)
-    compiled, naive, views = (make(engine.model, engine.library) for make in MATCHERS)
+def edits_of(engine: Engine) -> list[Callable[[], object]]:
+    """Changes of the harbour, to be made one after the other; the first one is none."""
     ada, cyd, dan = (engine.model[name] for name in ("ada", "cyd", "dan"))
-    edits: list[Callable[[], object]] = [
+    return [
         lambda: None,
         lambda: setattr(dan, "at", ada.at),
         lambda: setattr(ada, "length", 60),
         lambda: engine.model.delete(cyd.id, "spo"),
         lambda: ada.at.next.remove(ada.at),
     ]
-    for edit in edits:
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_the_matchers_agree_on_every_binding_before_and_after_edits(file: str) -> None:
+    engine = engine_of(file)
+    compiled, naive, views = (make(engine.model, engine.library) for make in MATCHERS)
+    for edit in edits_of(engine):
         edit()
         for name in names_in(file):
             assert_agree(engine, compiled, naive, f"harbour.{name}")
@@ -115,3 +119,30 @@ def assert_agree(engine: Engine, compiled: Matcher, naive: Matcher, pattern: str
 def test_the_files_have_every_row_that_is_expected() -> None:
     known = {f"{file}.{name}" for file in FILES for name in names_in(file)}
     assert set(EXPECTED) <= known
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_views_of_every_construct_follow_edits_and_rollbacks(file: str) -> None:
+    engine = engine_of(file)
+    naive = NaiveMatcher(engine.model, engine.library)
+    watchable = [
+        f"harbour.{name}"
+        for name in names_in(file)
+        if not engine.library.inputs(f"harbour.{name}")
+        and engine.library.get(f"harbour.{name}").strategy != "search"
+    ]
+    engine.watch(*watchable)
+    before = snapshot(engine.matcher, engine.library, watchable)
+    savepoint = engine.model.savepoint()
+    for edit in edits_of(engine):
+        edit()
+        found = snapshot(engine.matcher, engine.library, watchable)
+        expected = snapshot(naive, engine.library, watchable)
+        assert {name: sorted(rows) for name, rows in found.items()} == expected
+    engine.model.rollback(savepoint)
+    assert snapshot(engine.matcher, engine.library, watchable) == before
+
+
+def snapshot(matcher: Matcher, library: Library, patterns: list[str]) -> dict[str, list[Row]]:
+    """The rows of patterns, in order."""
+    return {name: list(matcher.rows(name, (FREE,) * len(library.parameter_types(name)))) for name in patterns}
