@@ -35,10 +35,15 @@ from envgraph.metamodel import (
     type_name,
 )
 
-_FEATURE_ANNOTATIONS = ("derived",)
-_PLACES = dict.fromkeys(("key", "glyph", "frozen"), "classes") | dict.fromkeys(
-    _FEATURE_ANNOTATIONS, "features"
-)
+_REFERENCE_ANNOTATIONS = ("derived", "frozen")
+_ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range")
+_PLACES = {
+    "key": "classes",
+    "glyph": "classes",
+    "derived": "features",
+    "frozen": "classes and features",
+    "range": "attributes",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +189,7 @@ class _Reader:
 
     def _attribute(self, tree: Tree[Token]) -> Attribute | None:
         type_token, name = tokens(tree.children, "NAME")
-        annotations = self._annotations(tree, _FEATURE_ANNOTATIONS)
+        annotations = self._annotations(tree, _ATTRIBUTE_ANNOTATIONS)
         type_ = self._type(type_token, name)
         if type_ is None:
             self.lost.add(str(name))
@@ -256,7 +261,7 @@ class _Reader:
         self._error("wrong-type", f"default of `{name}` is not of type `{type_name(type_)}`", tree, hint)
 
     def _reference(self, tree: Tree[Token]) -> Reference:
-        annotations = self._annotations(tree, _FEATURE_ANNOTATIONS)
+        annotations = self._annotations(tree, _REFERENCE_ANNOTATIONS)
         target, name, *opposite = tokens(tree.children, "NAME")
         multiplicity = trees(tree.children, "multiplicity")
         lower, upper = self._bounds(multiplicity[0]) if multiplicity else (1, 1)

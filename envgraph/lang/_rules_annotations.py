@@ -35,6 +35,8 @@ def marks_of(reading: Reading, tree: Tree[Token]) -> Marks:
         reading.once(f"`@{name}`", (part for part in parts if part.children[0] == name))
     for part in parts:
         read = _READERS.get(str(part.children[0]))
+        if read is _weight and tree.data == "derivation":
+            read = _weights
         if read is not None:
             read(reading, part, marks)
     return marks
@@ -50,6 +52,14 @@ def _weight(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
         reading.error("bad-annotation", f"a weight is a number above 0, not {number:g}", value, hint)
     else:
         marks.weight = float(number)
+
+
+def _weights(reading: Reading, tree: Tree[Token], marks: Marks) -> None:
+    """As `_weight`; the named weights of kinds of operators stay for the check of the derivation."""
+    arguments = [part for part in tree.children[1:] if isinstance(part, Tree)]
+    plain = [part for part in arguments if part.data != "annotation_named"]
+    if plain or not arguments:
+        _weight(reading, Tree(tree.data, [tree.children[0], *plain], tree.meta), marks)
 
 
 def _priority(reading: Reading, tree: Tree[Token], marks: Marks) -> None:

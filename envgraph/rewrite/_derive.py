@@ -5,26 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import permutations
 
-from envgraph.errors import Diagnostic, Span, did_you_mean
+from envgraph.errors import Diagnostic, Span, did_you_mean, has_errors
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, LeftSide, Modification, Retype, Rule, TypeConstraint, Variable
+from envgraph.rewrite._derive_operators import Derived, check_operators, operators
 from envgraph.rewrite._header import check_annotations, check_weight
 
-DERIVATION_ANNOTATIONS = ("weight",)
+ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
 
 
 def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagnostic]:
     """All errors and warnings of a derivation."""
     problems = [
         *check_weight(derivation.weight, derivation.annotations, derivation.span),
-        *check_annotations(derivation.annotations, DERIVATION_ANNOTATIONS),
+        *check_annotations(derivation.annotations, ANNOTATIONS[derivation.kind]),
         *_check_classes(derivation, metamodel),
     ]
     if derivation.kind == "operators":
-        message = "`operators for` is not supported yet"
-        hint = "write the rules, or derive retypings: `derive name = retype among { A, B };`"
-        problems.append(Diagnostic("not-supported", message, derivation.span, hint))
-    elif len(set(derivation.classes)) < 2:
+        if not has_errors(problems):
+            problems += check_operators(derivation, metamodel)
+        return problems
+    for annotation in derivation.annotations:
+        if annotation.name == "weight" and annotation.named:
+            message = "a group of retypings has one weight: all its rules are of one kind"
+            problems.append(Diagnostic("bad-annotation", message, annotation.span, "write `@weight(2.0)`"))
+    if len(set(derivation.classes)) < 2:
         message = f"`{derivation.name}` needs at least two classes to retype among"
         problems.append(Diagnostic("too-few-classes", message, derivation.span))
     return problems
@@ -52,11 +57,23 @@ def _class_span(derivation: Derivation, position: int) -> Span | None:
     return derivation.class_spans[position] if position < len(derivation.class_spans) else derivation.span
 
 
-def derived_rules(derivation: Derivation) -> tuple[Rule, ...]:
-    """The rules of a derivation without errors: one for each ordered pair of classes, in the order of the text.
+def derived(derivation: Derivation, metamodel: Metamodel) -> Derived:
+    """What a derivation without errors stands for: rules, and the patterns that they call."""
+    if derivation.kind == "operators":
+        return operators(derivation, metamodel)
+    return Derived((), _retypings(derivation))
 
-    The left class matches exactly, without subclasses.
+
+def derived_rules(derivation: Derivation, metamodel: Metamodel) -> tuple[Rule, ...]:
+    """The rules of a derivation without errors.
+
+    For `retype among` one for each ordered pair of classes, in the order of the text, where the left class matches
+    exactly, without subclasses. For `operators for` see `docs/languages/rules.md`.
     """
+    return derived(derivation, metamodel).rules
+
+
+def _retypings(derivation: Derivation) -> tuple[Rule, ...]:
     return tuple(
         Rule(
             f"{derivation.name}.{before}.{after}",

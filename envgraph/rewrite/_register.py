@@ -10,7 +10,8 @@ from typing import Final, TypeVar
 from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors, sort_diagnostics
 from envgraph.pattern import Derivation, Library, Pattern, Rule, Unit, static_type
 from envgraph.rewrite._check import CheckedRule, examine
-from envgraph.rewrite._derive import check_derivation, derived_rules
+from envgraph.rewrite._derive import check_derivation, derived
+from envgraph.rewrite._derive_operators import Derived
 from envgraph.rewrite._header import left_problems
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._plan import RulePlan
@@ -37,8 +38,15 @@ class Registration:
     """
 
     def __init__(self, definitions: Sequence[Definition], library: Library, directory: Directory) -> None:
-        self._patterns = [d for d in definitions if isinstance(d, Pattern)]
         self._definitions = [d for d in definitions if not isinstance(d, Pattern)]
+        self._derivations = {
+            id(d): check_derivation(d, library.metamodel)
+            for d in self._definitions
+            if isinstance(d, Derivation)
+        }
+        self._derived = self._derive(library, directory)
+        self._patterns = [d for d in definitions if isinstance(d, Pattern)]
+        self._patterns += [pattern for made in self._derived.values() for pattern in made.patterns]
         self._before = directory
         self._library = library
         self.directory = Directory(directory.signatures.values())
@@ -62,6 +70,18 @@ class Registration:
     def plans(self) -> list[RulePlan]:
         """See above; complete if there are no errors."""
         return [checked.plan for checked in self._rules if checked.plan is not None]
+
+    def _derive(self, library: Library, directory: Directory) -> dict[str, Derived]:
+        """What the derivations without errors stand for; of namesakes the first."""
+        found: dict[str, Derived] = {}
+        taken = {*directory.signatures, *library.names()}
+        for definition in self._definitions:
+            name = definition.qualified_name
+            if not isinstance(definition, Derivation) or name in taken or name in found:
+                continue
+            if not has_errors(self._derivations[id(definition)]):
+                found[name] = derived(definition, library.metamodel)
+        return found
 
     def _with_patterns(self, problems: Sequence[Diagnostic]) -> Library:
         """The library as it will be, without the patterns that have errors."""
@@ -136,11 +156,11 @@ class Registration:
         return any(f"`{name}`" in problem.message for name in self._broken)
 
     def _check_derivation(self, derivation: Derivation, library: Library) -> list[Diagnostic]:
-        problems = check_derivation(derivation, library.metamodel)
+        problems = self._derivations[id(derivation)]
         name, weight = derivation.qualified_name, derivation.weight
         self.directory.add(Signature(name, "group", derivation.package, weight=weight))
-        if not has_errors(problems):
-            rules = derived_rules(derivation)
+        if name in self._derived:
+            rules = self._derived.pop(name).rules
             self.groups[name] = tuple(rule.qualified_name for rule in rules)
             for rule in rules:
                 # Warnings would come once for each member, and the members have no text of their own.

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from random import Random
 from typing import Any
 
 from hypothesis import strategies as st
 
 from envgraph.errors import RuleError
-from envgraph.graph import Model
+from envgraph.graph import Model, check_conformance
 from envgraph.metamodel import (
+    Annotation,
     Attribute,
     AttributeType,
     Class,
@@ -174,3 +176,87 @@ def models(draw: st.DrawFn) -> Model:
     for kind in draw(st.lists(st.sampled_from((*EDITS, "new", "link")), max_size=25)):
         edit(draw, model, kind)
     return model
+
+
+# --- metamodels and valid models for derived operators
+
+_BOUNDS = [(0, 1), (1, 1), (0, None), (1, None), (0, 2), (1, 2), (2, 2), (2, None), (1, 3), (2, 3)]
+
+
+@st.composite
+def bounded_metamodels(draw: st.DrawFn) -> Metamodel:
+    """One to four classes with references of every kind, all bounds at both ends, frozen parts, small attributes."""
+    names = [f"C{i}" for i in range(draw(st.integers(1, 4)))]
+    features: dict[str, list[Attribute | Reference]] = {name: [] for name in names}
+    for number in range(draw(st.integers(0, 2))):
+        type_ = draw(st.sampled_from([COLOUR, Scalar.BOOL, Scalar.INT]))
+        bounds = (Annotation("range", (0, 2)),) if type_ is Scalar.INT else ()
+        features[draw(st.sampled_from(names))].append(Attribute(f"a{number}", type_, annotations=bounds))
+    for number in range(draw(st.integers(1, 4))):
+        owner, target = draw(st.sampled_from(names)), draw(st.sampled_from(names))
+        pair = draw(_bounded_relations(f"r{number}", owner, target))
+        for name, reference in zip((owner, target), pair, strict=False):
+            features[name].append(reference)
+    classes = [
+        Class(
+            name,
+            abstract=name != names[-1] and draw(st.integers(0, 5)) == 0,
+            supertypes=tuple(
+                draw(st.lists(st.sampled_from(names[:i]), unique=True, max_size=2)) if i else ()
+            ),
+            features=tuple(features[name]),
+            frozen=draw(st.integers(0, 15)) == 15,
+        )
+        for i, name in enumerate(names)
+    ]
+    return Metamodel("bounded", classes, (COLOUR,))
+
+
+@st.composite
+def _bounded_relations(draw: st.DrawFn, name: str, owner: str, target: str) -> list[Reference]:
+    lower, upper = draw(st.sampled_from(_BOUNDS))
+    frozen = (Annotation("frozen"),) if draw(st.integers(0, 15)) == 15 else ()
+    kind = draw(st.sampled_from(["plain", "containment", "opposite", "opposite", "container", "symmetric"]))
+    if kind == "symmetric":
+        return [Reference(name, owner, lower, upper, opposite=name, annotations=frozen)]
+    contains = kind in ("containment", "container")
+    if kind in ("plain", "containment"):
+        return [Reference(name, target, lower, upper, contains, annotations=frozen)]
+    back_lower, back_upper = draw(st.sampled_from(_BOUNDS[:2] if contains else _BOUNDS))
+    return [
+        Reference(name, target, lower, upper, contains, f"{name}b", annotations=frozen),
+        Reference(f"{name}b", owner, back_lower, back_upper, opposite=name),
+    ]
+
+
+def valid_model(metamodel: Metamodel, random: Random, size: int) -> Model:
+    """A random model that conforms: random objects, repaired for some rounds; what is still wrong then goes."""
+    model = Model(metamodel)
+    concrete = [cls.name for cls in metamodel.class_list if not cls.abstract]
+    for _ in range(size):
+        model.new(random.choice(concrete))
+    for _ in range(8):
+        for violation in check_conformance(model):
+            if model.alive(violation.node) and isinstance(violation.feature, Reference):
+                _repair(model, random, violation.node, violation.feature, most=3 * size + 4)
+    for _ in range(random.randint(0, 2 * size)):
+        reference = random.choice(metamodel.references)
+        sources, targets = list(model.extent(reference.owner)), list(model.extent(reference.target))
+        if sources and targets:
+            with suppress(RuleError):
+                model.link(random.choice(sources), reference, random.choice(targets))
+    while wrong := [violation.node for violation in check_conformance(model)]:
+        model.delete(random.choice(wrong), "spo")
+    return model
+
+
+def _repair(model: Model, random: Random, node: int, reference: Reference, most: int) -> None:
+    """One target more: an object that is there, else a new one."""
+    candidates = list(model.extent(reference.target))
+    for candidate in random.sample(candidates, len(candidates)):
+        with suppress(RuleError):
+            if model.link(node, reference, candidate):
+                return
+    classes = model.metamodel.concrete(reference.target)
+    if classes and len(model) < most:
+        model.new(random.choice(classes))

@@ -20,8 +20,6 @@ CITIES = ("Amsterdam", "Berlin", "Budapest", "Geneva", "Lisbon")
 
 def loaded() -> tuple[Engine, Behaviour]:
     texts = {path.name: path.read_text() for path in FILES.iterdir() if path.suffix != ".toml"}
-    # The mutations of the family play no part here.
-    texts["network.rules"] = texts["network.rules"].replace("derive wiring = operators for Link;", "")
     workspace = load_workspace(["backbone.model", "network.environment"], files=TextFiles(texts))
     return workspace.engine(), workspace.behaviour()
 

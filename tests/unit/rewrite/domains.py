@@ -43,11 +43,10 @@ model two_rooms : keydoor {
 
 
 def domain(name: str, model: str) -> Engine:
-    """An engine on a model of a domain with all its rules but generated operators, which are not there yet."""
+    """An engine on a model of a domain with all its rules."""
     texts = {}
     for suffix in ("metamodel", "query", "rules"):
         texts[f"{name}.{suffix}"] = (FILES[name] / f"{name}.{suffix}").read_text()
-    texts["network.rules"] = texts.get("network.rules", "").replace("derive wiring = operators for Link;", "")
     path = FILES[name] / f"{model}.model"
     texts[f"{model}.model"] = TWO_ROOMS if model == "two_rooms" else path.read_text()
     files = TextFiles(texts)

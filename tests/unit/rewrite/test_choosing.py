@@ -80,7 +80,7 @@ def test_unknown_names_are_refused() -> None:
 
 
 def test_a_derivation_has_a_rule_for_each_ordered_pair_in_order() -> None:
-    rules = derived_rules(Derivation("d", "retype", ("A", "B", "C"), package="p", weight=2.0))
+    rules = derived_rules(Derivation("d", "retype", ("A", "B", "C"), package="p", weight=2.0), METAMODEL)
     assert [rule.qualified_name for rule in rules] == [
         "p.d.A.B",
         "p.d.A.C",
@@ -116,7 +116,11 @@ def test_retypings_keep_identity() -> None:
         ("derive d = retype among { Item, Thing };", "abstract-class", "Thing"),
         ("derive d = retype among { Item, Special, Item };", "duplicate-definition", "Item"),
         ("derive d = retype among { Item };", "too-few-classes", "d"),
-        ("derive d = operators for Item;", "not-supported", "d"),
+        ("derive d = operators for Itm;", "unknown-type", "Itm"),
+        ("@weight(swop = 2) derive d = operators for Item;", "bad-annotation", "2"),
+        ("@weight(swap = -1) derive d = operators for Item;", "bad-weight", "-1"),
+        ("@weight(swap = 2) derive d = retype among { Item, Special };", "bad-annotation", "@weight(swap = 2)"),
+        ("@cap(0) derive d = operators for Item;", "bad-annotation", "@cap(0)"),
         ("@priority(2) derive d = retype among { Item, Special };", "unknown-annotation", "@priority(2)"),
     ],
 )

@@ -1,0 +1,251 @@
+"""What `derive name = operators for Class;` gives, by example."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from envgraph.errors import Source
+from envgraph.graph import Model, check_conformance
+from envgraph.lang import TextFiles, load_workspace
+from envgraph.lang._metamodel import read_metamodel
+from envgraph.lang._parsing import parse
+from envgraph.metamodel import Metamodel
+from envgraph.pattern import Derivation
+from envgraph.rewrite import Engine, derived_rules
+from tests.unit.rewrite.domains import domain
+from tests.unit.test_docs import GARDEN
+
+PAGE = Path(__file__).parents[3] / "docs" / "languages" / "rules.md"
+
+
+def metamodel(text: str) -> Metamodel:
+    found = read_metamodel(parse("metamodel", Source("m.metamodel", f"metamodel m\n{text}")))
+    assert found.metamodel is not None, [str(diagnostic) for diagnostic in found.diagnostics]
+    return found.metamodel
+
+
+def names(text: str, *classes: str) -> list[str]:
+    return [rule.name for rule in derived_rules(Derivation("d", "operators", classes), metamodel(text))]
+
+
+def engine(text: str, *classes: str) -> Engine:
+    """An engine on an empty model with the operators of some classes as group `d`."""
+    made = Engine(Model(metamodel(text)))
+    made.add(Derivation("d", "operators", classes))
+    return made
+
+
+# --- which there are
+
+
+def test_the_page_lists_the_operators_of_its_example() -> None:
+    garden = load_workspace(["garden.rules"], files=TextFiles(GARDEN)).engine()
+    shown = re.findall(r"`(hoses\.[\w.]+)`", PAGE.read_text(encoding="utf-8"))
+    assert [f"garden.{name}" for name in shown] == sorted(
+        garden.group("hoses"), key=lambda n: shown.index(n[7:])
+    )
+
+
+def test_operators_of_a_network() -> None:
+    made = domain("network", "backbone")
+    counts = {name.removeprefix("network.wiring."): made.count(name) for name in made.group("wiring")}
+    assert counts == {
+        "create.Link.links": 25,
+        "delete.Link": 9,
+        "change.Link.from.target": 36,
+        "change.Link.to.target": 36,
+        "swap.Link.from": 62,
+        "swap.Link.to": 64,
+        "swap.Link.links": 0,
+        "move.Link.links": 0,
+        "set.Link.up": 9,
+    }
+
+
+def test_exact_bounds_leave_swaps_alone() -> None:
+    text = "class A { refers B[2] e opposite f } class B { refers A[2] f opposite e }"
+    assert names(text, "A") == [
+        "d.create.A.with.B.B.A",
+        "d.delete.A",
+        "d.delete.A.with.B.B.A",
+        "d.swap.A.e",
+    ]
+
+
+def test_opposites_in_one_class_have_operators_once() -> None:
+    text = "class T { refers T[0..1] left opposite right refers T[0..1] right opposite left }"
+    assert [name for name in names(text, "T") if "create" not in name and "delete" not in name] == [
+        "d.add.T.left",
+        "d.remove.T.left",
+        "d.change.T.left.source",
+        "d.change.T.left.target",
+        "d.swap.T.left",
+    ]
+
+
+def test_kinds_share_their_weight_and_may_be_left_out() -> None:
+    text = "class A { bool b bool c refers A[0..*] e }"
+    rules = Engine(Model(metamodel(text)))
+    rules.add(Derivation("d", "operators", ("A",), weight=2.0))
+    assert rules.prepare("d.set.A.b").weight == 1.0
+    assert rules.prepare("d.add.A.e").weight == 2.0
+
+
+def test_the_same_text_gives_the_same_rules() -> None:
+    text = "class A { contains B[1..3] parts refers B[1] first } class B extends A"
+    one, two = (derived_rules(Derivation("d", "operators", ("A", "B")), metamodel(text)) for _ in range(2))
+    assert one == two
+
+
+# --- what they do
+
+
+def test_what_cannot_be_without_each_other_comes_and_goes_together() -> None:
+    made = engine("class A { refers B[1] b opposite a } class B { refers A[1] a opposite b }", "A")
+    made.apply("d.create.A.with.B")
+    assert [(node.cls, len(made.model)) for node in made.model.nodes("A")] == [("A", 2)]
+    assert not made.exists("d.delete.A")
+    made.apply("d.delete.A.with.B")
+    assert len(made.model) == 0
+
+
+def test_a_new_object_takes_what_others_can_spare_and_gives_it_back() -> None:
+    text = "class A { refers B[1..*] b opposite a } class B { refers A[1] a opposite b }"
+    made = engine(text, "A", "B")
+    made.apply("d.create.A.with.B")
+    assert not made.exists("d.create.A.stealing.b")
+    made.apply("d.create.B")
+    made.apply("d.create.A.stealing.b")
+    assert [len(node.b) for node in made.model.nodes("A")] == [1, 1]
+    made.apply("d.delete.A.spreading.b")
+    assert [len(node.b) for node in made.model.nodes("A")] == [2]
+
+
+def test_rehoming_sends_everything_to_one_other_object() -> None:
+    made = engine("class Hub class Spoke { refers Hub[1] hub }", "Hub", "Spoke")
+    one, two = made.model.create("Hub"), made.model.create("Hub")
+    spokes = [made.model.create("Spoke", hub=one) for _ in range(3)]
+    assert made.matches("d.delete.Hub") == made.matches("d.delete.Hub", hub=two)
+    made.apply("d.delete.Hub.rehoming", hub=one)
+    assert [spoke.hub for spoke in spokes] == [two] * 3
+    assert not made.exists("d.delete.Hub.rehoming")
+
+
+def test_what_is_inside_goes_along_unless_somebody_outside_needs_it() -> None:
+    text = """
+    class Box { contains Ball[1..*] balls }
+    class Ball { }
+    class Dog { refers Ball[1] toy }
+    """
+    made = engine(text, "Box")
+    ball = made.model.create("Ball")
+    made.model.create("Box", balls=[ball])
+    dog = made.model.create("Dog", toy=ball)
+    assert not made.exists("d.delete.Box")
+    other = made.model.create("Ball")
+    made.model.create("Box", balls=[other])
+    dog.toy = other
+    made.apply("d.delete.Box")
+    assert len(made.model) == 3 and dog.toy == other
+
+
+def test_two_parts_that_somebody_needs_one_of_do_not_go_together() -> None:
+    text = "class Box { contains Ball[0..*] balls } class Ball class Dog { refers Ball[1..*] toys }"
+    made = engine(text, "Box")
+    balls = [made.model.create("Ball") for _ in range(2)]
+    made.model.create("Box", balls=balls)
+    made.model.create("Dog", toys=balls)
+    assert not made.exists("d.delete.Box")
+
+
+def test_objects_do_not_move_into_what_they_contain() -> None:
+    made = engine("class Folder { contains Folder[0..*] inside }", "Folder")
+    top, middle, leaf = (made.model.create("Folder") for _ in range(3))
+    top.inside.append(middle)
+    middle.inside.append(leaf)
+    moves = [(match.part, match.container) for match in made.matches("d.move.Folder.inside")]
+    assert moves == [(leaf, top)]
+
+
+def test_new_keys_are_free() -> None:
+    made = engine("@key(name) class R { string name } @key(x) class S { int x }", "R", "S")
+    for _ in range(3):
+        made.apply("d.create.R")
+    made.apply("d.create.S")
+    assert [node.name for node in made.model.nodes("R")] == ["R1", "R2", "R3"]
+    assert not made.exists("d.create.S")
+    made.model.delete(made.model.nodes("R")[0].id)
+    assert not made.exists("d.create.R"), "`R3` is taken"
+
+
+def test_numbers_step_within_their_range() -> None:
+    made = engine("class A { @range(0, 5, step = 2) int n @range(0, 1) float x int free }", "A")
+    node = made.model.create("A", n=3)
+    made.apply("d.set.A.n.up")
+    assert node.n == 5 and not made.exists("d.set.A.n.up")
+    for expected in (3, 1, 0):
+        made.apply("d.set.A.n.down")
+        assert node.n == expected
+    for _ in range(10):
+        made.apply("d.set.A.x.up")
+    assert node.x == pytest.approx(1.0)
+    assert [name for name in made.rules if "free" in name] == []
+
+
+def test_frozen_parts_are_left_alone() -> None:
+    text = """
+    class Tile { @frozen refers Tile[0..1] east @frozen bool fixed bool free refers Pond[0..*] ponds opposite tiles }
+    @frozen class Pond { refers Tile[0..*] tiles opposite ponds }
+    class Dry extends Tile
+    """
+    assert [name for name in names(text, "Tile") if "Dry" not in name] == [
+        "d.create.Tile",
+        "d.delete.Tile",
+        "d.set.Tile.free",
+    ]
+    made = engine(text, "Tile")
+    one, two = made.model.create("Tile"), made.model.create("Tile")
+    assert made.count("d.delete.Tile") == 2
+    one.east = two
+    assert not made.exists("d.delete.Tile")
+
+
+def test_retyping_fills_what_the_new_class_needs() -> None:
+    text = (
+        "abstract class Cell class Floor extends Cell class Door extends Cell { refers Key[1] key } class Key"
+    )
+    made = engine(text, "Cell")
+    floor = made.model.create("Floor")
+    assert not made.exists("d.retype.Floor.Door")
+    key = made.model.create("Key")
+    made.apply("d.retype.Floor.Door")
+    assert (floor.cls, floor.key) == ("Door", key)
+    made.apply("d.retype.Door.Floor")
+    assert floor.cls == "Floor" and check_conformance(made.model) == []
+
+
+# --- as rules like others
+
+
+def test_runs_of_operators_replay() -> None:
+    made = domain("network", "backbone")
+    start = made.model.copy()
+    with made.recording() as trace:
+        for _ in range(30):
+            made.apply("wiring")
+    assert check_conformance(made.model) == []
+    again = domain("network", "backbone")
+    assert again.model.state_hash() == start.state_hash()
+    again.replay(trace)
+    assert again.model.state_hash() == made.model.state_hash()
+
+
+def test_the_cap_bounds_the_ways_of_creation() -> None:
+    garden = load_workspace(["garden.rules"], files=TextFiles(GARDEN)).engine()
+    created = [name for name in garden.group("orchard") if ".create." in name]
+    assert len(created) == 2
+    assert not [name for name in garden.group("orchard") if ".delete." in name]
+    assert sum(garden.prepare(name).weight for name in created) == 1.0
