@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from envgraph.errors import InvalidArgument, TransactionError
+from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
 from envgraph.graph import Model
 from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Row, check_arguments
@@ -13,9 +13,12 @@ from envgraph.match._symbols import Source
 from envgraph.match._why import WhyNot
 from envgraph.match.views._network import Network
 from envgraph.match.views._operators import Rows
-from envgraph.match.views._sets import net
+from envgraph.match.views._sets import Log, net
 from envgraph.metamodel import Value
 from envgraph.pattern import Library
+
+GROWTH, LEAST = 4, 1000
+"""A model that has had so many times the objects, and so many more, is planned for anew."""
 
 Change = Callable[[list[Row], list[Row]], object]
 """Called with the rows that have appeared, and those that have disappeared."""
@@ -38,9 +41,16 @@ class ViewMatcher:
     A rollback or checkout brings the views back without evaluating a query. The matches of a watched pattern are
     listed in the order of the view, which is a function of the version like every other order.
 
+    Views whose update was interrupted by an exception are no longer used: patterns are searched for until a rollback
+    or checkout has brought the views back, or there is no state to go back to and they are built anew.
+
     Args:
         model: what is searched.
         library: the patterns; more may be added later.
+
+    Invariants: while `_broken` is None and no load is under way, the network hears of every change. If not None it is
+    the least number of open savepoints since the interruption: a rollback to fewer brings the views back. While
+    `_spoilt`, a version may have been made of views that were broken.
     """
 
     def __init__(self, model: Model, library: Library) -> None:
@@ -52,6 +62,9 @@ class ViewMatcher:
         self._subscriptions: list[Subscription] = []
         self._wanted: dict[str, None] = {}
         self._broken: int | None = None
+        self._spoilt = False
+        self._tried = -1
+        self._outgrown = 0
         self._telling = False
         self._suspended = False
 
@@ -85,7 +98,7 @@ class ViewMatcher:
                 f"cannot begin to watch `{new[0]}` inside a transaction or while a version is held: "
                 "watch before the first commit"
             )
-        self.settle()
+        self._up_to_date()
         self._rebuild((*self._views, *new))
 
     def watch_later(self, *patterns: str) -> None:
@@ -115,6 +128,7 @@ class ViewMatcher:
             self._network.unhang()
             self.model.store.followers[:] = [f for f in self.model.store.followers if f is not self]
             self._network = self._new_network()
+            self._broken, self._spoilt = None, False
 
     def _check_watchable(self, pattern: str) -> None:
         if self.library.get(pattern).strategy == "search":
@@ -125,8 +139,12 @@ class ViewMatcher:
             raise InvalidArgument(f"`{pattern}` cannot be watched: nothing enumerates its parameter `{name}`")
 
     def _rebuild(self, patterns: Iterable[str]) -> None:
-        """Make a network for these patterns; sizes are measured as they are now."""
+        """Make a network for these patterns; sizes are measured as they are now.
+
+        What differs from what broken views held is logged.
+        """
         store = self.model.store
+        before = {p: list(v.rows) for p, v in self._views.items()} if self._broken is not None else {}
         old = self._network
         network = self._network = self._new_network()
         try:
@@ -136,12 +154,17 @@ class ViewMatcher:
         except BaseException:
             self._network = old
             old.unhang()
-            if self._views:
-                old.connect()
+            if self._views and self._broken is None:
+                old.hang()
             raise
         for pattern, view in self._views.items():
-            views[pattern].rows.log = view.rows.log
+            log = views[pattern].rows.log = view.rows.log
+            if log is not None and pattern in before:
+                log.extend(part for row in before[pattern] for part in (row, False))
+                log.extend(part for row in views[pattern].rows for part in (row, True))
         self._views = views
+        self._broken, self._spoilt = None, False
+        self._outgrown = GROWTH * store.next_id + LEAST
         if not any(follower is self for follower in store.followers):
             store.followers.append(self)
 
@@ -155,20 +178,61 @@ class ViewMatcher:
     # --- Follower
 
     def settle(self) -> None:
-        """Bring all views up to date."""
-        if self._broken is not None or self._suspended:
+        """Bring all views up to date: a savepoint or version follows."""
+        if self._broken is None:
+            self._bring_up()
+        else:
+            self._broken = min(self._broken, self.model.depth)
+            self._spoilt |= not self._broken
+
+    def _bring_up(self) -> None:
+        if self._suspended:
             return
         try:
             self._network.settle()
         except BaseException:
-            self._broken = self.model.depth
+            self._break()
             raise
+
+    def _break(self) -> None:
+        self._broken = self.model.depth
+        self._network.unhang()
+
+    def _up_to_date(self) -> bool:
+        """Bring all views up to date, if they can be used; whether they can."""
+        if self._suspended:
+            return False
+        if self._broken is not None:
+            return self._built_anew()
+        self._bring_up()
+        return True
+
+    def _built_anew(self) -> bool:
+        """Build broken views anew, if there is no state to go back to; once for each state."""
+        revision = self.model.revision
+        if self._tried == revision or not self.model.idle:
+            return False
+        self._tried = revision
+        try:
+            self._rebuild(self._views)
+        except EvaluationError:
+            return False  # whoever asks for that very pattern is told
+        return True
 
     def rolled_back(self) -> None:
         """Views are as they were: the journal has brought them back."""
-        if self._broken is not None and self._broken > self.model.depth:
-            self._broken = None
+        if self._broken is not None:
+            if self._broken <= self.model.depth:
+                return
+            self._hear_again()
         self._network.forget()
+        for view in self._views.values():
+            if view.rows.log is not None:
+                view.rows.log.shorten()
+
+    def _hear_again(self) -> None:
+        self._broken = None
+        self._network.hang()
 
     def released(self) -> None:
         """The outermost transaction has ended: tell what has changed."""
@@ -177,7 +241,10 @@ class ViewMatcher:
 
     def checked_out(self) -> None:
         """Another version: tell what differs."""
-        self._broken = None
+        if self._broken is not None:
+            if self._spoilt:
+                return
+            self._hear_again()
         self._network.forget()
         if self._subscriptions:
             self._tell(restored=True)
@@ -190,26 +257,10 @@ class ViewMatcher:
     def loaded(self) -> None:
         """A load has ended."""
         self._suspended = False
-        self._broken = None
         if self._views:
-            self._rebuild_in_place()
-
-    def _rebuild_in_place(self) -> None:
-        logs = {pattern: view.rows.log for pattern, view in self._views.items()}
-        before = {
-            pattern: list(view.rows) for pattern, view in self._views.items() if logs[pattern] is not None
-        }
-        for view in self._views.values():
-            view.rows.log = None
-        self._rebuild(self._views)
-        for pattern, log in logs.items():
-            rows = self._views[pattern].rows
-            rows.log = log
-            if log is not None:
-                for row in before[pattern]:
-                    log.extend((row, False))
-                for row in rows:
-                    log.extend((row, True))
+            self._break()
+            self._tried = -1
+            self._built_anew()
 
     # --- listening
 
@@ -229,11 +280,11 @@ class ViewMatcher:
             InvalidArgument, TransactionError: as `watch`.
         """
         self.watch(pattern)
-        self.settle()  # what is pending is no news
+        self._up_to_date()  # what is pending is no news
         subscription = Subscription(pattern, changed, restored or changed)
         rows = self._views[pattern].rows
         if rows.log is None:
-            rows.log = []
+            rows.log = Log()
         elif rows.log:
             self.deliver()
         self._subscriptions.append(subscription)
@@ -258,9 +309,12 @@ class ViewMatcher:
         return self._telling
 
     def deliver(self) -> None:
-        """Bring the views up to date and tell the listeners what has changed since they were last told."""
-        self.settle()
-        self._tell(restored=False)
+        """Bring the views up to date and tell the listeners what has changed since they were last told.
+
+        If listeners raise exceptions, the first one is raised after all have been told.
+        """
+        if self._up_to_date():
+            self._tell(restored=False)
 
     def _tell(self, restored: bool) -> None:
         """Tell, until listeners have nothing more to hear; those that change the model are told in turn."""
@@ -272,14 +326,24 @@ class ViewMatcher:
                 changes = self._net_changes()
                 if not changes:
                     return
-                for subscription in tuple(self._subscriptions):
-                    if subscription.pattern in changes:
-                        call = subscription.restored if restored else subscription.changed
-                        call(*changes[subscription.pattern])
-                self.settle()
+                self._tell_all(changes, restored)
                 restored = False
+                if not self._up_to_date():
+                    return
         finally:
             self._telling = False
+
+    def _tell_all(self, changes: Mapping[str, tuple[list[Row], list[Row]]], restored: bool) -> None:
+        first: Exception | None = None
+        for subscription in tuple(self._subscriptions):
+            if subscription.pattern in changes:
+                call = subscription.restored if restored else subscription.changed
+                try:
+                    call(*changes[subscription.pattern])
+                except Exception as problem:
+                    first = first or problem
+        if first is not None:
+            raise first
 
     def _net_changes(self) -> dict[str, tuple[list[Row], list[Row]]]:
         changes: dict[str, tuple[list[Row], list[Row]]] = {}
@@ -298,11 +362,11 @@ class ViewMatcher:
         """The view of a pattern, up to date; None if it is not watched."""
         if self._wanted:
             self._watch_wanted()
-        view = self._views.get(pattern)
-        if view is None or self._suspended:
+        if pattern not in self._views or not self._up_to_date():
             return None
-        self.settle()
-        return None if self._broken is not None else view
+        if self.model.store.next_id > self._outgrown and self.model.idle:
+            self._rebuild(self._views)  # what was planned for a small model is slow in a large one
+        return self._views[pattern]
 
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
         """All matches that agree with the arguments."""
@@ -397,13 +461,13 @@ class ViewMatcher:
     def analyze(self) -> None:
         """Measure the model, for plans that are made from now on: see `CompiledMatcher.analyze`."""
         self.demand.analyze()
-        if self._views and self.model.idle:
-            self.settle()
+        if self._views and self.model.idle and self._up_to_date():
             self._rebuild(self._views)
 
     def check_integrity(self) -> None:
-        """Assert that every view holds what a new computation finds; for tests."""
-        self.settle()
+        """Assert that every view in use holds what a new computation finds; for tests."""
+        if not self._up_to_date():
+            return
         self._network.check()
         for pattern, view in self._views.items():
             view.check(self.demand.rows(pattern, (FREE,) * len(self.library.parameter_types(pattern))))

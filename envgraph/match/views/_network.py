@@ -49,6 +49,10 @@ class Network:
         """Make the functions of all operators, and hang them into the store."""
         self._wiring.connect()
 
+    def hang(self) -> None:
+        """Hear of changes again after `unhang`."""
+        self._wiring.hang()
+
     def unhang(self) -> None:
         """Hear nothing any more."""
         self._wiring.unhang()

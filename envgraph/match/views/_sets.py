@@ -10,7 +10,28 @@ from envgraph.graph import IN, OUT, SET, IndexedSet, Store
 CROWD: Final = 32
 """Rows under one key above which they are kept as an `IndexedSet`, below as a tuple."""
 
+LONG: Final = 256
+"""Items of a log from which on it is worth shortening."""
+
 Row = tuple[Any, ...]
+
+
+class Log(list[Any]):
+    """Rows that have come or gone, each followed by whether it came."""
+
+    __slots__ = ("_shortest",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shortest = 0
+
+    def shorten(self) -> None:
+        """Forget what cancels out, if there may be much of that."""
+        if len(self) > 2 * self._shortest + LONG:
+            appeared, disappeared = net(self)
+            self[:] = [part for row in disappeared for part in (row, False)]
+            self.extend(part for row in appeared for part in (row, True))
+            self._shortest = len(self)
 
 
 class MatchSet(IndexedSet[Row]):
@@ -26,7 +47,7 @@ class MatchSet(IndexedSet[Row]):
     def __init__(self, store: Store) -> None:
         super().__init__()
         self.store = store
-        self.log: list[Any] | None = None
+        self.log: Log | None = None
 
     def appear(self, row: Row) -> None:
         """Add a row that is not there, and record it."""

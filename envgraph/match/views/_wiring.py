@@ -70,7 +70,7 @@ class Wiring:
             self._subscribe(operator)
         for key, delta in deltas:
             self._listen(key, self._delta(delta))
-        self._hang()
+        self.hang()
         for operator in self._growth.operators.values():
             if operator.name in self._queued:
                 operator.added, operator.removing = self._fan(("rows", operator.name), self._arity(operator))
@@ -177,7 +177,7 @@ class Wiring:
         removing = _fan([consumer[1] for consumer in reversed(consumers)], arity)
         return added, removing
 
-    def _hang(self) -> None:
+    def hang(self) -> None:
         """Hang the functions into the store."""
         store = self.store
         for relation in store.relations:

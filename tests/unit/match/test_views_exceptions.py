@@ -11,6 +11,7 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, NaiveMatcher, ViewMatcher
 from envgraph.match._matcher import Row
+from envgraph.match.views._sets import Log
 from envgraph.pattern import Library
 from tests.unit.match.kinds import watched
 from tests.unit.match.people import METAMODEL
@@ -31,7 +32,7 @@ class Interrupted(BaseException):
     """Like KeyboardInterrupt: nobody catches it."""
 
 
-class Fuse(list[Any]):
+class Fuse(Log):
     """A log that raises when it is written for a certain time."""
 
     def __init__(self, length: int) -> None:
@@ -165,6 +166,61 @@ def test_a_savepoint_that_is_interrupted_is_not_open(fuse: tuple[str, int]) -> N
 
 
 @pytest.mark.parametrize("fuse", FUSES, ids=str)
+def test_a_rollback_of_later_changes_alone_repairs_nothing(fuse: tuple[str, int]) -> None:
+    crowd = Crowd()
+    before = crowd.order()
+    outer = crowd.model.savepoint()
+    inner = crowd.model.savepoint()
+    explode(crowd, fuse, crowd.meet, crowd.order)
+    crowd.model.release(inner)
+    later = crowd.model.savepoint()
+    crowd.link(3, 1)
+    crowd.assert_right()
+    crowd.model.rollback(later)
+    crowd.assert_right()
+    crowd.model.rollback(outer)
+    assert crowd.order() == before
+    crowd.views.check_integrity()
+
+
+@pytest.mark.parametrize("fuse", FUSES, ids=str)
+def test_versions_with_interrupted_views_are_never_silently_wrong(fuse: tuple[str, int]) -> None:
+    crowd = Crowd()
+    first = crowd.model.commit()
+    before = crowd.order()
+    with crowd.model.transaction():
+        explode(crowd, fuse, crowd.meet, crowd.order)
+    second = crowd.model.commit()
+    crowd.assert_right()
+    crowd.link(1, 3)
+    crowd.assert_right()
+    third = crowd.model.commit()
+    for version in (first, second, first, third, second, third):
+        crowd.model.checkout(version)
+        crowd.assert_right()
+    crowd.model.checkout(first)
+    assert {name: sorted(rows) for name, rows in crowd.order().items()} == {
+        name: sorted(rows) for name, rows in before.items()
+    }
+
+
+@pytest.mark.parametrize("fuse", FUSES, ids=str)
+def test_an_interrupted_commit_may_be_made_again(fuse: tuple[str, int]) -> None:
+    crowd = Crowd()
+    first = crowd.model.commit()
+
+    def change() -> None:
+        with crowd.model.transaction():
+            crowd.meet()
+
+    explode(crowd, fuse, change, crowd.model.commit)
+    second = crowd.model.commit()
+    for version in (first, second, first, second):
+        crowd.model.checkout(version)
+        crowd.assert_right()
+
+
+@pytest.mark.parametrize("fuse", FUSES, ids=str)
 def test_views_that_were_interrupted_are_built_anew_when_there_is_nothing_to_go_back_to(
     fuse: tuple[str, int],
 ) -> None:
@@ -206,6 +262,25 @@ def test_an_exception_in_a_listener_leaves_the_views_right() -> None:
     crowd.views.check_integrity()
 
 
+def test_an_exception_in_a_listener_keeps_nothing_from_the_others() -> None:
+    crowd = Crowd()
+    heard: dict[str, list[Row]] = {"two": [], "reaches": []}
+
+    def refuse(appeared: list[Row], disappeared: list[Row]) -> None:
+        raise Refused
+
+    def hear(name: str) -> Callable[[list[Row], list[Row]], None]:
+        return lambda appeared, disappeared: heard[name].extend(appeared)
+
+    crowd.views.listen("two", refuse)
+    crowd.views.listen("two", hear("two"))
+    crowd.views.listen("reaches", hear("reaches"))
+    with pytest.raises(Refused), crowd.model.transaction():
+        crowd.link(2, 3)
+    one, two, three = crowd.people[1:]
+    assert heard == {"two": [(one, three)], "reaches": [(one, three)]}, two
+
+
 def test_a_listener_that_changes_the_model_is_told_of_that_in_turn() -> None:
     crowd = Crowd()
     heard: list[Row] = []
@@ -222,3 +297,39 @@ def test_a_listener_that_changes_the_model_is_told_of_that_in_turn() -> None:
     assert heard == [(two, three), (three, two)]
     crowd.assert_right()
     crowd.views.check_integrity()
+
+
+def test_listeners_do_not_hear_of_half_of_a_change() -> None:
+    crowd = Crowd()
+    rows = set(crowd.order()["reaches"])
+
+    def changed(appeared: list[Row], disappeared: list[Row]) -> None:
+        rows.update(appeared)
+        rows.difference_update(disappeared)
+
+    crowd.views.listen("reaches", changed)
+    log = rows_of(crowd.views, "reaches").log
+    crowd.light("two", 1)
+    with pytest.raises(Interrupted), crowd.model.transaction():
+        crowd.meet()
+        crowd.order()
+    for name in crowd.library_names:
+        rows_of(crowd.views, name).log = log if name == "reaches" else None
+    with crowd.model.transaction():
+        crowd.link(3, 1)
+    crowd.views.deliver()
+    assert rows == set(NaiveMatcher(crowd.model, crowd.library).rows("reaches", (FREE, FREE)))
+
+
+def test_rollbacks_leave_nothing_to_tell_behind() -> None:
+    crowd = Crowd()
+    told: list[object] = []
+    crowd.views.listen("knows", lambda *change: told.append(change))
+    crowd.views.deliver()
+    for _ in range(1_000):
+        savepoint = crowd.model.savepoint()
+        crowd.meet()
+        crowd.model.rollback(savepoint)
+    assert len(rows_of(crowd.views, "knows").log) < 1_000
+    crowd.views.deliver()
+    assert told == []
