@@ -113,6 +113,7 @@ class Component(Operator):
     def _spread(self, found: list[tuple[Member, Row]], doubtful: bool) -> None:
         """Add rows and what follows from them; of the doubtful ones those that do follow from something."""
         sure = len(found) if doubtful else 0
+        coming: set[tuple[Member, Row]] = set()  # for membership alone
         for number, (member, row) in enumerate(found):
             if row in member.rows.position:
                 continue
@@ -126,7 +127,11 @@ class Component(Operator):
             for hook in member.spread:
                 hook(*row)
             if member.spread:
-                found.extend(self._collect()[0])
+                # A row may have very many derivations: it is noted once.
+                for other in self._collect()[0]:
+                    if other not in coming and other[1] not in other[0].rows.position:
+                        coming.add(other)
+                        found.append(other)
 
     def fill(self) -> None:
         for member in self.members:
