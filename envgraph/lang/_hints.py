@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from envgraph.lang._grammar import Grammar
+from envgraph.lang._lexer import Lexeme
 
 VALUE_WORDS = frozenset(
     ["true", "false", "TRUE", "FALSE", "none", "eval", "count", "sum", "min", "max", "avg"]
@@ -20,6 +21,7 @@ _OPERATORS = frozenset(
     for group in (".?+-*/%<>=", ("<=", ">=", "==", "===", "!=", "&&", "||", "and", "or", "as", "instanceof"))
     for sign in group
 )
+_COMPARISONS = ("==", "===", "!=", "=", "<", "<=", ">", ">=")
 _MOST_SHOWN = 9
 
 
@@ -41,3 +43,29 @@ def expectation(grammar: Grammar, states: list[int]) -> str:
     if len(spelt) > _MOST_SHOWN:
         spelt = [*spelt[: _MOST_SHOWN - 1], "another statement"]
     return "expected " + (" or ".join([", ".join(spelt[:-1]), spelt[-1]]) if len(spelt) > 1 else spelt[0])
+
+
+def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
+    """How to write here what people write by habit from other languages; None if this is nothing of the kind."""
+    around = (index - 2, index - 1, index, index + 1)
+    *before, word, after = (lexemes[place].value if 0 <= place < len(lexemes) else "" for place in around)
+    keywords, signs = grammar.core.keywords, grammar.core.signs
+    if before[1] == "-" and after == "->":
+        return f"an arrow starts at an object: write `x -{word}-> ..`"
+    if "neg" not in keywords:
+        return None
+    if before[1] == "not" and "not" not in keywords:
+        return "write `!`" if grammar.accepts(states, signs["&&"]) else "write `neg`"
+    if word == "!" and grammar.accepts(states, keywords["neg"]):
+        return "write `neg`"
+    if word == "(" and before[1] in ("neg", "count", "sum", "min", "max", "avg"):
+        return f"leave the brackets out: `{before[1]} find p(..)`, `{before[1]} Type(..)`"
+    if word in _COMPARISONS and before[0] == "." and grammar.accepts(states, signs["("]):
+        return "a condition on a feature stands in `check(..)`"
+    if word in ("+", "-", "*", "/", "%") and after != ">" and grammar.accepts(states, signs[")"]):
+        return "a computed value stands in `eval(..)`"
+    if word == "." and grammar.accepts(states, signs["::"]):
+        if before[1][:1].isupper():
+            return f"a literal of an enum is written `{before[1]}::{after}`"
+        return "a feature is read in `check(..)`, in `eval(..)`, or by a path"
+    return None

@@ -28,6 +28,9 @@ _ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)")
 _LARGEST_INT = 2**63 - 1
 _MOST_NESTED = 100
 _MOST_ERRORS = 100
+_CURLY = re.compile(
+    '[\u2018-\u201f\u00ab\u2039]([^\u2018-\u201f\u00bb\u203a"\n]*)[\u2018-\u201f\u00bb\u203a"]'
+)
 _TOUCHING = re.compile(r"[\w#@$]")
 
 
@@ -245,6 +248,12 @@ class _Scanner:
             return len(text)
         if text[start] in "\"'":
             return self._unterminated(start)
+        curly = _CURLY.match(text, start)
+        if curly:
+            message = f"`{text[start]}` is no quotation mark here"
+            self._report("stray-character", message, start, curly.end(), f'write `"{curly.group(1)[:30]}"`')
+            self._append(Lexeme("STRING", curly.group(1), start, curly.end()))
+            return curly.end()
         return self._stray(start)
 
     def _unterminated(self, start: int) -> int:

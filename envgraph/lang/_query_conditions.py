@@ -137,6 +137,11 @@ def _type_constraint(reading: Reading, tree: Tree[Token]) -> Relation | None:
     if head.data == "java_type":
         name, span = java_type_of(reading, head), reading.span(trees(head.children)[0])
     else:
+        alias, name = (str(part) if part else None for part in head.children)
+        if alias and alias not in reading.aliases and len(terms) == 2:
+            hint = f"a path is written with `.`: `{alias}.{name}(..)`"
+            reading.error("unknown-alias", f"no import is called `{alias}`", tokens(head.children)[0], hint)
+            return None
         name, span = type_of(reading, head), type_span_of(reading, head)
     if len(terms) != 1:
         hint = f"write `find {reading.text(tree)}` to call a pattern" if terms else f"write `{name}(x)`"

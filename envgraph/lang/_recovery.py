@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from envgraph.errors import Diagnostic, Note, did_you_mean
-from envgraph.lang._hints import VALUE_WORDS, expectation
+from envgraph.lang._hints import VALUE_WORDS, expectation, habit
 from envgraph.lang._lexer import END, PUNCTUATION, Lexeme, first_on_line, overlapping
 from envgraph.lang._stack import Level, ParseStack
 
@@ -416,19 +416,9 @@ class Recovery:
             return
         shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]
         shown = shown if len(shown) <= 30 else shown[:27] + "..."
-        hint = (
-            self._arrow_hint(index) or self._escape_hint(index) or self._meant(index) or self._expectation()
-        )
-        self._report("unexpected-token", f"unexpected `{shown}`", lexeme, hint)
-
-    def _arrow_hint(self, index: int) -> str | None:
-        """For `-ref-> x` at the start of a statement."""
-        if not 0 < index < len(self._lexemes) - 1:
-            return None
-        before, feature, after = (one.value for one in self._lexemes[index - 1 : index + 2])
-        if before != "-" or after != "->":
-            return None
-        return f"an arrow starts at an object: write `x -{feature}-> ..`"
+        meant = habit(self._grammar, self._stack.states, self._lexemes, index) or self._escape_hint(index)
+        meant = meant or self._meant(index) or self._expectation()
+        self._report("unexpected-token", f"unexpected `{shown}`", lexeme, meant)
 
     def _foreign(self, index: int) -> Level | None:
         """The statement under way, if a keyword of other places starts it, with a word after it."""

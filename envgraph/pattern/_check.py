@@ -210,6 +210,7 @@ class _BodyCheck:
             found.extend(problems)
             if has_errors(problems):
                 self._taint(place.relation)
+                self._taint_results(place.aggregate)
             else:
                 sound.append(place)
         return sound

@@ -9,7 +9,7 @@ from typing import Final
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
 from envgraph.metamodel import Annotation, Metamodel
 from envgraph.pattern._queries import Body, Comparison, Negation, PathConstraint, Pattern
-from envgraph.pattern._types import static_type, type_names
+from envgraph.pattern._types import static_type, type_hint
 
 KNOWN_ANNOTATIONS: Final = (
     "Constraint",
@@ -22,6 +22,7 @@ KNOWN_ANNOTATIONS: Final = (
 MOST_STEPS: Final = 1000
 """Constraints of a body, each step of a path counted; planning takes a few seconds then."""
 
+_CONSTRAINT: Final = (("key", "{x}"), ("severity", '"error"'), ("message", '"..."'))
 _SEVERITIES: Final = ("error", "warning", "info")
 
 
@@ -85,7 +86,7 @@ def _parameters(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
             yield Diagnostic("parameter-name", message, span, hint)
         first.setdefault(parameter.name, parameter.span)
         if parameter.type is not None and static_type(parameter.type, metamodel) is None:
-            hint_ = did_you_mean(parameter.type, type_names(metamodel))
+            hint_ = type_hint(parameter.type, metamodel)
             where = parameter.type_span or span
             yield Diagnostic("unknown-type", f"unknown type `{parameter.type}`", where, hint_)
 
@@ -116,12 +117,11 @@ def _name_span(annotation: Annotation) -> Span | None:
 
 def _constraint(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic]:
     named = dict(annotation.named)
-    for wanted, example in (("key", "{x}"), ("severity", '"error"'), ("message", '"..."')):
-        if wanted not in named:
-            message = f"`@Constraint` lacks `{wanted}`"
-            yield Diagnostic(
-                "annotation-argument", message, _name_span(annotation), f"add `{wanted} = {example}`"
-            )
+    missing = [(key, example) for key, example in _CONSTRAINT if key not in named]
+    if missing:
+        message = f"`@Constraint` lacks {', '.join(f'`{key}`' for key, _ in missing)}"
+        hint = f"add `{', '.join(f'{key} = {example}' for key, example in missing)}`"
+        yield Diagnostic("annotation-argument", message, _name_span(annotation), hint)
     for key, value, span in _named(annotation):
         if key == "key":
             yield from _parameter_names(value, span, pattern)

@@ -33,7 +33,7 @@ from envgraph.pattern._queries import (
     TypeConstraint,
 )
 from envgraph.pattern._terms import Constant, Variable
-from envgraph.pattern._types import NUMBERS, compatible, static_type, type_names, type_text
+from envgraph.pattern._types import NUMBERS, compatible, static_type, type_hint, type_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +95,7 @@ class RelationCheck:
             yield Diagnostic("data-type-group", message, span)
 
     def _unknown_type(self, name: str, span: Span | None) -> Diagnostic:
-        return Diagnostic(
-            "unknown-type", f"unknown type `{name}`", span, did_you_mean(name, type_names(self._metamodel))
-        )
+        return Diagnostic("unknown-type", f"unknown type `{name}`", span, type_hint(name, self._metamodel))
 
     def _path(self, path: PathConstraint) -> Iterator[Diagnostic]:
         if not isinstance(path.source, Variable):

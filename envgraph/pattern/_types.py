@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
+from envgraph.errors import did_you_mean
 from envgraph.metamodel import Metamodel, Scalar, Value, type_name
 from envgraph.pattern._lowered import ObjectType, StaticType
 
 NUMBERS = (Scalar.INT, Scalar.FLOAT)
+
+_ELSEWHERE: Final = {
+    Scalar.INT: ("int", "integer", "integerobject", "long", "short", "byte", "biginteger"),
+    Scalar.FLOAT: ("float", "double", "doubleobject", "real", "number", "bigdecimal"),
+    Scalar.BOOL: ("bool", "boolean", "booleanobject"),
+    Scalar.STRING: ("string", "str", "char", "character", "text"),
+}
+"""What other languages call the data types, without the `E` of EMF."""
 
 
 def static_type(name: str, metamodel: Metamodel) -> StaticType | None:
@@ -26,6 +36,17 @@ def static_type(name: str, metamodel: Metamodel) -> StaticType | None:
 def type_names(metamodel: Metamodel) -> list[str]:
     """Every name that `static_type` understands."""
     return [*metamodel.classes, *metamodel.enums, *(scalar.value for scalar in Scalar)]
+
+
+def type_hint(name: str, metamodel: Metamodel) -> str | None:
+    """What an unknown type may have been meant to be: one of a similar name, or our name for one of Java or EMF.
+
+    >>> type_hint("EInt", Metamodel("m", ())), type_hint("Integer", Metamodel("m", ()))
+    ('write `int`', 'write `int`')
+    """
+    plain = name.removeprefix("E").lower()
+    ours = next((str(scalar) for scalar, names in _ELSEWHERE.items() if plain in names), None)
+    return did_you_mean(name, type_names(metamodel)) or (f"write `{ours}`" if ours else None)
 
 
 def type_text(type_: StaticType) -> str:

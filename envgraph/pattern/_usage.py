@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.metamodel import EnumType
 from envgraph.pattern._binding import Binding, inputs_of
 from envgraph.pattern._bodies import Reading, Use, names_read, positive_relations, terms_of
 from envgraph.pattern._inference import BodyTypes, relation_text
-from envgraph.pattern._lowered import ObjectType
+from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._queries import Comparison, Evaluation, Hash, Parameter, Pattern, Relation, Term
 from envgraph.pattern._relations import Place
 from envgraph.pattern._terms import Constant, Variable
@@ -158,12 +159,23 @@ class UsageCheck:
 
     def _how_to_bind(self, name: str, parameter: Parameter | None) -> str:
         type_ = self._types.of(name)
+        literal = self._literal_hint(name, type_)
+        if literal is not None:
+            return literal
         if type_ is None or isinstance(type_, ObjectType):
             cls = type_text(type_) if type_ else "Class"
             return f"constrain it with `{cls}({name})`, a path or a `find`"
         if parameter is not None:
             return "bind it with a path, a `find` or `==`, or declare it `in`, so that every caller binds it"
         return "bind it with a path, a `find` or `==`"
+
+    def _literal_hint(self, name: str, type_: StaticType | None) -> str | None:
+        """For the literal of an enum that was written without its enum."""
+        if name in self._parameters:
+            return None
+        enums = self._types.metamodel.enum_types if type_ is None else (type_,)
+        owners = [enum.name for enum in enums if isinstance(enum, EnumType) and name in enum.literals]
+        return f"did you mean `{owners[0]}::{name}`?" if owners else None
 
     def _local(self, name: str) -> Iterator[Diagnostic]:
         places = self._reading.occurrences[name]
@@ -183,6 +195,7 @@ class UsageCheck:
         elif len(places) == 1:
             others = [other for other in self._reading.names if other != name and not other.startswith("_")]
             near = did_you_mean(name, others) if len(others) <= _MOST_COMPARED else None
+            near = self._literal_hint(name, self._types.of(name)) or near
             hint = near or f"start its name with `_` (`_{name}`) if that is meant"
             yield _warning("used-once", f"`{name}` is referenced only once", places[0].variable.span, hint)
 
