@@ -99,7 +99,11 @@ def java_type(name: str) -> DataType:
 
 _INT = re.compile("[+-]?[0-9]+")
 _FLOAT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_INFINITE = {"INF": "inf", "+INF": "inf", "-INF": "-inf", "Infinity": "inf", "-Infinity": "-inf"}
+_INFINITE = {
+    **{"INF": "inf", "+INF": "inf", "-INF": "-inf"},  # of XML Schema
+    **{"Infinity": "inf", "-Infinity": "-inf"},  # of Java
+    **{"inf": "inf", "-inf": "-inf"},  # of Python, which pyecore writes
+}
 
 
 def value_of(text: str, type_: Scalar | EnumType) -> Value | None:

@@ -177,6 +177,14 @@ def test_a_name_that_is_no_id_is_not_used_in_references() -> None:
     assert again.canonical_hash() == model.canonical_hash()
 
 
+@pytest.mark.parametrize("text", ["INF", "Infinity", "inf"])
+def test_infinity_is_written_in_several_ways(text: str) -> None:
+    item = '<shelves><items xsi:type="lib:Book" code="1" name="a" price="-{}"/></shelves>'
+    model = library(item.format(text))
+    assert model.nodes("Book")[0].price == float("-inf")
+    assert 'price="-Infinity"' in model_to_xmi(model)
+
+
 def test_values_may_stand_in_tags_and_be_nil() -> None:
     model = library(
         '<shelves><items xsi:type="lib:Book" code="1" name="a">'
