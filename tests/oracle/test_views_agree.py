@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from envgraph.graph import _integrity, _store
-from envgraph.match.views import _sets
+from envgraph.match.views import _matcher, _sets
 from tests.oracle.views_walk import Walk
 from tests.oracle.worlds import Dice
 
@@ -119,12 +119,14 @@ class Views(RuleBasedStateMachine):
 
 
 class CrowdedViews(Views):
-    """The same where three are a crowd: what else happens in large groups only happens in small ones."""
+    """The same where three are a crowd, and three more objects make a model large: what else happens seldom."""
 
     def before(self) -> None:
         self.patch = pytest.MonkeyPatch()
         for module in (_store, _integrity, _sets):
             self.patch.setattr(module, "CROWD", 2)
+        self.patch.setattr(_matcher, "GROWTH", 1)
+        self.patch.setattr(_matcher, "LEAST", 2)
 
     def teardown(self) -> None:
         super().teardown()

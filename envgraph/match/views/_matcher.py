@@ -274,7 +274,7 @@ class ViewMatcher:
         Args:
             pattern: qualified name.
             changed: called with the rows that have appeared and those that have disappeared since it was last called.
-            restored: called instead after a checkout or a load; `changed` if None.
+            restored: called instead after a checkout; `changed` if None.
 
         Raises:
             InvalidArgument, TransactionError: as `watch`.

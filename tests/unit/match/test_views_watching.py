@@ -1,0 +1,178 @@
+"""What it means to watch a pattern: when views are built, planned anew, and used."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from envgraph.errors import InvalidArgument, TransactionError
+from envgraph.graph import Model
+from envgraph.match import FREE, NaiveMatcher, ViewMatcher
+from envgraph.match._matcher import Row
+from envgraph.match.views import _matcher
+from envgraph.pattern import Library
+from tests.unit.match.kinds import watched
+from tests.unit.match.people import METAMODEL
+from tests.unit.match.writing import check, find, path, pattern
+
+KNOWS = pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")])
+TWO = pattern("two(a : Person, c : Person)", [find("knows", "a", "b"), find("knows", "b", "c")])
+OLDER = pattern("older(a : Person, in n : int)", [path("Person.age", "a", "m"), check("m", ">", "n")])
+FREE2 = (FREE, FREE)
+
+
+def library() -> Library:
+    found = Library(METAMODEL)
+    found.add(KNOWS, TWO, OLDER)
+    return found
+
+
+def chain(model: Model, length: int) -> list[int]:
+    """People each of whom knows the next."""
+    knows = model.metamodel.feature("Person", "knows")
+    people = [model.new("Person") for _ in range(length)]
+    for one, other in pairwise(people):
+        model.link(one, knows, other)  # type: ignore[arg-type]
+    return people
+
+
+def test_a_model_that_has_grown_is_planned_for_anew_and_nobody_notices() -> None:
+    model = Model(METAMODEL)
+    views = watched(model, library())
+    rows: set[Row] = set()
+
+    def changed(appeared: list[Row], disappeared: list[Row]) -> None:
+        rows.update(appeared)
+        rows.difference_update(disappeared)
+
+    views.listen("two", changed)
+    small = views._network
+    chain(model, 900)
+    assert views.count("two", FREE2) == 898
+    assert views._network is small
+    chain(model, 200)
+    assert views.count("two", FREE2) == 898 + 198
+    assert views._network is not small
+    large = views._network
+    model.node(0).knows.append(model.node(5))
+    views.deliver()
+    assert rows == set(views.rows("two", FREE2))
+    assert (0, 6) in rows
+    chain(model, 900)
+    assert views.exists("two", FREE2)
+    assert views._network is large  # not again and again
+    views.check_integrity()
+
+
+def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_matcher, "LEAST", 3)
+    model = Model(METAMODEL)
+    views = watched(model, library())
+    chain(model, 3)
+    savepoint = model.savepoint()
+    before, network = list(views.rows("two", FREE2)), views._network
+    chain(model, 30)
+    assert views.count("two", FREE2) == 29
+    assert views._network is network
+    model.rollback(savepoint)
+    assert views.rows("two", FREE2) == before
+    version = model.commit()
+    chain(model, 30)
+    assert views.count("two", FREE2) == 29
+    assert views._network is network
+    model.checkout(version, discard=True)
+    assert views.rows("two", FREE2) == before
+    views.check_integrity()
+
+
+def test_watching_is_refused_where_the_past_does_not_know_of_it() -> None:
+    model = Model(METAMODEL)
+    views = ViewMatcher(model, library())
+    with model.transaction(), pytest.raises(TransactionError, match="inside a transaction"):
+        views.watch("two")
+    version = model.commit()
+    with pytest.raises(TransactionError, match="while a version is held"):
+        views.watch("two")
+    views.watch_later("two", "older")
+    assert views.watched == ()
+    del version
+    assert views.watched == ("two",)
+    with pytest.raises(InvalidArgument, match="nothing enumerates its parameter `n`"):
+        views.watch("older")
+    with pytest.raises(InvalidArgument, match="unknown pattern"):
+        views.watch("twice")
+
+
+def test_an_unwatched_pattern_is_searched_for_even_after_a_rollback() -> None:
+    model = Model(METAMODEL)
+    views = watched(model, library())
+    chain(model, 4)
+    savepoint = model.savepoint()
+    chain(model, 4)
+    views.unwatch("two")
+    chain(model, 4)
+    assert views.count("two", FREE2) == 6
+    model.rollback(savepoint)
+    assert views.count("two", FREE2) == 2
+    views.unwatch("knows")
+    assert views.watched == ()
+    chain(model, 4)
+    assert views.count("two", FREE2) == 4
+    views.watch("two")
+    chain(model, 4)
+    assert sorted(views.rows("two", FREE2)) == NaiveMatcher(model, views.library).rows("two", FREE2)
+    views.check_integrity()
+
+
+def test_a_pattern_with_a_listener_stays_watched() -> None:
+    model = Model(METAMODEL)
+    views = ViewMatcher(model, library())
+    subscription = views.listen("two", lambda appeared, disappeared: None)
+    with pytest.raises(InvalidArgument, match="somebody listens to `two`"):
+        views.unwatch("two")
+    views.unlisten(subscription)
+    views.unlisten(subscription)
+    views.unwatch("two")
+    assert views.watched == ()
+
+
+def test_listeners_hear_of_a_load_when_they_are_next_told_and_of_a_checkout_as_a_restoration() -> None:
+    model = Model(METAMODEL)
+    views = ViewMatcher(model, library())
+    told: list[tuple[str, int, int]] = []
+    views.listen(
+        "knows",
+        lambda appeared, disappeared: told.append(("changed", len(appeared), len(disappeared))),
+        lambda appeared, disappeared: told.append(("restored", len(appeared), len(disappeared))),
+    )
+    with model.loading():
+        chain(model, 4)
+    assert told == []
+    views.deliver()
+    first = model.commit()
+    with model.transaction():
+        chain(model, 3)
+    second = model.commit()
+    model.checkout(first)
+    model.checkout(second)
+    assert told == [("changed", 3, 0), ("changed", 2, 0), ("restored", 0, 2), ("restored", 2, 0)]
+
+
+def test_what_comes_and_goes_within_a_transaction_is_no_change() -> None:
+    model = Model(METAMODEL)
+    views = ViewMatcher(model, library())
+    told: list[tuple[list[Row], list[Row]]] = []
+    a, b, c = chain(model, 3)
+    views.listen("knows", lambda *change: told.append(change))
+    with model.transaction():
+        model.node(a).knows.remove(model.node(b))
+        model.node(a).knows.append(model.node(c))
+        model.node(a).knows.append(model.node(b))
+    assert told == [([(a, c)], [])]
+    with model.transaction():
+        model.node(a).knows.remove(model.node(c))
+        model.node(a).knows.append(model.node(c))
+    assert len(told) == 1
