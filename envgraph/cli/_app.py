@@ -131,6 +131,33 @@ def check(
     raise typer.Exit(check_files(files, format))
 
 
+@app.command("format")
+def format_(
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            help="Files of any of the five languages, or directories of them; `-` is standard input.",
+            show_default=False,
+        ),
+    ],
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Write nothing; list what would change, exit code 1 if anything would."),
+    ] = False,
+    stdout: Annotated[
+        bool, typer.Option("--stdout", help="Print the texts and leave the files alone.")
+    ] = False,
+    language: Annotated[
+        str | None,
+        typer.Option("--language", help="What standard input is: query, rules ...", show_default=False),
+    ] = None,
+) -> None:
+    """Write files in the one style: indentation, blanks, line ends; comments stay. Files with errors are left alone."""
+    from envgraph.cli._format import format_files
+
+    raise typer.Exit(format_files(files, check=check, stdout=stdout, language=language))
+
+
 @app.command()
 def match(
     model: Model,

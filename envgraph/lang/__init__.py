@@ -21,6 +21,7 @@ from envgraph.lang._family import (
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import find_family, load_family
 from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, read_source
+from envgraph.lang._format import format_text, language_of
 from envgraph.lang._json import JsonPath, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
 from envgraph.lang._model import ModelText
@@ -58,6 +59,8 @@ __all__ = [
     "conformance",
     "data_path",
     "find_family",
+    "format_text",
+    "language_of",
     "load",
     "load_behaviour",
     "load_family",

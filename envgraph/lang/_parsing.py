@@ -10,7 +10,7 @@ from lark import Token, Tree
 
 from envgraph.errors import Diagnostic, Source, Span
 from envgraph.lang._grammar import Grammar, grammar
-from envgraph.lang._lexer import END, DocComment
+from envgraph.lang._lexer import END, DocComment, Lexeme
 from envgraph.lang._recovery import Recovery
 from envgraph.lang._stack import ERROR, ParseStack
 from envgraph.metamodel import Annotation, Value
@@ -63,9 +63,14 @@ def parse(language: str, source: Source) -> Parsed:
 
 def parse_with(grammar: Grammar, source: Source) -> Parsed:
     """As `parse`, with a grammar at hand."""
+    return parse_tokens(grammar, source)[0]
+
+
+def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]]:
+    """As `parse_with`, with all lexemes as the tree has them: where `<-` was two signs, it is two lexemes."""
     scan = grammar.core.scan(source)
     if any(problem.code == "nested-too-deeply" for problem in scan.diagnostics):
-        return Parsed(source, None, scan.diagnostics)
+        return Parsed(source, None, scan.diagnostics), scan.lexemes
     stack = ParseStack(grammar, source, scan.lexemes)
     recovery = Recovery(stack, scan.diagnostics)
     tree = _run(stack, recovery)
@@ -77,7 +82,8 @@ def parse_with(grammar: Grammar, source: Source) -> Parsed:
             message = "this is nested too deeply to be read"
             diagnostics.append(Diagnostic("nested-too-deeply", message, span_of(source, deep)))
             tree = None
-    return Parsed(source, tree, diagnostics, scan.docs, frozenset(stack.lost), tuple(stack.gaps))
+    parsed = Parsed(source, tree, diagnostics, scan.docs, frozenset(stack.lost), tuple(stack.gaps))
+    return parsed, stack.lexemes
 
 
 def span_of(source: Source, item: Tree[Token] | Token) -> Span:

@@ -1,0 +1,105 @@
+"""`envgraph format`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from envgraph.cli._output import print_diagnostics
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source
+
+STDIN = "-"
+
+
+def format_files(files: list[str], *, check: bool, stdout: bool, language: str | None) -> int:
+    """Bring files into the one style; the exit code: 1 if one has errors or, with `check`, another style.
+
+    Raises:
+        InvalidArgument: standard input among files, or without a language.
+        OSError: a file cannot be written.
+    """
+    if STDIN in files:
+        return _format_input(files, check, language)
+    diagnostics: list[Diagnostic] = []
+    changed = 0
+    names = _names(files)
+    for name in names:
+        try:
+            text, formatted = _formatted(name)
+        except LoadError as error:
+            diagnostics += error.diagnostics
+            continue
+        if stdout:
+            _write(formatted)
+        elif text != formatted:
+            changed += 1
+            if not check:
+                Path(name).write_bytes(formatted.encode())
+            print(f"{'would format' if check else 'formatted'} {name}")
+    print_diagnostics(diagnostics)
+    failed = bool(diagnostics)
+    if not (stdout or changed or failed):
+        print(f"nothing to format in {_count(len(names))}")
+    return int(failed or (check and changed > 0))
+
+
+def _format_input(files: list[str], check: bool, language: str | None) -> int:
+    from envgraph.lang import LANGUAGES, TextFiles, format_text, read_source
+
+    class Input(TextFiles):
+        """Standard input as a file, for its errors."""
+
+        def read(self, name: str, most: int = 0) -> bytes:
+            """All of it."""
+            return sys.stdin.buffer.read()
+
+    if len(files) > 1:
+        raise InvalidArgument("`-` is standard input, and stands alone")
+    if language is None:
+        raise InvalidArgument(f"say what `-` is: `--language` {', '.join(LANGUAGES)}")
+    if language not in LANGUAGES:
+        raise InvalidArgument(f"no language `{language}`; there are {', '.join(LANGUAGES)}")
+    text = read_source(Input({}), "<stdin>").text
+    formatted = format_text(language, text, "<stdin>")
+    if not check:
+        _write(formatted)
+    return int(check and text != formatted)
+
+
+def _names(files: list[str]) -> list[str]:
+    """The files, and those of the directories."""
+    from envgraph.lang import DiskFiles, language_of
+
+    disk = DiskFiles()
+    found: list[str] = []
+    for name in map(disk.name, files):
+        inside = disk.entries(name) if disk.is_directory(name) else [name]
+        known = [one for one in inside if one == name or language_of(one)]
+        if not known:
+            raise InvalidArgument(f"`{name}` holds no file of any of the languages")
+        found += known
+    return list(dict.fromkeys(found))
+
+
+def _formatted(name: str) -> tuple[str, str]:
+    """The text of a file, before and after."""
+    from envgraph.lang import LANGUAGES, DiskFiles, format_text, language_of, read_source
+
+    language = language_of(name)
+    source = read_source(DiskFiles(), name)
+    if language is None:
+        message = f"`{name}` is a file of none of the languages"
+        hint = "there are " + ", ".join(f".{one}" for one in (*LANGUAGES, "vql"))
+        raise LoadError([Diagnostic("unknown-language", message, Source(name, "").span(0, 0), hint)])
+    return source.text, format_text(language, source.text, name)
+
+
+def _write(text: str) -> None:
+    # Not print: line ends are those of the text.
+    sys.stdout.flush()
+    sys.stdout.buffer.write(text.encode())
+    sys.stdout.buffer.flush()
+
+
+def _count(files: int) -> str:
+    return "1 file" if files == 1 else f"{files} files"

@@ -1,0 +1,106 @@
+"""`envgraph format`."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli import main
+
+BEFORE = "pattern p(x:T){T( x );}\n"
+AFTER = "pattern p(x : T) { T(x); }\n"
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    """Runs `envgraph format` in an empty directory: exit code, output, messages."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["envgraph", "format", *arguments])
+        try:
+            code = main()
+        except SystemExit as stop:
+            code = stop.code if isinstance(stop.code, int) else 0
+        out, err = capfd.readouterr()
+        assert "Traceback" not in out + err
+        return code, out, err
+
+    return run
+
+
+def test_files_are_written_where_they_differ(run: Run) -> None:
+    Path("a.query").write_text(BEFORE)
+    Path("b.vql").write_text(AFTER)
+    assert run("a.query", "b.vql") == (0, "formatted a.query\n", "")
+    assert Path("a.query").read_text() == AFTER
+    assert run("a.query", "b.vql") == (0, "nothing to format in 2 files\n", "")
+
+
+def test_check_writes_nothing_and_fails_if_it_would(run: Run) -> None:
+    Path("a.query").write_text(BEFORE)
+    assert run("--check", "a.query") == (1, "would format a.query\n", "")
+    assert Path("a.query").read_text() == BEFORE
+    Path("a.query").write_text(AFTER)
+    assert run("--check", "a.query")[0] == 0
+
+
+def test_a_file_with_errors_is_left_alone_and_the_others_are_not(run: Run) -> None:
+    Path("bad.query").write_text("pattern p(x:T{T( x );}\n")
+    Path("good.query").write_text(BEFORE)
+    code, out, err = run("bad.query", "good.query", "none.query", "notes.txt")
+    assert code == 1
+    assert out == "formatted good.query\n"
+    assert "bad.query:1:14: " in err
+    assert "none.query:1:1: there is no such file" in err
+    assert Path("bad.query").read_text() == "pattern p(x:T{T( x );}\n"
+
+
+def test_a_file_of_no_language_is_named(run: Run) -> None:
+    Path("notes.txt").write_text("hello")
+    code, _, err = run("notes.txt")
+    assert code == 1
+    assert "`notes.txt` is a file of none of the languages" in err
+
+
+def test_directories_stand_for_their_texts(run: Run) -> None:
+    Path("domain").mkdir()
+    Path("domain/a.query").write_text(BEFORE)
+    Path("domain/family.toml").write_text("a   =  1")
+    assert run("domain") == (0, "formatted domain/a.query\n", "")
+    Path("empty").mkdir()
+    assert run("empty")[0] == 1
+
+
+def test_stdout_leaves_the_file_alone(run: Run) -> None:
+    Path("a.query").write_text(BEFORE)
+    assert run("--stdout", "a.query") == (0, AFTER, "")
+    assert Path("a.query").read_text() == BEFORE
+
+
+def test_standard_input_is_a_file_too(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def give(data: bytes) -> None:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
+
+    give(BEFORE.encode())
+    assert run("-", "--language", "query") == (0, AFTER, "")
+    give(BEFORE.encode())
+    assert run("-", "--check", "--language", "query")[:2] == (1, "")
+    give(b"pattern \xff")
+    code, out, err = run("-", "--language", "query")
+    assert (code, out) == (1, "") and "<stdin>:1:9: the byte 0xff is not UTF-8" in err
+    assert "say what `-` is" in run("-")[2]
+    assert "no language `java`" in run("-", "--language", "java")[2]
+    assert "stands alone" in run("-", "a.query", "--language", "query")[2]
+
+
+def test_line_ends_stay(run: Run) -> None:
+    Path("a.query").write_bytes(BEFORE.replace("\n", "\r\n").encode())
+    assert run("a.query")[0] == 0
+    assert Path("a.query").read_bytes() == AFTER.replace("\n", "\r\n").encode()

@@ -1,0 +1,190 @@
+"""The formatter: what it changes, what it keeps, what it refuses."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from envgraph.errors import InvalidArgument, LoadError, Source
+from envgraph.lang import data_path, format_text, language_of
+from envgraph.lang._grammar import grammar
+from envgraph.lang._metamodel import read_metamodel
+from envgraph.lang._model import read_models
+from envgraph.lang._parsing import parse, parse_tokens
+from envgraph.lang._query import read_query
+from envgraph.lang._rules import read_rules
+
+TESTS = Path(__file__).parents[2]
+LISTING = "burning_forest.query"
+"""Begins with the paper's own listings, as they were printed."""
+
+
+def readable() -> list[Path]:
+    """All texts of the languages in the repository that have no errors of syntax."""
+    found = []
+    for root in (data_path("rules"), TESTS / "oracle" / "domains", TESTS / "golden"):
+        for path in sorted(root.rglob("*")):
+            language = language_of(path.name)
+            if language and path.is_file():
+                parsed = parse(language, Source(path.name, path.read_text(encoding="utf-8")))
+                if parsed.tree is not None and not parsed.diagnostics:
+                    found.append(path)
+    return found
+
+
+FILES = readable()
+
+
+def meaning(name: str, text: str) -> object:
+    """The data of a text; places and what is wrong with it do not count."""
+    language = language_of(name)
+    assert language
+    parsed = parse(language, Source(name, text))
+    match language:
+        case "query":
+            query = read_query(parsed)
+            return query.header, query.patterns
+        case "rules":
+            rules = read_rules(parsed)
+            return rules.header, rules.definitions
+        case "metamodel":
+            metamodel = read_metamodel(parsed).metamodel
+            return metamodel and (metamodel.name, metamodel.class_list, metamodel.enum_types)
+        case "model":
+            return [(one.name, one.metamodel) for one in read_models(parsed, None).models]
+    assert parsed.tree is not None
+    return re.sub(r"\s+", " ", str(parsed.tree))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_a_formatted_file_means_the_same_and_stays_as_it_is(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    formatted = format_text(language_of(path.name) or "", text)
+    assert meaning(path.name, formatted) == meaning(path.name, text)
+    assert format_text(language_of(path.name) or "", formatted) == formatted
+    assert all(line == line.rstrip() for line in formatted.split("\n"))
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(data_path("rules").rglob("*")) if language_of(path.name)],
+    ids=lambda path: path.name,
+)
+def test_bundled_domains_are_in_the_style(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    formatted = format_text(language_of(path.name) or "", text)
+    if path.name == LISTING:
+        text, formatted = text.partition("pattern goalTile")[2], formatted.partition("pattern goalTile")[2]
+    assert formatted == text
+
+
+BLANKS = (" ", "  ", "\n", "\n\n", "\n   ", "\n\n\n  ", "\t")
+COMMENTS = (
+    "// one\n", "/* two */", "/* three\n   lines\n\n     of it */", "/** doc */", "\n// own\n", "\n /* own */\n",
+    "\n\n  // apart\n\n", "/*\n * star\n * line\n */",
+)  # fmt: skip
+
+
+def jumbled(random: Random, language: str, text: str) -> str:
+    """The text with other blanks, and with comments between any two tokens."""
+    comments, blanks = random.choice((0, 0.02, 0.1)), random.choice((0, 0.05, 0.5))
+    parts, end = [], 0
+    for lexeme in parse_tokens(grammar(language), Source("", text))[1]:
+        gap = text[end : lexeme.start]
+        if gap.isspace() and random.random() < blanks:
+            gap = random.choice(BLANKS)
+        if random.random() < comments:
+            gap += random.choice(("", "", " ", "\n")) + random.choice(COMMENTS)
+        parts += [gap, text[lexeme.start : lexeme.end]]
+        end = lexeme.end
+    return "".join(parts)
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_blanks_and_comments_may_stand_anywhere(seed: int) -> None:
+    random = Random(seed)
+    path = random.choice(FILES)
+    language = language_of(path.name) or ""
+    text = jumbled(random, language, path.read_text(encoding="utf-8"))
+    formatted = format_text(language, text)
+    for comment in (
+        "// one\n",
+        "/* two */",
+        "three\n",
+        "of it */",
+        "/** doc */",
+        "// own\n",
+        "/* own",
+        "// apart",
+        "* star\n",
+    ):
+        assert formatted.count(comment) == text.count(comment)
+    assert meaning(path.name, formatted) == meaning(path.name, text)
+    assert format_text(language, formatted) == formatted
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ""),
+        ("\n\n// only this \n\n\n", "// only this\n"),
+        ("pattern p(){}", "pattern p() { }\n"),
+        ("pattern p(){\nT(x);U(x);}", "pattern p() {\n    T(x);\n    U(x);\n}\n"),
+        ("pattern p(){ T(x) // why\n ; U(x); }", "pattern p() {\n    T(x);  // why\n    U(x);\n}\n"),
+        ("pattern p(){check(a<-1);}", "pattern p() { check(a < -1); }\n"),
+        ("pattern p(){check(a- -1- -b);}", "pattern p() { check(a - -1 - -b); }\n"),
+        ("pattern p(){check((a)&&(b));check (a);}", "pattern p() { check((a) && (b)); check(a); }\n"),
+        ("pattern ^pattern(){T(^find);}", "pattern ^pattern() { T(^find); }\n"),
+        ("pattern a(){}pattern b(){}", "pattern a() { }\npattern b() { }\n"),
+        ("pattern a(){\nT(x);}pattern b(){}", "pattern a() {\n    T(x);\n}\n\npattern b() { }\n"),
+        ("pattern a(){\n\n\n\nT(x);\n\n\n\nU(x);\n\n}", "pattern a() {\n    T(x);\n\n    U(x);\n}\n"),
+        ("pattern a(){ T(x); }\r\n// b\r\n", "pattern a() { T(x); }\r\n// b\r\n"),
+    ],
+)
+def test_queries_are_laid_out(text: str, expected: str) -> None:
+    assert format_text("query", text) == expected
+
+
+def test_columns_of_the_author_are_kept_and_no_others_made() -> None:
+    loose = "environment E(t : T) {\n    action a = a(t)\n    action bcd = b(t)\n}\n"
+    assert format_text("environment", loose) == loose
+    columns = loose.replace("action a =", "action a     =")
+    assert "    action a   = a(t)\n    action bcd = b(t)\n" in format_text("environment", columns)
+
+
+def test_columns_are_given_up_where_a_line_would_get_too_long() -> None:
+    call = f"find {'p' * 60}(t)"
+    text = f"environment E(t : T) {{\n    on find a(t)   reward 1\n    on {call} reward {'1' * 18}.{'0' * 20}\n}}\n"
+    formatted = format_text("environment", text)
+    assert "    on find a(t) reward 1\n" in formatted
+
+
+def test_letters_of_a_grid_keep_their_places() -> None:
+    text = 'model m : n {\n a : A { b = grid c { rows """\n      # #\n    ###\n\n    """ } }\n}\n'
+    assert '            rows """\n                  # #\n                ###\n\n                """\n' in (
+        format_text("model", text.replace("{ b", "{\n b").replace("{ rows", "{\nrows"))
+    )
+
+
+def test_a_text_with_errors_is_refused_with_all_of_them() -> None:
+    with pytest.raises(LoadError) as caught:
+        format_text("query", "pattern a( { T(x); }\npattern b() { find ; }", "a.query")
+    assert [one.span.line for one in caught.value.diagnostics if one.span] == [1, 2]
+
+
+def test_there_is_no_other_language() -> None:
+    with pytest.raises(InvalidArgument, match="no language `python`; there are"):
+        format_text("python", "pass")
+
+
+def test_names_do_not_have_to_mean_anything() -> None:
+    assert format_text("rules", "rule r{lhs{x:Nothing;}}") == "rule r { lhs { x : Nothing; } }\n"
+
+
+@pytest.mark.parametrize("depth", [10, 60, 97])
+def test_brackets_may_be_deep(depth: int) -> None:
+    text = f"pattern p(x : T) {{ check({'(' * depth}x{')' * depth}); }}"
+    assert re.sub(r"\s", "", format_text("query", text)) == text.replace(" ", "")
