@@ -123,6 +123,9 @@ class Translation:
         self._names: dict[int, str] = {}
         self._given = given
 
+    _deepens = False
+    """Whether a test, too, makes what follows deeper."""
+
     def body(self, plan: Plan, sink: Sink) -> None:
         """Write the steps, and what is done with each solution."""
         block = self._block
@@ -148,7 +151,7 @@ class Translation:
 
     def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
         for number, step in enumerate(steps):
-            if self._block.full and step.kind in (Kind.LOOP, Kind.BIND):
+            if self._block.full and (step.kind in (Kind.LOOP, Kind.BIND) or self._deepens):
                 self._continue(steps[number:], sink)
                 return
             if step.kind is Kind.LOOP:

@@ -75,6 +75,10 @@ class Search:
     """
 
     options: type[Options] = Options
+    most_plans = MOST_PLANS
+    most_explored = MOST_EXPLORED
+    counts_abandoned = False
+    """Whether a plan that was given up counts among those that may be compared."""
 
     def __init__(
         self,
@@ -100,7 +104,7 @@ class Search:
         Raises:
             Unplannable: some variables cannot be enumerated.
         """
-        self._plans_left = MOST_PLANS if self._explore and len(goals) <= MOST_EXPLORED else 0
+        self._plans_left = self.most_plans if self._explore and len(goals) <= self.most_explored else 0
         for goal in goals:
             self._variables[id(goal)] = variables(goal)
             for variable in self._variables[id(goal)]:
@@ -119,6 +123,7 @@ class Search:
         self._filter(draft)
         while draft.remaining:
             if draft.cost >= limit:
+                self._plans_left -= self.counts_abandoned
                 return None
             if not self._detach(draft):
                 loops = self._options.loops(draft.remaining.values(), draft.bound, draft.uses)

@@ -34,6 +34,7 @@ class _Tracing(Translation):
     """Reports every partial match."""
 
     numbers: dict[int, int]
+    _deepens = True
 
     def _after(self, step: Step) -> None:
         if id(step) in self.numbers:

@@ -170,12 +170,16 @@ def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
         Unplannable: some variables cannot be enumerated.
     """
     conjunction, occurrence = delta.conjunction, delta.occurrence
+    place = (delta.name, delta.body, occurrence.goal)
+    if place in planner.plans:
+        return planner.plans[place]
     known = {v for v in occurrence.columns if v is not None}
     goal = conjunction.goals[occurrence.goal]
     if occurrence.role is Role.NUMBER and isinstance(goal, AggregateAtom):
         known.add(goal.result)
     others = [goal for number, goal in enumerate(conjunction.goals) if number != occurrence.goal]
-    return planner.plan(conjunction, others, frozenset(known))
+    planner.plans[place] = planner.plan(conjunction, others, frozenset(known))
+    return planner.plans[place]
 
 
 def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:

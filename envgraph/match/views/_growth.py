@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from envgraph.graph import Store
 from envgraph.match._calls import CallGraph
@@ -49,6 +49,10 @@ Build = Callable[[Source], Any]
 """Makes a function of generated source; symbols that a view holds are asked from the network."""
 Evaluate = Callable[[str], Callable[[], Sequence[Any]]]
 """All rows of a pattern, on demand."""
+
+
+MOST_GOALS: Final = 40
+"""Goals of a body that still gets delta functions: there is one for each, and each is planned."""
 
 
 class NotIncremental(Exception):
@@ -178,6 +182,8 @@ class Growth:
         fixed = {number for number, _ in body.constants}
         goals = split_negations((canonical(goal, self.store) for goal in body.goals), fixed)
         body = replace(body, goals=tuple(goals))
+        if len(body.goals) > MOST_GOALS:
+            raise NotIncremental
         return replace(body, goals=tuple(self._goals(body, f"{name}/{number}")))
 
     def _make_member(self, member: Member, component: frozenset[str]) -> None:

@@ -38,7 +38,11 @@ class Held(Protocol):
 
 
 class ViewPlanner:
-    """What a search and a translation want to know, for conjunctions over the relations of views."""
+    """What a search and a translation want to know, for conjunctions over the relations of views.
+
+    Attributes:
+        plans: those of delta functions, by view, body and goal.
+    """
 
     def __init__(self, library: Library, calls: CallGraph, sizes: LiveSizes, held: Held) -> None:
         self.library = library
@@ -46,6 +50,7 @@ class ViewPlanner:
         self.sizes: Sizes = sizes
         self.live = sizes
         self.held = held
+        self.plans: dict[tuple[str, int, int], Plan] = {}
 
     def view(self, key: ViewKey) -> ViewPlan:
         """Never asked: a call reads what is there."""
@@ -152,6 +157,8 @@ class ViewSearch(Search):
     """The search for a plan over the relations of views."""
 
     options: type[Options] = ViewOptions
+    most_plans = 24
+    counts_abandoned = True  # there is a plan for each place of a body: no one may take long
 
     def _enter(self, draft: Draft, loop: Option) -> None:
         """Execute a loop; other goals about its object are still to be met, each in its own way."""

@@ -1,0 +1,58 @@
+"""Large patterns as views."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from envgraph.graph import Model
+from envgraph.match import FREE, CompiledMatcher, ViewMatcher
+from envgraph.match.views._operators import Evaluated, View
+from envgraph.metamodel import Class, Metamodel, Reference
+from envgraph.pattern import Library
+from tests.unit.match.writing import path, pattern
+
+METAMODEL = Metamodel("chain", (Class("Cell", features=(Reference("next", "Cell", 0, None),)),))
+
+
+@pytest.mark.parametrize(("length", "kind"), [(30, View), (200, Evaluated)])
+def test_a_chain_of_constraints_is_kept_current(length: int, kind: type) -> None:
+    library = Library(METAMODEL)
+    chain = [path("Cell.next", f"x{number}", f"x{number + 1}") for number in range(length)]
+    library.add(pattern(f"far(x0 : Cell, x{length} : Cell)", chain))
+    model = Model(METAMODEL)
+    cells = [model.new("Cell") for _ in range(length + 2)]
+    following = METAMODEL.references[0]
+    for one, other in pairwise(cells):
+        model.link(one, following, other)
+    matcher = ViewMatcher(model, library)
+    matcher.watch("far")
+    assert type(matcher._network.operators["far"]) is kind
+    assert set(matcher.rows("far", (FREE, FREE))) == {
+        (cells[0], cells[length]),
+        (cells[1], cells[length + 1]),
+    }
+    model.unlink(cells[length], following, cells[length + 1])
+    assert matcher.rows("far", (FREE, FREE)) == [(cells[0], cells[length])]
+    model.unlink(cells[3], following, cells[4])
+    assert matcher.count("far", (FREE, FREE)) == 0
+    model.link(cells[3], following, cells[4])
+    assert matcher.rows("far", (FREE, FREE)) == CompiledMatcher(model, library).rows("far", (FREE, FREE))
+    matcher.check_integrity()
+
+
+@pytest.mark.parametrize("shape", ["chain", "star"])
+def test_large_patterns_are_explained_with_actual_rows(shape: str) -> None:
+    library = Library(METAMODEL)
+    ends = [(f"x{n}" if shape == "chain" else "x0", f"x{n + 1}") for n in range(200)]
+    library.add(
+        pattern("large(x0 : Cell, x1 : Cell)", [path("Cell.next", one, other) for one, other in ends])
+    )
+    model = Model(METAMODEL)
+    cells = [model.new("Cell") for _ in range(3)]
+    model.link(cells[0], METAMODEL.references[0], cells[1])
+    matcher = CompiledMatcher(model, library)
+    assert "actually" in matcher.explain("large")
+    why = matcher.why_not("large", {})
+    assert (why.match is None) == (shape == "chain")
