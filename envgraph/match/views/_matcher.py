@@ -84,7 +84,8 @@ class ViewMatcher:
         """Keep patterns current from now on.
 
         Raises:
-            InvalidArgument: an unknown pattern, a `search` pattern, or one that needs values for parameters.
+            InvalidArgument: an unknown pattern, a `search` pattern, one that needs values for parameters, or another
+                matcher of this model has listeners. (Without listeners, that one watches nothing any more.)
             TransactionError: there is a state to go back to (a savepoint is open, or a version is held), in which the
                 pattern was not watched.
         """
@@ -125,10 +126,27 @@ class ViewMatcher:
         for pattern in patterns:
             self._views.pop(pattern, None)
         if not self._views:
+            self._leave()
+
+    def _leave(self) -> None:
+        """Follow the model no longer."""
+        followers = self.model.store.followers
+        if any(follower is self for follower in followers):
+            followers[:] = [follower for follower in followers if follower is not self]
             self._network.unhang()
-            self.model.store.followers[:] = [f for f in self.model.store.followers if f is not self]
-            self._network = self._new_network()
-            self._broken, self._spoilt = None, False
+        self._views = {}
+        self._network = self._new_network()
+        self._broken, self._spoilt, self._suspended = None, False, False
+
+    def _take_over(self) -> None:
+        """The functions that the store calls belong to one matcher: another that had views searches from now on."""
+        for other in self.model.store.followers[:]:
+            if isinstance(other, ViewMatcher) and other is not self:
+                if other._subscriptions:
+                    raise InvalidArgument(
+                        f"another engine of {self.model.name!r} has listeners or event rules: only one can watch"
+                    )
+                other._leave()
 
     def _check_watchable(self, pattern: str) -> None:
         if self.library.get(pattern).strategy == "search":
@@ -143,6 +161,7 @@ class ViewMatcher:
 
         What differs from what broken views held is logged.
         """
+        self._take_over()
         store = self.model.store
         before = {p: list(v.rows) for p, v in self._views.items()} if self._broken is not None else {}
         old = self._network

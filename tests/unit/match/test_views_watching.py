@@ -161,6 +161,47 @@ def test_listeners_hear_of_a_load_when_they_are_next_told_and_of_a_checkout_as_a
     assert told == [("changed", 3, 0), ("changed", 2, 0), ("restored", 0, 2), ("restored", 2, 0)]
 
 
+def test_only_one_matcher_of_a_model_watches() -> None:
+    model = Model(METAMODEL)
+    first, second = watched(model, library()), ViewMatcher(model, library())
+    chain(model, 3)
+    second.unwatch("two")
+    chain(model, 3)
+    assert first.count("two", FREE2) == 2
+    first.check_integrity()
+    second.watch("two")
+    chain(model, 3)
+    assert (first.watched, second.watched) == ((), ("two",))
+    assert first.count("two", FREE2) == second.count("two", FREE2) == 3
+    subscription = second.listen("two", lambda appeared, disappeared: None)
+    with pytest.raises(InvalidArgument, match="another engine of 'model' has listeners"):
+        first.watch("two")
+    chain(model, 3)
+    second.check_integrity()
+    second.unlisten(subscription)
+    first.watch("two")
+    chain(model, 3)
+    assert first.count("two", FREE2) == second.count("two", FREE2) == 5
+    first.check_integrity()
+
+
+def test_a_load_that_fails_or_ends_without_views_leaves_none_suspended() -> None:
+    model = Model(METAMODEL)
+    views = watched(model, library())
+    with pytest.raises(RuntimeError, match="no more"), model.loading():
+        chain(model, 3)
+        raise RuntimeError("no more")
+    assert views.count("two", FREE2) == 1
+    views.check_integrity()
+    with model.loading():
+        views.unwatch("knows", "two")
+        chain(model, 3)
+    views.watch("two")
+    chain(model, 3)
+    assert views.count("two", FREE2) == 3
+    assert len(views._views["two"].rows) == 3
+
+
 def test_what_comes_and_goes_within_a_transaction_is_no_change() -> None:
     model = Model(METAMODEL)
     views = ViewMatcher(model, library())
