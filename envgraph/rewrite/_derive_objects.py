@@ -361,6 +361,9 @@ def _spread(draft: Draft, plan: Plan) -> Operator:
         moved.append((link.end, target))
         if plan.old[donor].repaid:
             draft.edge(link.end, receiver, name)
+            for end, earlier in moved:
+                if end == link.end.other:
+                    draft.differ(receiver, earlier)
             moved.append((link.end.other, receiver))
         draft.spared_ends(link.end, receiver, target)
         draft.absent(link.end, receiver, target)
