@@ -403,7 +403,6 @@ class _Reader:
         if word:
             message = f"the {word} feature `{element.attributes.get('name', '')}` is left out"
             self._warn("left-out", message, self.places.name_of(element.byte, word))
-            self.lost.add(element.attributes.get("name", ""))
             return None
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
         if found is None:
