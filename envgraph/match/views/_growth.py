@@ -184,7 +184,34 @@ class Growth:
         body = replace(body, goals=tuple(goals))
         if len(body.goals) > MOST_GOALS:
             raise NotIncremental
+        body = self._with_apart(body, f"{name}/{number}/apart")
         return replace(body, goals=tuple(self._goals(body, f"{name}/{number}")))
+
+    def _with_apart(self, body: Conjunction, place: str) -> Conjunction:
+        """The body with what hangs together with no parameter as views of their own: there it is, or it is not.
+
+        Its solutions would multiply the derivations of every match.
+        """
+        fixed = frozenset(number for number, _ in body.constants)
+        pending = [goal for goal in body.goals if not fixed.issuperset(variables(goal))]
+        kept = [goal for goal in body.goals if fixed.issuperset(variables(goal))]
+        groups: list[list[Goal]] = []
+        while pending:
+            start = next(v for v in variables(pending[0]) if v not in fixed)
+            group = component(pending, start, fixed)
+            pending = [goal for goal in pending if not any(goal is other for other in group)]
+            groups.append(group)
+        found: list[Goal] = list(kept)
+        for number, group in enumerate(groups):
+            named = {v for goal in group for v in variables(goal)}
+            open_ = any(isinstance(goal, CallAtom) and goal.pattern in self._open for goal in group)
+            if len(groups) + len(kept) == 1 or not named.isdisjoint(body.parameters) or open_:
+                found.extend(group)
+                continue
+            constants = tuple((v, value) for v, value in body.constants if v in named)
+            alone = Conjunction(body.types, constants, (), tuple(group))
+            found.append(CallAtom(self._define(f"{place}/{number}", [alone]).name, ()))
+        return replace(body, goals=tuple(found))
 
     def _make_member(self, member: Member, component: frozenset[str]) -> None:
         """The functions of a member's bodies."""
@@ -233,7 +260,12 @@ class Growth:
 
     def _usable(self, pattern: str, positive: bool = False) -> Rows:
         """The operator of a pattern; one that is not finished can only be called."""
-        if self.library.inputs(pattern) or (pattern in self._open and not positive):
+        if pattern in self._open and not positive:
+            raise NotIncremental
+        known = self.operators.get(pattern)
+        if isinstance(known, Rows):
+            return known
+        if self.library.inputs(pattern):
             raise NotIncremental
         return self.view(pattern)
 
