@@ -15,7 +15,8 @@
 
 from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
-from envgraph.graph._history import Savepoint, Version
+from envgraph.graph._history import Savepoint, Shelf, Version
+from envgraph.graph._isomorphism import Shapes
 from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet
 from envgraph.graph._json import model_from_json, model_schema, model_to_json
 from envgraph.graph._model import Model
@@ -41,6 +42,8 @@ __all__ = [
     "PictureOptions",
     "Relation",
     "Savepoint",
+    "Shapes",
+    "Shelf",
     "Store",
     "Targets",
     "ValueFact",

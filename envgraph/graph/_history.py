@@ -28,6 +28,17 @@ class Savepoint:
         self._total = total
 
 
+class Shelf:
+    """Changes that were taken back and can be made again, as often as wanted; made by `Model.shelve`."""
+
+    __slots__ = ("_entries", "_next_id", "_total")
+
+    def __init__(self, entries: Journal, next_id: int, total: int) -> None:
+        self._entries = entries
+        self._next_id = next_id
+        self._total = total
+
+
 class Version:
     """A committed state of a model. Holding it keeps the state reachable; made by `Model.commit`.
 
@@ -157,13 +168,38 @@ class History:
         store = self._store
         if len(store.journal) > savepoint._mark:
             revert(store.journal, savepoint._mark)
-            store.next_id = savepoint._next_id
-            store.total = savepoint._total
-            store.restored()
-            for follower in store.followers:
-                follower.rolled_back()
+            self._replayed(savepoint._next_id, savepoint._total)
         if not self._stack:
             self._settle()
+
+    def shelve(self, savepoint: Savepoint) -> Shelf:
+        """As `rollback`, and what was taken back can be resumed."""
+        store = self._store
+        for follower in store.followers:
+            follower.settle()
+        self._close(savepoint)
+        undone = store.journal[savepoint._mark :]
+        del store.journal[savepoint._mark :]
+        shelf = Shelf(invert(undone), store.next_id, store.total)
+        self._replayed(savepoint._next_id, savepoint._total)
+        if not self._stack:
+            self._settle()
+        return shelf
+
+    def resume(self, shelf: Shelf) -> Savepoint:
+        """Make the changes of a shelf inside a new savepoint; the state is the one in which they were made."""
+        savepoint = self.savepoint()
+        self._store.journal.extend(invert(shelf._entries))
+        self._replayed(shelf._next_id, shelf._total)
+        return savepoint
+
+    def _replayed(self, next_id: int, total: int) -> None:
+        store = self._store
+        store.next_id = next_id
+        store.total = total
+        store.restored()
+        for follower in store.followers:
+            follower.rolled_back()
 
     def release(self, savepoint: Savepoint) -> None:
         """Close the innermost savepoint and keep the changes."""

@@ -11,7 +11,7 @@ from envgraph.graph import _refusals as refusals
 from envgraph.graph._canonical import canonical_hash
 from envgraph.graph._facts import Listener
 from envgraph.graph._hashing import condense
-from envgraph.graph._history import History, Savepoint, Version
+from envgraph.graph._history import History, Savepoint, Shelf, Version
 from envgraph.graph._incidence import contained_tree, dangling_links, links_at, links_of
 from envgraph.graph._integrity import check_store
 from envgraph.graph._layout import Layout
@@ -501,6 +501,21 @@ class Model:
             TransactionError: it is not the innermost open one.
         """
         self._history.rollback(savepoint)
+
+    def shelve(self, savepoint: Savepoint) -> Shelf:
+        """As `rollback`, and return what was taken back, for `resume`.
+
+        Raises:
+            TransactionError: it is not the innermost open one.
+        """
+        return self._history.shelve(savepoint)
+
+    def resume(self, shelf: Shelf) -> Savepoint:
+        """Open a savepoint and make the changes of a shelf again, exactly (ids, order, hash).
+
+        The state must be the one at the savepoint that was shelved: that is not checked.
+        """
+        return self._history.resume(shelf)
 
     def release(self, savepoint: Savepoint) -> None:
         """Close the innermost savepoint and keep what was changed since.

@@ -1,0 +1,86 @@
+"""Changes that are taken back and made again."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from envgraph.errors import TransactionError
+from envgraph.graph import Model
+from tests.unit.rewrite.graphs import METAMODEL, chain, snapshot
+
+
+def scramble(model: Model, random: Random) -> None:
+    """Some changes of every kind."""
+    for _ in range(12):
+        nodes = model.nodes("Item")
+        one, other = random.choice(nodes), random.choice(nodes)
+        match random.randrange(7):
+            case 0:
+                model.create("Item", n=random.randrange(9))
+            case 1 if len(nodes) > 3:
+                one.delete("spo")
+            case 2:
+                one.next = other
+            case 3:
+                one.retype("Special" if one.cls == "Item" else "Item") if not one.is_a("Special") else None
+            case 4:
+                one.links = random.sample(nodes, min(len(nodes), random.randrange(40)))
+            case 5:
+                one.label = f"l{random.randrange(9)}"
+            case _:
+                model.set_object_name(one.id, f"name{random.random()}")
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_what_is_shelved_comes_back_exactly_and_more_than_once(seed: int) -> None:
+    random, model = Random(seed), chain(40)
+    states, shelves = [snapshot(model)], []
+    for _ in range(4):
+        savepoint = model.savepoint()
+        scramble(model, random)
+        states.append(snapshot(model))
+        shelves.append((savepoint, model.store.next_id))
+    kept = [model.shelve(savepoint) for savepoint, _ in reversed(shelves)][::-1]
+    assert snapshot(model) == states[0] and not model.in_transaction
+    for depth in (4, 2, 3):
+        marks = []
+        for shelf, state in zip(kept[:depth], states[1:], strict=False):
+            marks.append(model.resume(shelf))
+            assert snapshot(model) == state
+        assert model.store.next_id == shelves[depth - 1][1]
+        model.check_integrity()
+        while marks:
+            model.rollback(marks.pop())
+            assert snapshot(model) == states[len(marks)]
+    for shelf in kept:
+        model.release(model.resume(shelf))
+    assert snapshot(model) == states[4]
+
+
+def test_only_the_innermost_savepoint_can_be_shelved() -> None:
+    model = Model(METAMODEL)
+    outer, inner = model.savepoint(), model.savepoint()
+    with pytest.raises(TransactionError):
+        model.shelve(outer)
+    model.rollback(inner)
+    model.shelve(outer)
+    with pytest.raises(TransactionError):
+        model.shelve(outer)
+
+
+def test_a_version_can_be_made_of_what_is_resumed() -> None:
+    model = chain(3)
+    start = model.commit()
+    savepoint = model.savepoint()
+    model.node(0).n = 7
+    shelf = model.shelve(savepoint)
+    assert model.version is start
+    model.release(model.resume(shelf))
+    later = model.commit()
+    model.checkout(start)
+    assert model.node(0).n == 0
+    model.checkout(later)
+    assert model.node(0).n == 7
+    model.check_integrity()
