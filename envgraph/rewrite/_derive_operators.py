@@ -124,8 +124,11 @@ def check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[Di
 
 
 def _without_creation(schema: Schema, classes: Iterable[str], derivation: Derivation) -> Iterator[Diagnostic]:
+    """Warnings of objects that nothing creates; parts of which each whole has a fixed number come with it."""
     for cls in classes:
-        if not creation_plans(schema, cls, 1):
+        containers = schema.containers(cls)
+        comes_along = containers and not any(end.other.flexible for end in containers)
+        if not comes_along and not creation_plans(schema, cls, 1):
             yield Diagnostic(
                 "nothing-derived",
                 f"no operator creates a `{cls}`: what it needs is frozen, or too much at once",

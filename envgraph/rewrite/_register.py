@@ -45,8 +45,9 @@ class Registration:
             if isinstance(d, Derivation)
         }
         self._derived = self._derive(library, directory)
-        self._patterns = [d for d in definitions if isinstance(d, Pattern)]
-        self._patterns += [pattern for made in self._derived.values() for pattern in made.patterns]
+        written = [d for d in definitions if isinstance(d, Pattern)]
+        made = [pattern for group in self._derived.values() for pattern in group.patterns]
+        self._patterns = [*written, *made]
         self._before = directory
         self._library = library
         self.directory = Directory(directory.signatures.values())
@@ -54,7 +55,9 @@ class Registration:
         self.groups: dict[str, tuple[str, ...]] = {}
         self._rules: list[CheckedRule] = []
         self._broken: set[str] = set()
-        found = [*left_problems(library, *self._patterns), *self._duplicates(directory)]
+        found = [*left_problems(library, *written), *self._duplicates(directory)]
+        # Nobody wrote the others: warnings about them help nobody.
+        found += [p for p in left_problems(library, *made) if p.severity is Severity.ERROR]
         known = self._with_patterns(found)
         found += self._check(known)
         self.problems = sort_diagnostics(found)

@@ -100,6 +100,19 @@ def test_the_same_text_gives_the_same_rules() -> None:
     assert one == two
 
 
+def test_patterns_that_the_operators_call_are_nobodys_business() -> None:
+    text = """
+    class Maze { contains Cell[1..*] cells contains Hero[1] hero }
+    abstract class Cell { contains Key[0..1] item }
+    class Wall extends Cell class Floor extends Cell class Key class Hero { refers Cell[1] at }
+    """
+    made = Engine(Model(metamodel(text)))
+    for cls in made.model.metamodel.classes:
+        assert made.check(Derivation("d", "operators", (cls,))) == []
+    made.add(Derivation("d", "operators", ("Maze",)))
+    assert made.patterns == ()
+
+
 # --- what they do
 
 
