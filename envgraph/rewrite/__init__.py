@@ -25,6 +25,7 @@ from envgraph.rewrite._check import check_rule
 from envgraph.rewrite._derive import check_derivation, derived_rules
 from envgraph.rewrite._engine import Engine
 from envgraph.rewrite._events import Activation, Agenda, EventRule
+from envgraph.rewrite._exploration import Exploration, State, Statistics, Transition
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._run import STEP_LIMIT
@@ -37,6 +38,7 @@ __all__ = [
     "Application",
     "Engine",
     "EventRule",
+    "Exploration",
     "Firing",
     "Match",
     "Randomness",
@@ -44,7 +46,10 @@ __all__ = [
     "RuleRunner",
     "Shape",
     "Signature",
+    "State",
+    "Statistics",
     "Taken",
+    "Transition",
     "check_derivation",
     "check_rule",
     "derived_rules",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from copy import deepcopy
 from dataclasses import replace
 from random import Random
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
@@ -22,6 +23,8 @@ from envgraph.match import FREE, Matcher, NaiveMatcher, Subscription, ViewMatche
 from envgraph.metamodel import Value, accepts, type_name
 from envgraph.pattern import Derivation, Library, ObjectType, Pattern, Rule, Unit
 from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
+from envgraph.rewrite._exploration import Exploration
+from envgraph.rewrite._explore import Sameness, Search, Strategy, movers
 from envgraph.rewrite._jobs import Event, Job, bind_job, job_name
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Directory, Signature, Taken
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
     import numpy
 
 Definition = Pattern | Rule | Unit | Derivation
+Predicate = str | Callable[["Engine"], bool]
 Function = TypeVar("Function", bound=Callable[..., object])
 _NOTHING: AbstractContextManager[None] = nullcontext()
 
@@ -668,8 +672,8 @@ class Engine:
             self._record(trace)
             return bool(trace)
 
-    def _run(self, name: str, arguments: Mapping[str, object]) -> list[Firing]:
-        run = Run(self.model, self.rng, self.step_limit, self.step_limit)
+    def _run(self, name: str, arguments: Mapping[str, object], rng: Randomness | None = None) -> list[Firing]:
+        run = Run(self.model, self.rng if rng is None else rng, self.step_limit, self.step_limit)
         with self.model.transaction():
             try:
                 outcome = self._start(run, name, arguments)
@@ -766,6 +770,77 @@ class Engine:
                 runner.apply_checked(row)
                 done.append(Firing(runner.name, row))
         self._record(done)
+
+    # --- exploring
+
+    def explore(
+        self,
+        rules: str | Iterable[str],
+        *,
+        limit: int = 100_000,
+        strategy: Strategy = "breadth",
+        up_to: Sameness = "identity",
+        goal: Predicate | None = None,
+        predicates: Iterable[str] | Mapping[str, Predicate] = (),
+        keep: bool = False,
+    ) -> Exploration:
+        """The states that rules, groups and units can reach from the present one, and how.
+
+        From each state every rule is applied at every match; a unit runs in every way in which its random choices may
+        turn out. Weights and priorities of rules do not count, and event rules do not fire. Two states are one if
+        they have the same objects with the same values and links. Afterwards the engine is in the state in which it
+        was, also after an exception or Ctrl-C. The result is a function of the state and the arguments.
+
+        Args:
+            rules: names.
+            limit: how many states there may be; with more, the exploration ends, and says so.
+            strategy: "breadth": states with few moves first, so that paths are the shortest; or "depth".
+            up_to: "isomorphism": states that differ by ids alone are one. Rules that create objects need it, where
+                they come back to what was there before.
+            goal: where to stop: the name of a pattern or rule, which has a match then, or a function of the engine.
+                Functions only look at the model.
+            predicates: names, or names of your choice for such goals; asked of every state.
+            keep: hold a version of every state, for `checkout`. Uncommitted changes are committed first.
+
+        Raises:
+            InvalidArgument: an unknown name, a unit or rule that needs values, a limit below 1.
+            TransactionError: versions are to be kept, inside a transaction.
+            RuleError, EvaluationError: a rule or unit is wrong; not if the model only refuses an application.
+        """
+        asked = predicates if isinstance(predicates, Mapping) else {name: name for name in predicates}
+        search = Search(
+            self.model,
+            movers(self, [rules] if isinstance(rules, str) else rules, self._run),
+            {name: self._test(predicate) for name, predicate in asked.items()},
+            None if goal is None else self._test(goal),
+            limit,
+            strategy,
+            up_to,
+            keep,
+        )
+        with self._aside():
+            return search.run()
+
+    def _test(self, predicate: Predicate) -> Callable[[], bool]:
+        if callable(predicate):
+            return lambda: bool(predicate(self))
+        if not isinstance(predicate, str):
+            raise InvalidArgument(f"a predicate is the name of a pattern or a function, not {predicate!r}")
+        _, pattern, free = self._question(predicate, {})
+        return lambda: self.matcher.exists(pattern, free)
+
+    @contextmanager
+    def _aside(self) -> Iterator[None]:
+        """Nothing notices the block, which leaves the model as it was: listeners, event rules, recordings, `rng`."""
+        recorders, rng = self._recorders, self._rng
+        views = self.matcher.unheard() if isinstance(self.matcher, ViewMatcher) else _NOTHING
+        events = _NOTHING if self._events is None else self._events.asleep()
+        with views, events:
+            self._recorders, self._rng = [], deepcopy(rng)
+            try:
+                yield
+            finally:
+                self._recorders, self._rng = recorders, rng
 
     @contextmanager
     def recording(self) -> Iterator[list[Firing]]:

@@ -247,6 +247,7 @@ class Events:
         self._held = 0
         self._firing = False
         self._muted = False
+        self._asleep = False
 
     # --- rules
 
@@ -369,6 +370,17 @@ class Events:
             self._muted = False
             self.clear()
 
+    @contextmanager
+    def asleep(self) -> Iterator[None]:
+        """Nothing fires inside the block, and what is pending stays so: it ends in the state in which it began."""
+        self._held += 1
+        self._asleep = True
+        try:
+            yield
+        finally:
+            self._asleep = False
+            self._held -= 1
+
     # --- Follower
 
     def settle(self) -> None:
@@ -381,7 +393,8 @@ class Events:
 
     def checked_out(self) -> None:
         """The model is in another version."""
-        self.clear()
+        if not self._asleep:
+            self.clear()
 
     def rolled_back(self) -> None:
         """What was rolled back has not arrived here."""

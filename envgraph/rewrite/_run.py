@@ -10,6 +10,7 @@ from typing import Final
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model, Savepoint
 from envgraph.metamodel import Value
+from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Firing, Row
 from envgraph.rewrite._runner import Randomness, RuleRunner, draw
 
@@ -117,8 +118,8 @@ def apply_one_of(run: Run, rules: Sequence[RuleRunner]) -> bool | None:
 
 def draw_weighted(rng: Randomness, weights: Sequence[float]) -> int:
     """A number from 0, with probabilities in proportion to the weights; without a choice nothing is drawn."""
-    if len(weights) == 1:
-        return 0
+    if len(weights) == 1 or isinstance(rng, Branches):
+        return draw(rng, len(weights))
     point = rng.random() * fsum(weights)
     for number, weight in enumerate(weights):
         point -= weight

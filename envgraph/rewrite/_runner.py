@@ -14,6 +14,7 @@ from envgraph.match import FREE, Matcher
 from envgraph.metamodel import Value
 from envgraph.pattern import Library
 from envgraph.rewrite._apply import effect_of
+from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._plan import RulePlan
 
@@ -27,7 +28,9 @@ class Randomness(Protocol):
 
 def draw(rng: Randomness, count: int) -> int:
     """One of `count` numbers from 0, equally likely; without a choice nothing is drawn."""
-    return int(rng.random() * count) if count > 1 else 0
+    if count <= 1:
+        return 0
+    return rng.choose(count) if isinstance(rng, Branches) else int(rng.random() * count)
 
 
 Find = Callable[..., Sequence[Row]]

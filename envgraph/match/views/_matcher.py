@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
@@ -363,6 +364,19 @@ class ViewMatcher:
                     first = first or problem
         if first is not None:
             raise first
+
+    @contextmanager
+    def unheard(self) -> Iterator[None]:
+        """Nobody is told what happens in the block, at whose end the state must be the one at its start."""
+        self.settle()
+        logs = {pattern: view.rows.log for pattern, view in self._views.items()}
+        for view in self._views.values():
+            view.rows.log = None
+        try:
+            yield
+        finally:
+            for pattern, log in logs.items():
+                self._views[pattern].rows.log = log
 
     def _net_changes(self) -> dict[str, tuple[list[Row], list[Row]]]:
         changes: dict[str, tuple[list[Row], list[Row]]] = {}

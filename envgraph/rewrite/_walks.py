@@ -1,0 +1,136 @@
+"""Going from one state of an exploration to another, and back to where it began."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from envgraph.graph import Model, Savepoint, Shelf, Version
+
+
+class Walk(Protocol):
+    """Where the model stands in the tree of the states that were found; 0 is the first.
+
+    After `attempt` a move is made, and then comes one of `back`, or `keep` and one of `park` and `descend`.
+    """
+
+    def attempt(self) -> None:
+        """A move from the present state follows."""
+
+    def back(self) -> None:
+        """Take the attempted move back."""
+
+    def keep(self) -> Version | None:
+        """The move leads to a new state, the next in number."""
+
+    def park(self) -> None:
+        """Leave the new state, for `go`."""
+
+    def descend(self) -> None:
+        """Stay in the new state, until `ascend`."""
+
+    def ascend(self) -> None:
+        """Go back to the state before the present one."""
+
+    def go(self, state: int) -> None:
+        """Go to a state that was parked, or to the first."""
+
+    def end(self) -> None:
+        """Go back to where everything began, whatever is under way."""
+
+
+class SavepointWalk:
+    """Inside one savepoint, with one more for each move from the first state to the present one."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._marks: list[Savepoint] = [model.savepoint()]
+        self._path = [0]
+        self._parents = [(0, 0)]
+        self._shelves: dict[int, Shelf] = {}
+
+    def attempt(self) -> None:
+        """See `Walk`."""
+        self._marks.append(self._model.savepoint())
+
+    def back(self) -> None:
+        """See `Walk`."""
+        self._model.rollback(self._marks.pop())
+
+    def keep(self) -> None:
+        """See `Walk`."""
+        self._parents.append((self._path[-1], len(self._path)))
+
+    def park(self) -> None:
+        """See `Walk`."""
+        self._shelves[len(self._parents) - 1] = self._model.shelve(self._marks.pop())
+
+    def descend(self) -> None:
+        """See `Walk`."""
+        self._path.append(len(self._parents) - 1)
+
+    def ascend(self) -> None:
+        """See `Walk`."""
+        self._path.pop()
+        self.back()
+
+    def go(self, state: int) -> None:
+        """See `Walk`."""
+        path, down = self._path, []
+        parent, depth = self._parents[state]
+        while depth >= len(path) or path[depth] != state:
+            down.append(state)
+            state = parent
+            parent, depth = self._parents[state]
+        while len(path) > depth + 1:
+            self.ascend()
+        for below in reversed(down):
+            self._marks.append(self._model.resume(self._shelves[below]))
+            path.append(below)
+
+    def end(self) -> None:
+        """See `Walk`."""
+        while self._marks:
+            self.back()
+
+
+class VersionWalk:
+    """Every state is a version. Outside of any transaction."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self.versions = [model.commit()]
+        self._path = [self.versions[0]]
+
+    def attempt(self) -> None:
+        """See `Walk`."""
+
+    def back(self) -> None:
+        """See `Walk`."""
+        self._model.checkout(self._path[-1], discard=True)
+
+    def keep(self) -> Version:
+        """See `Walk`."""
+        self.versions.append(self._model.commit())
+        return self.versions[-1]
+
+    def park(self) -> None:
+        """See `Walk`."""
+        self.back()
+
+    def descend(self) -> None:
+        """See `Walk`."""
+        self._path.append(self.versions[-1])
+
+    def ascend(self) -> None:
+        """See `Walk`."""
+        self._path.pop()
+        self.back()
+
+    def go(self, state: int) -> None:
+        """See `Walk`."""
+        self._path = [self.versions[state]]
+        self.back()
+
+    def end(self) -> None:
+        """See `Walk`."""
+        self._model.checkout(self.versions[0], discard=True)
