@@ -147,6 +147,18 @@ def test_rehoming_sends_everything_to_one_other_object() -> None:
     assert not made.exists("d.delete.Hub.rehoming")
 
 
+def test_an_object_that_contains_something_is_not_rehomed() -> None:
+    text = "class Box { contains Ball[0..*] balls } class Ball class Tag { refers Box[1] box }"
+    made = engine(text, "Box")
+    one, two = made.model.create("Box"), made.model.create("Box")
+    made.model.create("Tag", box=one)
+    ball = made.model.create("Ball")
+    one.balls.append(ball)
+    assert not made.exists("d.delete.Box.rehoming", box=one)
+    two.balls.append(ball)
+    assert made.exists("d.delete.Box.rehoming", box=one)
+
+
 def test_what_is_inside_goes_along_unless_somebody_outside_needs_it() -> None:
     text = """
     class Box { contains Ball[1..*] balls }
