@@ -119,7 +119,11 @@ def test_retypings_keep_identity() -> None:
         ("derive d = operators for Itm;", "unknown-type", "Itm"),
         ("@weight(swop = 2) derive d = operators for Item;", "bad-annotation", "2"),
         ("@weight(swap = -1) derive d = operators for Item;", "bad-weight", "-1"),
-        ("@weight(swap = 2) derive d = retype among { Item, Special };", "bad-annotation", "@weight(swap = 2)"),
+        (
+            "@weight(swap = 2) derive d = retype among { Item, Special };",
+            "bad-annotation",
+            "@weight(swap = 2)",
+        ),
         ("@cap(0) derive d = operators for Item;", "bad-annotation", "@cap(0)"),
         ("@priority(2) derive d = retype among { Item, Special };", "unknown-annotation", "@priority(2)"),
     ],
