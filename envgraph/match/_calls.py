@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from envgraph.match._components import components
 from envgraph.pattern import (
     AggregateAtom,
     Atom,
@@ -19,19 +20,31 @@ class CallGraph:
 
     def __init__(self, library: Library) -> None:
         self._library = library
-        self._reached: dict[str, frozenset[str]] = {}
+        self._components: dict[str, frozenset[str]] = {}
+        self._paths: dict[str, int] = {}
         self._height: dict[str, int] = {}
 
     def component(self, pattern: str) -> frozenset[str]:
         """The patterns that call each other with this one; empty if it does not reach itself."""
-        reached = self._reach(pattern)
-        if pattern not in reached:
-            return frozenset()
-        return frozenset(name for name in reached if pattern in self._reach(name))
+        if pattern not in self._components:
+            # A pattern that is known calls nothing that is new, and is not looked into again.
+            for names, called in components([pattern], self._unknown):
+                if names[0] not in self._components:
+                    circle = len(names) > 1 or names[0] in called
+                    self._components.update(dict.fromkeys(names, frozenset(names) if circle else frozenset()))
+        return self._components[pattern]
 
     def recursive(self, pattern: str) -> bool:
         """Whether the pattern calls itself, directly or through others."""
-        return pattern in self._reach(pattern)
+        return bool(self.component(pattern))
+
+    def paths(self, pattern: str) -> int:
+        """In how many ways one comes down from a pattern by calls; those of recursive patterns are not followed."""
+        if pattern not in self._paths:
+            for name in self.bottom_up(pattern):
+                below = [] if self.recursive(name) else _called(self._library, name)
+                self._paths[name] = 1 + sum(self._paths.get(each, 1) for each in below)
+        return self._paths[pattern]
 
     def bottom_up(self, pattern: str) -> list[str]:
         """The pattern and all that it reaches, callees before callers as far as recursion allows."""
@@ -62,17 +75,9 @@ class CallGraph:
                 self._height[name] = max(below, default=-1) + 1
         return self._height[pattern]
 
-    def _reach(self, pattern: str) -> frozenset[str]:
-        if pattern not in self._reached:
-            found: dict[str, None] = {}
-            queue = [pattern]
-            for name in queue:
-                for called in _called(self._library, name):
-                    if called not in found:
-                        found[called] = None
-                        queue.append(called)
-            self._reached[pattern] = frozenset(found)
-        return self._reached[pattern]
+    def _unknown(self, pattern: str) -> list[str]:
+        """What a pattern calls, for one whose component is not known yet."""
+        return [] if pattern in self._components else list(dict.fromkeys(_called(self._library, pattern)))
 
 
 def _called(library: Library, pattern: str) -> Iterator[str]:

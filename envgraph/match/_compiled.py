@@ -46,6 +46,10 @@ from envgraph.pattern import EXPRESSION_NAMESPACE, Library, ObjectType, StaticTy
 
 _BUILTINS: Final = {"chain": chain, "total": total, "mean": mean, "least": least, "most": most}
 _NOWHERE: Final[frozenset[str]] = frozenset()
+MOST_PATHS: Final = 64
+"""Ways down from a called pattern above which its answers are remembered for as long as the model does not change."""
+MOST_REMEMBERED: Final = 10_000
+"""Calls of one pattern that are remembered at a time."""
 
 Function = Callable[..., Any]
 Place = tuple[ViewKey, Mode, frozenset[str]]
@@ -263,7 +267,9 @@ class CompiledMatcher:
             case Builtin(name):
                 return _BUILTINS[name]
             case View(key, mode):
-                return self._function(key, mode, _NOWHERE)
+                function = self._function(key, mode, _NOWHERE)
+                many = self.calls.paths(key.pattern) > MOST_PATHS
+                return self._remembering(function) if many else function
             case Recursive(pattern, bound):
                 recursion = self._recursion
                 within = self.calls.component(pattern) == inside
@@ -272,6 +278,23 @@ class CompiledMatcher:
                 return self._closure(step, reflexive, question)
             case Held():
                 raise AssertionError(symbol)
+
+    def _remembering(self, function: Function) -> Function:
+        """The function with its answers in the present state: where calls meet again, work would double at each."""
+        store, answers, revision = self.model.store, dict[tuple[Any, ...], Any](), -1
+
+        def remembered(*values: Any) -> Any:
+            nonlocal revision
+            if revision != store.revision:
+                revision = store.revision
+                answers.clear()
+            if values not in answers:
+                if len(answers) >= MOST_REMEMBERED:
+                    answers.clear()
+                answers[values] = function(*values)
+            return answers[values]
+
+        return remembered
 
     def _class_table(self, cls: str) -> tuple[bool, ...]:
         """Whether an object is an instance, by its class index; -1, for no object, finds the entry at the end."""

@@ -7,7 +7,7 @@ from itertools import filterfalse
 from typing import Any, Final, Protocol
 
 from envgraph.graph import SET, Store
-from envgraph.match.views._components import reachable_sets
+from envgraph.match._components import reachable_sets
 from envgraph.match.views._operators import Operator, Rows
 from envgraph.match.views._sets import Groups, MatchSet
 
