@@ -1,0 +1,141 @@
+"""One mutation of the Burning Forest, 8x8: choose, apply, validate, measure, roll back.
+
+    python -m benchmarks mutation
+
+The step that a search repeats, with the paper's four constraints (start, goal and water in their places, and a way
+from start to goal), and with all that the bundled family demands. Beside CLIPS in the same run: there a mutation is a
+fact retracted and one asserted, the way is found by firing a rule, and everything is undone by hand; the measure, and
+the three places, which no mutation can touch, are left out.
+Microseconds of processor time a mutation, medians.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from dataclasses import replace
+from random import Random
+from statistics import median
+from time import process_time
+from typing import Any
+
+from numpy.random import default_rng
+
+from benchmarks._clips import MISSING, Clips, clips
+from envgraph.graph import Model
+from envgraph.search import Domain, Problem, Require
+
+TARGET = 50
+"""Microseconds."""
+
+MUTATIONS = 2_000
+REPEATS = 5
+PAPER = ("startTileFixedLocation", "goalTileFixedLocation", "waterTileFixedLocation", "solvable")
+KINDS = ("RoadTile", "VegetationTile", "BurningTile")
+
+
+def main() -> None:
+    """Print the figures."""
+    if clips is None:
+        print(MISSING)
+    domain = Domain.load("burning_forest")
+    whole = domain.problem(domain.engine())
+    four = [
+        one for one in whole.constraints if isinstance(one, Require) and one.pattern.split(".")[-1] in PAPER
+    ]
+    assert len(four) == len(PAPER)
+    paper = replace(whole, constraints=four)
+    print(f"microseconds a mutation, to be {TARGET}")
+    fast = show("four constraints", lambda: mutate(paper))
+    show(f"all {len(whole.constraints)} constraints", lambda: mutate(whole))
+    whole.engine.watch("solvable", *PAPER[:3])
+    show("four, watched", lambda: mutate(paper))
+    if clips is not None:
+        forest = ClipsForest(domain.initial())
+        other = show("CLIPS", lambda: mutate_in_clips(forest))
+        print(f"four constraints / CLIPS: {fast / other:.2f}")
+    print("met" if fast <= TARGET else "missed")
+
+
+def show(name: str, measure: Callable[[], tuple[float, int]]) -> float:
+    """Print and return the median; and how many of the mutations were valid."""
+    found = [measure() for _ in range(REPEATS)]
+    micros = 1e6 * median(seconds for seconds, _ in found) / MUTATIONS
+    valid = sum(valid for _, valid in found) / MUTATIONS / REPEATS
+    print(f"{name:22}{micros:8.1f}    {valid:.1%} valid", flush=True)
+    return micros
+
+
+def mutate(problem: Problem) -> tuple[float, int]:
+    """Seconds, and how many mutations were valid."""
+    engine, rng, valid = problem.engine, default_rng(1), 0
+    gc.collect()
+    started = process_time()
+    for _ in range(MUTATIONS):
+        savepoint = engine.model.savepoint()
+        chosen = engine.choose(problem.mutations, rng)
+        assert chosen is not None
+        engine.fire(*chosen)
+        if problem.valid():
+            valid += 1
+            problem.measure()
+        engine.model.rollback(savepoint)
+    return process_time() - started, valid
+
+
+# --- CLIPS
+
+CONSTRUCTS = """
+(deftemplate tile (slot of) (slot is)) (deftemplate passage (slot from) (slot to)) (deftemplate reached (slot of))
+(defrule walk (reached (of ?here)) (passage (from ?here) (to ?there)) (tile (of ?there) (is ~BurningTile)) =>
+    (assert (reached (of ?there))))
+(defrule arrive (declare (salience 1)) (reached (of ?goal)) (tile (of ?goal) (is GoalTile)) => (halt))
+"""
+
+
+class ClipsForest:
+    """The forest as facts, and the three places as Python values."""
+
+    def __init__(self, model: Model) -> None:
+        self.environment = Clips(CONSTRUCTS)
+        self.facts = {}
+        for tile in model.nodes("Tile"):
+            self.facts[tile.id] = self.assert_tile(tile.id, tile.cls)
+            for other in (tile.left, tile.right, tile.up, tile.down):
+                if other is not None:
+                    self.environment.add("passage", **{"from": tile.id, "to": other.id})
+        self.kinds = {tile.id: tile.cls for tile in model.nodes("Tile")}
+        self.mutable = [tile for tile, kind in self.kinds.items() if kind in KINDS]
+        self.start = model.nodes("StartTile")[0].id
+        self.goal = model.nodes("GoalTile")[0].id
+
+    def assert_tile(self, tile: int, kind: str) -> Any:
+        """Assert what a tile is."""
+        return self.environment.add("tile", of=tile, **{"is": self.environment.symbol(kind)})
+
+    def solvable(self) -> bool:
+        """Whether the walk from the start arrives."""
+        self.environment.add("reached", of=self.start)
+        self.environment.run()
+        found = self.environment.environment.eval(f"(any-factp ((?r reached)) (= ?r:of {self.goal}))")
+        self.environment.environment.eval("(do-for-all-facts ((?r reached)) TRUE (retract ?r))")
+        return str(found).upper() == "TRUE"
+
+
+def mutate_in_clips(forest: ClipsForest) -> tuple[float, int]:
+    """Seconds, and how many mutations were valid."""
+    random, valid = Random(1), 0
+    started = process_time()
+    for _ in range(MUTATIONS):
+        tile = random.choice(forest.mutable)
+        old = forest.kinds[tile]
+        forest.facts[tile].retract()
+        forest.facts[tile] = forest.assert_tile(tile, random.choice([kind for kind in KINDS if kind != old]))
+        valid += forest.solvable()
+        forest.facts[tile].retract()
+        forest.facts[tile] = forest.assert_tile(tile, old)
+    return process_time() - started, valid
+
+
+if __name__ == "__main__":
+    main()

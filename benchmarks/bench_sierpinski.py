@@ -1,0 +1,88 @@
+"""Sierpinski triangles: seconds for all levels up to 8 and up to 10.
+
+    python -m benchmarks sierpinski
+
+All triangles of a level are found, then split: by the prepared rule, and by the unit `all split;`, which is one
+transaction that looks at each match again. Beside CLIPS in the same run. Seconds of processor time, medians; making the
+engine is left out, the environment of CLIPS (a millisecond) is not.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from statistics import median
+from time import process_time
+
+from benchmarks._clips import MISSING, clips
+from benchmarks._sierpinski import clips_levels, objects, split_all, triangle
+
+TARGETS = {8: 0.15, 10: 1.5}
+"""Seconds."""
+
+PUBLISHED = {8: 0.022, 10: 0.329}
+"""GrGen.NET 8.1, measured before."""
+
+REPEATS = 5
+
+
+def main() -> None:
+    """Print the figures."""
+    if clips is None:
+        print(MISSING)
+    print(
+        f"{'levels':>6}{'prepared':>10}{'unit':>10}{'watched':>10}{'CLIPS':>10}{'prepared/CLIPS':>16}", end=""
+    )
+    print(f"{'GrGen.NET':>12}{'target':>9}  seconds")
+    for levels, target in TARGETS.items():
+        fast = time_of(lambda: prepared(levels))  # noqa: B023
+        unit = time_of(lambda: as_unit(levels))  # noqa: B023
+        live = time_of(lambda: prepared(levels, watched=True))  # noqa: B023
+        other = None if clips is None else time_of(lambda: in_clips(levels))  # noqa: B023
+        shown = "-" if other is None else f"{other:.3f}"
+        ratio = "-" if other is None else f"{fast / other:.2f}"
+        print(f"{levels:6}{fast:10.3f}{unit:10.3f}{live:10.3f}{shown:>10}{ratio:>16}", end="")
+        print(f"{PUBLISHED[levels]:12.3f}{target:9.2f}{'' if fast <= target else '  missed'}", flush=True)
+
+
+def time_of(measure: Callable[[], float]) -> float:
+    """Median."""
+    return median(measure() for _ in range(REPEATS))
+
+
+def prepared(levels: int, watched: bool = False) -> float:
+    """Seconds with the prepared rules, with or without views of the triangles."""
+    engine = triangle(watched)
+    gc.collect()
+    started = process_time()
+    for level in range(1, levels + 1):
+        split_all(engine, level)
+    seconds = process_time() - started
+    assert len(engine.model) == objects(levels)
+    return seconds
+
+
+def as_unit(levels: int) -> float:
+    """Seconds with a unit a level."""
+    engine = triangle()
+    engine.step_limit = 3**levels
+    gc.collect()
+    started = process_time()
+    for level in range(levels):
+        engine.run(f"level{level % 2}")
+    seconds = process_time() - started
+    assert len(engine.model) == objects(levels)
+    return seconds
+
+
+def in_clips(levels: int) -> float:
+    """Seconds in CLIPS."""
+    started = process_time()
+    done, _ = clips_levels(levels)
+    seconds = process_time() - started
+    assert done == (3**levels - 1) // 2
+    return seconds
+
+
+if __name__ == "__main__":
+    main()
