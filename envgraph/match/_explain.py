@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from envgraph.match._generate import view_source
@@ -24,6 +24,7 @@ from envgraph.match._planner import Planner
 from envgraph.match._symbols import Mode
 from envgraph.match._trace import Trace
 from envgraph.pattern import (
+    PATHS,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
@@ -80,7 +81,12 @@ class Names:
     def __call__(self, variable: int) -> str:
         if variable in self._constants:
             return repr(self._constants[variable])
+        if self.anonymous and not self.spoken(variable):
+            return "_"
         return self._names.get(variable, f"#{variable}")
+
+    anonymous = False
+    """Whether variables that no text names are written `_`; else they have numbers."""
 
     def spoken(self, variable: int) -> bool:
         """Whether a text names the variable, and it is no constant."""
@@ -123,8 +129,9 @@ def goal_text(step: Step, names: Names) -> str:
             return f"check({names.all(inputs(goal))})"
         case Valuation(_, _, result):
             return f"{names(result)} == eval({names.all(inputs(goal))})"
-        case AggregateAtom(function, relation, _, result):
-            return f"{names(result)} == {function} {relation_text(relation, names)}"
+        case AggregateAtom(function, relation, local, result, column):
+            inside = {v: "#" if v == column else "_" for v in local}
+            return f"{names(result)} == {function} {relation_text(relation, names, inside)}"
         case UnequalAtom(left, right):
             return f"{names(left)} != {names(right)}"
         case _:
@@ -135,9 +142,9 @@ def _negated(goal: Goal, step: Step, names: Names) -> str:
     return f"neg {goal_text(replace(step, goal=goal, kind=Kind.TEST), names)}"
 
 
-def relation_text(relation: RelationAtom, names: Names) -> str:
-    """A relation with its variables."""
-    listed = names.all(arguments(relation))
+def relation_text(relation: RelationAtom, names: Names, inside: Mapping[int, str] | None = None) -> str:
+    """A relation with its variables; `inside` says how those are written that nothing outside sees."""
+    listed = ", ".join((inside or {}).get(v) or names(v) for v in arguments(relation))
     match relation:
         case InstanceAtom(cls, _, exact):
             return f"{cls}({listed}){' exactly' if exact else ''}"
@@ -146,7 +153,9 @@ def relation_text(relation: RelationAtom, names: Names) -> str:
         case CallAtom(pattern):
             return f"find {pattern}({listed})"
         case ClosureAtom(step, closure):
-            return f"find {step}{'*' if closure is Closure.STAR else '+'}({listed})"
+            sign = "*" if closure is Closure.STAR else "+"
+            package, _, path = step.partition(".")
+            return f"{path}{sign}({listed})" if package == PATHS else f"find {step}{sign}({listed})"
 
 
 def _number(value: float) -> str:

@@ -138,6 +138,7 @@ def _failure(
     with suppress(Unplannable):  # else the plan as it is, which leaves some constraints together
         body = whole(planner, body, tuple(sorted(given)))
     names = Names(planner.library, pattern, number, body)
+    names.anonymous = True
     run = trace(planner, body, given, build)
     depth = sum(1 for count in run.counts if count)
     start = {body.conjunction.parameters[position]: value for position, value in given.items()}

@@ -5,7 +5,7 @@ from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
 from envgraph.pattern._expressions import check_expression
-from envgraph.pattern._library import Library
+from envgraph.pattern._library import PATHS, Library
 from envgraph.pattern._lowered import (
     AggregateAtom,
     Atom,
@@ -92,6 +92,7 @@ from envgraph.pattern._types import assignable, static_type, type_text
 __all__ = [
     "EXPRESSION_NAMESPACE",
     "FUNCTIONS",
+    "PATHS",
     "Action",
     "Aggregate",
     "AggregateAtom",

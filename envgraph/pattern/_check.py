@@ -256,8 +256,11 @@ class _BodyCheck:
     ) -> Iterator[Diagnostic]:
         """Paths that start at a variable of which nothing says what it is."""
         for occurrence in variables_read(expression):
-            variable, group = occurrence.variable, self.types.reading.group(occurrence.variable.name)
-            if occurrence.use is Use.READ or variable.anonymous or self._tainted.intersection(group):
+            variable = occurrence.variable
+            if occurrence.use is Use.READ or variable.name not in self.types.reading.occurrences:
+                continue  # `_` and unknown names are told of elsewhere
+            group = self.types.reading.group(variable.name)
+            if self._tainted.intersection(group):
                 continue
             if scope[variable.name] is None:
                 self._tainted.update(group)

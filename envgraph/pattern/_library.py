@@ -15,7 +15,7 @@ from envgraph.pattern._queries import Body, Parameter, PathConstraint, Pattern
 from envgraph.pattern._terms import Variable
 from envgraph.pattern._types import type_text
 
-_PATHS = "#path"
+PATHS = "#path"
 """Package of the generated patterns; no text spells it."""
 
 
@@ -153,12 +153,12 @@ class Library:
 
     def _path_pattern(self, path: ResolvedPath) -> str:
         """Register the binary pattern of a path; the same path always has the same name."""
-        name = f"{_PATHS}.{path}"
+        name = f"{PATHS}.{path}"
         if name not in self._generated:
             features = tuple(step.name for step in path.steps)
             constraint = PathConstraint(path.cls, features, Variable("source"), Variable("target"))
             parameters = (Parameter("source", path.cls), Parameter("target", type_text(path.target)))
-            pattern = Pattern(str(path), parameters, (Body((constraint,)),), _PATHS, private=True)
+            pattern = Pattern(str(path), parameters, (Body((constraint,)),), PATHS, private=True)
             self._generated[name] = Entry(pattern, {}, (path.source, path.target))
         return name
 

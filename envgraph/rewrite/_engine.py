@@ -92,6 +92,28 @@ class Engine:
         self._questions: dict[str, tuple[Shape, str]] = {}
         self._events: Events | None = None
 
+    def copy(self) -> Engine:
+        """An independent engine: the same state of the model, the same definitions and watched patterns.
+
+        Its random choices begin anew from `seed`. Versions, listeners, event rules and rules made of Python functions
+        stay behind: a function belongs to the engine that it was registered with.
+        """
+        twin = Engine(
+            self.model.copy(),
+            seed=self.seed,
+            matcher="compiled" if isinstance(self.matcher, ViewMatcher) else "naive",
+        )
+        twin.add(*self.definitions)
+        twin.step_limit = self.step_limit
+        if self.watched:
+            twin._views.watch(*(name for name in self.watched if name in twin.library.names()))
+        return twin
+
+    __copy__ = copy
+
+    def __deepcopy__(self, _: object) -> Engine:
+        return self.copy()
+
     def __repr__(self) -> str:
         return f"<Engine on {self.model!r}: {len(self.rules)} rules>"
 
@@ -416,6 +438,10 @@ class Engine:
             InvalidArgument, TransactionError: as `watch`.
         """
         shape, pattern = self._asked(name)
+        if not callable(changed) or not (restored is None or callable(restored)):
+            raise InvalidArgument(
+                f"a listener is a function, not {changed if restored is None else restored!r}"
+            )
 
         def matches(rows: list[Row]) -> list[Match]:
             return [Match(self.model, shape, row) for row in rows]
@@ -428,7 +454,13 @@ class Engine:
         return self._views.listen(pattern, told(changed), restored and told(restored))
 
     def unlisten(self, subscription: Subscription) -> None:
-        """Take back a `listen`."""
+        """Take back a `listen`.
+
+        Raises:
+            InvalidArgument: that is nothing that `listen` gave.
+        """
+        if not isinstance(subscription, Subscription):
+            raise InvalidArgument(f"{subscription!r} is nothing that `listen` gave")
         self._views.unlisten(subscription)
 
     def settle(self) -> None:
@@ -535,6 +567,8 @@ class Engine:
 
     def _asked(self, name: str) -> tuple[Shape, str]:
         """Shape and pattern of what has matches."""
+        if not isinstance(name, str):
+            raise InvalidArgument(f"a pattern or rule is given by its name, not as {name!r}")
         if name not in self._questions:
             self._questions[name] = self._find_question(name)
         return self._questions[name]
