@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from copy import deepcopy
 from dataclasses import replace
 from random import Random
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeVar, cast
 
 from envgraph.errors import (
     Diagnostic,
@@ -113,6 +113,11 @@ class Engine:
 
     def __deepcopy__(self, _: object) -> Engine:
         return self.copy()
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "an engine cannot be pickled: send its model, and make an engine with the definitions there"
+        )
 
     def __repr__(self) -> str:
         return f"<Engine on {self.model!r}: {len(self.rules)} rules>"
@@ -359,13 +364,17 @@ class Engine:
             What `print` shows as text; or the match that there is.
 
         Raises:
-            InvalidArgument: an unknown name or variable, or a matcher that has no plans.
+            InvalidArgument: an unknown name or variable, an object that is gone, or a matcher that has no plans.
             TypeMismatch: a value of the wrong type.
         """
         shape, pattern = self._asked(name)
         if not isinstance(self.matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher tries everything, and has no plans")
-        found = self.matcher.why_not(pattern, self._positions(shape, bound))
+        given = self._positions(shape, bound)
+        for position, value in given.items():
+            if shape.is_object(position) and not self.model.alive(cast("int", value)):
+                raise InvalidArgument(f"`{shape.names[position]}` is object {value}, which there is not")
+        found = self.matcher.why_not(pattern, given)
         return replace(found, show=self.model.describe)
 
     def _positions(self, shape: Shape, values: Mapping[str, object]) -> dict[int, Value]:

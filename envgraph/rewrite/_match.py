@@ -85,7 +85,7 @@ class Match(Mapping[str, "Node | Value"]):
         value = self.row[position]
         if self._shape.is_object(position):
             assert isinstance(value, int)
-            return self.model.node(value)
+            return Node(self.model, value)  # it may be gone by now: listeners are told of such matches
         return value
 
     def __getattr__(self, name: str) -> Node | Value:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
 from envgraph.graph import Model
@@ -23,6 +23,10 @@ GROWTH, LEAST = 4, 1000
 
 Change = Callable[[list[Row], list[Row]], object]
 """Called with the rows that have appeared, and those that have disappeared."""
+
+
+MOST_ROUNDS: Final = 1_000
+"""How often listeners may change the model again when they are told of a change."""
 
 
 class Subscription:
@@ -342,7 +346,7 @@ class ViewMatcher:
             return
         self._telling = True
         try:
-            while True:
+            for _ in range(MOST_ROUNDS):
                 changes = self._net_changes()
                 if not changes:
                     return
@@ -350,6 +354,9 @@ class ViewMatcher:
                 restored = False
                 if not self._up_to_date():
                     return
+            raise EvaluationError(
+                f"listeners of {', '.join(f'`{name}`' for name in changes)} change the model each time they are told"
+            )
         finally:
             self._telling = False
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import copy
+import pickle
 from typing import Any
 
 import pytest
 
-from envgraph.errors import InvalidArgument
+from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
 from envgraph.pattern import (
@@ -71,3 +72,38 @@ def test_a_copy_is_independent(make: Any) -> None:
 def test_what_is_no_name_or_function_is_refused_at_once(wrong: Any) -> None:
     with pytest.raises(InvalidArgument):
         wrong(engine())
+
+
+def test_an_engine_cannot_be_pickled_and_says_what_can() -> None:
+    with pytest.raises(TypeError, match="send its model"):
+        pickle.dumps(engine())
+
+
+def test_why_not_knows_that_an_object_is_gone() -> None:
+    one = engine()
+    lamp = one.model.nodes("Lamp")[0]
+    lamp.delete()
+    with pytest.raises(InvalidArgument, match="there is not"):
+        one.why_not("lit", lamp=lamp.id)
+
+
+def test_a_match_of_a_deleted_object_still_has_its_handle() -> None:
+    one = engine()
+    lamp = one.apply("light").match.lamp  # type: ignore[union-attr]
+    told: list[int] = []
+    one.listen("lit", lambda appeared, disappeared: told.extend(match.lamp.id for match in disappeared))
+    with one.transaction():
+        lamp.delete()
+    assert told == [lamp.id]
+
+
+def test_listeners_that_change_the_model_without_end_are_stopped() -> None:
+    one = engine()
+
+    def toggle(appeared: object, disappeared: object) -> None:
+        lamp = one.model.nodes("Lamp")[1]
+        lamp.lit = not lamp.lit
+
+    one.listen("lit", toggle)
+    with pytest.raises(EvaluationError, match="each time they are told"), one.transaction():
+        one.model.nodes("Lamp")[0].lit = True
