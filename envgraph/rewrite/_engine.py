@@ -20,7 +20,7 @@ from envgraph.errors import (
 )
 from envgraph.graph import Model, Node, Savepoint, Version
 from envgraph.match import FREE, Matcher, NaiveMatcher, Subscription, ViewMatcher, WhyNot
-from envgraph.metamodel import Value, accepts, type_name
+from envgraph.metamodel import Scalar, Value, accepts, type_name
 from envgraph.pattern import Derivation, Library, ObjectType, Pattern, Rule, Unit
 from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
 from envgraph.rewrite._exploration import Exploration
@@ -617,7 +617,7 @@ class Engine:
                 return value.id if isinstance(value, Node) else value
             wanted = f"a `{type_.cls}`"
         elif accepts(type_, value):
-            return cast("Value", value)
+            return float(value) if type_ is Scalar.FLOAT else cast("Value", value)  # type: ignore[arg-type]
         else:
             wanted = f"`{type_name(type_)}`"
         raise TypeMismatch(f"`{shape.names[position]}` of `{shape.definition}` takes {wanted}, not {value!r}")
@@ -660,7 +660,8 @@ class Engine:
             row = self._row_of(runner, match)
             result = runner.apply_checked(row)
         else:
-            found = runner.pick(self.rng, self.ids(runner.shape, arguments) if arguments else NO_ARGUMENTS)
+            known = self.ids(runner.shape, arguments) if arguments else NO_ARGUMENTS
+            found = runner.pick_known(self.rng, known)
             if found is None:
                 return None
             row, result = found, runner.fire(found)

@@ -139,6 +139,17 @@ class RuleRunner(ABC):
         rows = self.rows(arguments) if arguments else self.live_rows()
         return rows[draw(rng, len(rows))] if rows else None
 
+    def pick_known(self, rng: Randomness, arguments: Mapping[str, Value]) -> Row | None:
+        """As `pick`, unchecked: names and types of the arguments are right; an object that is gone has no match."""
+        if not arguments:
+            return self.pick(rng)
+        shape = self.shape
+        for name, value in arguments.items():
+            if shape.is_object(shape.names.index(name)) and not self.model.alive(value):  # type: ignore[arg-type]
+                return None
+        rows = self.prepare(tuple(arguments))(*arguments.values())
+        return rows[draw(rng, len(rows))] if rows else None
+
     def once(self, rng: Randomness) -> Row | None:
         """Apply the rule at one of its matches, equally likely: the fast path of loops, unchecked and unrecorded.
 

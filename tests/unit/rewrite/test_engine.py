@@ -367,3 +367,16 @@ print(sum(node.n for node in model.nodes("C")))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("4\n", "")
+
+
+def test_arguments_bind_a_match_and_nothing_is_found_for_what_is_gone() -> None:
+    made = engine(
+        "rule weigh(a : Item, w : float) { lhs { Item.weight(a, w); } modify { set a.n = 9; } }",
+        model=chain(3),
+    )
+    made.model.node(1).weight = 2.0
+    done = made.apply("weigh", w=2)
+    assert done is not None and done.match.row == (1, 2.0) and type(done.match.row[1]) is float
+    assert made.apply("weigh", w=2.5) is None and made.apply("weigh", a=0, w=2.0) is None
+    made.model.node(1).delete("spo")
+    assert made.apply("weigh", a=1) is None and made.apply("weigh", a=77, w=0.0) is None
