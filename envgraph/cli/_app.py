@@ -151,10 +151,17 @@ def format_(
         str | None,
         typer.Option("--language", help="What standard input is: query, rules ...", show_default=False),
     ] = None,
+    derived: Annotated[
+        bool,
+        typer.Option("--derived", help="Print the rules that `derive` stands for in .rules files instead."),
+    ] = False,
 ) -> None:
     """Write files in the one style: indentation, blanks, line ends; comments stay. Files with errors are left alone."""
-    from envgraph.cli._format import format_files
+    from envgraph.cli._format import format_files, print_derived
 
+    if derived:
+        print_derived(files)
+        return
     raise typer.Exit(format_files(files, check=check, stdout=stdout, language=language))
 
 

@@ -43,6 +43,30 @@ def format_files(files: list[str], *, check: bool, stdout: bool, language: str |
     return int(failed or (check and changed > 0))
 
 
+def print_derived(files: list[str]) -> None:
+    """Print what the derivations of files stand for, as a `.query` text and a `.rules` text for each.
+
+    Raises:
+        LoadError: the files, or what they import, have errors.
+        InvalidArgument: the files derive nothing.
+    """
+    from envgraph.lang import load_workspace, spelled_out, to_text
+    from envgraph.rewrite import derived
+
+    workspace = load_workspace(files)
+    workspace.raise_errors()
+    own = [one for one in workspace.derivations if one.span and one.span.source.name in workspace.roots]
+    if not own or workspace.metamodel is None:
+        raise InvalidArgument(f"nothing is derived in {', '.join(files)}")
+    for one in own:
+        made = derived(one, workspace.metamodel)
+        patterns = to_text(*spelled_out(made.patterns, workspace.metamodel))
+        rules = to_text(*spelled_out(made.rules, workspace.metamodel))
+        for what, text in (("patterns", patterns), ("rules", rules)):
+            if text:
+                _write(f"// --- {what} of `{one.qualified_name}` ---\n\n{text}\n")
+
+
 def _format_input(files: list[str], check: bool, language: str | None) -> int:
     from envgraph.lang import LANGUAGES, TextFiles, format_text, read_source
 

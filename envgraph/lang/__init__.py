@@ -31,6 +31,8 @@ from envgraph.lang._pyecore import (
     model_from_pyecore,
     model_to_pyecore,
 )
+from envgraph.lang._text_derived import spelled_out
+from envgraph.lang._to_text import to_text
 from envgraph.lang._workspace import Workspace
 from envgraph.lang._xmi import parse_xmi
 
@@ -75,4 +77,6 @@ __all__ = [
     "parse_model",
     "parse_xmi",
     "read_source",
+    "spelled_out",
+    "to_text",
 ]

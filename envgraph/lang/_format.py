@@ -55,10 +55,10 @@ def language_of(name: str) -> str | None:
     >>> language_of("rules/railway.vql"), language_of("family.toml")
     ('query', None)
     """
-    ending = name.rpartition(".")[2]
-    if ending == "vql":
-        return "query"
-    return ending if ending in RECOVERY else None
+    _, dot, ending = name.rpartition(".")
+    if not dot:
+        return None
+    return "query" if ending == "vql" else ending if ending in RECOVERY else None
 
 
 def _lines(tokens: Tokens, definitions: list[Part]) -> list[str]:

@@ -22,7 +22,7 @@ What the steps of a unit mean is said in `_units`.
 """
 
 from envgraph.rewrite._check import check_rule
-from envgraph.rewrite._derive import check_derivation, derived_rules
+from envgraph.rewrite._derive import check_derivation, derived, derived_rules
 from envgraph.rewrite._engine import Engine
 from envgraph.rewrite._events import Activation, Agenda, EventRule
 from envgraph.rewrite._exploration import Exploration, State, Statistics, Transition
@@ -52,5 +52,6 @@ __all__ = [
     "Transition",
     "check_derivation",
     "check_rule",
+    "derived",
     "derived_rules",
 ]

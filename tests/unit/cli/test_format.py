@@ -104,3 +104,14 @@ def test_line_ends_stay(run: Run) -> None:
     Path("a.query").write_bytes(BEFORE.replace("\n", "\r\n").encode())
     assert run("a.query")[0] == 0
     assert Path("a.query").read_bytes() == AFTER.replace("\n", "\r\n").encode()
+
+
+def test_derived_rules_are_printed(run: Run) -> None:
+    Path("a.metamodel").write_text("metamodel a\nclass A { contains B[0..2] bs }\nclass B { bool on }\n")
+    Path("a.query").write_text('import "a.metamodel"\n')
+    Path("a.rules").write_text('import "a.query"\nderive all = operators for B;\n')
+    code, out, err = run("--derived", "a.rules")
+    assert (code, err) == (0, "")
+    assert out.startswith("// --- rules of `all` ---\n\n")
+    assert "rule all_set_B_on {\n    lhs { object : B; B.on(object, value); }\n" in out
+    assert run("--derived", "a.query")[0] == 1

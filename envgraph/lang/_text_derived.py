@@ -1,0 +1,106 @@
+"""What derivations stand for, in words that a text can have."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TypeVar
+
+from envgraph.metamodel import Metamodel
+from envgraph.pattern import (
+    Aggregate,
+    Block,
+    Body,
+    Comparison,
+    Constraint,
+    LeftSide,
+    Negation,
+    Pattern,
+    PatternCall,
+    Relation,
+    Rule,
+    Term,
+    TypeConstraint,
+)
+
+_Definition = TypeVar("_Definition", Pattern, Rule)
+_Side = TypeVar("_Side", Body, LeftSide)
+
+
+def spelled_out(definitions: Iterable[_Definition], metamodel: Metamodel) -> tuple[_Definition, ...]:
+    """Derived rules, or the patterns that they call, with names and conditions that `to_text` can say.
+
+    `wiring.add.Router.links` is called `wiring_add_Router_links`; that an object is of exactly one class is said by a
+    negation for each subclass. They match and do the same. Private patterns are no longer private, since rules and
+    patterns are of two files.
+
+    >>> from envgraph.metamodel import Class
+    >>> from envgraph.pattern import Derivation
+    >>> from envgraph.rewrite import derived_rules
+    >>> from envgraph.lang import to_text
+    >>> pond = Metamodel("pond", [Class("Fish"), Class("Eel", supertypes=("Fish",))])
+    >>> rules = derived_rules(Derivation("kinds", "retype", ("Fish", "Eel")), pond)
+    >>> print(to_text(*spelled_out(rules[:1], pond)), end="")
+    /** `Fish` becomes `Eel`. */
+    rule kinds_Fish_Eel {
+        lhs { Fish(object); neg Eel(object); }
+        modify { retype object : Eel; }
+    }
+    """
+    spelling = _Spelling(metamodel)
+    return tuple(spelling.definition(one) for one in definitions)
+
+
+class _Spelling:
+    def __init__(self, metamodel: Metamodel) -> None:
+        self._below: dict[str, list[str]] = {}
+        for cls in metamodel.class_list:
+            for above in cls.supertypes:
+                self._below.setdefault(above, []).append(cls.name)
+
+    def definition(self, one: _Definition) -> _Definition:
+        """A pattern or a rule."""
+        if isinstance(one, Pattern):
+            bodies = tuple(self._side(body) for body in one.bodies)
+            return replace(one, name=_plain(one.name), bodies=bodies, private=False)
+        return replace(one, name=_plain(one.name), left=self._side(one.left), blocks=self._blocks(one.blocks))
+
+    def _blocks(self, blocks: tuple[Block, ...]) -> tuple[Block, ...]:
+        return tuple(
+            replace(block, left=self._side(block.left), blocks=self._blocks(block.blocks)) for block in blocks
+        )
+
+    def _side(self, side: _Side) -> _Side:
+        found = (one for constraint in side.constraints for one in self._constraint(constraint))
+        return replace(side, constraints=tuple(found))
+
+    def _constraint(self, one: Constraint) -> list[Constraint]:
+        match one:
+            case TypeConstraint(type_, term, True):
+                below = self._below.get(type_, ())
+                return [replace(one, exact=False), *(Negation(TypeConstraint(sub, term)) for sub in below)]
+            case Negation(relation):
+                return [replace(one, relation=_call(relation))]
+            case Comparison(_, left, right):
+                return [replace(one, left=_term(left), right=_term(right))]
+            case PatternCall():
+                return [_call(one)]
+        return [one]
+
+
+def _term(term: Term) -> Term:
+    if isinstance(term, Aggregate):
+        return replace(term, over=_call(term.over))
+    return term
+
+
+def _call(relation: Relation) -> Relation:
+    if not isinstance(relation, PatternCall):
+        return relation
+    group, mark, rest = relation.pattern.partition("#")
+    return replace(relation, pattern=group + _plain(mark + rest))
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[#.]", "_", name)

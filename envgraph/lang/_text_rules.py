@@ -1,0 +1,403 @@
+"""Data to text: graphs, rules, units, derivations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from envgraph.lang._text_terms import TermText, plain_doc
+from envgraph.metamodel import Annotation
+from envgraph.pattern import (
+    Action,
+    Alap,
+    Assignment,
+    Atomic,
+    Block,
+    Call,
+    Choice,
+    Create,
+    DeleteEdge,
+    DeleteNode,
+    Derivation,
+    Edge,
+    Expression,
+    If,
+    LeftSide,
+    Merge,
+    Modification,
+    Move,
+    Node,
+    Redirect,
+    Repeat,
+    Retype,
+    RightSide,
+    Rule,
+    Set,
+    Step,
+    Try,
+    Unit,
+)
+from envgraph.pattern import Sequence as Steps
+
+# --- graphs
+
+
+@dataclass(slots=True)
+class Chain:
+    """`a : T -r-> b <-s- c`: vertices, and between any two of them an edge that leads to the next one or from it."""
+
+    vertices: list[Node]
+    edges: list[tuple[Edge, bool]] = field(default_factory=list)
+
+    def as_create(self) -> Create:
+        """What `create` and the chain say."""
+        nodes: dict[str, Node] = {}
+        for vertex in self.vertices:
+            if vertex.name != "_":
+                nodes.setdefault(vertex.name, vertex)
+        alone = tuple(self.vertices) if not self.edges else tuple(nodes.values())
+        return Create(alone, tuple(edge for edge, _ in self.edges))
+
+
+class _Chains:
+    """Chains that mention the nodes and have the edges of a graph, both in their order."""
+
+    def __init__(self, nodes: Sequence[Node], edges: Sequence[Edge]) -> None:
+        self.found: list[Chain] = []
+        self._waiting = [*with_ends(nodes, edges)]
+        self._waiting.reverse()
+        self._known: set[str] = set()
+        for edge in edges:
+            self._add(edge)
+        while self._waiting:
+            self._declare()
+
+    def _declare(self) -> None:
+        node = self._waiting.pop()
+        self._known.add(node.name)
+        self.found.append(Chain([node]))
+
+    def _next(self, names: Sequence[str]) -> bool:
+        """Whether the nodes among these that are new come next, in this order."""
+        new = [name for name in dict.fromkeys(names) if name != "_" and name not in self._known]
+        return [node.name for node in self._waiting[: -len(new) - 1 : -1]] == new if new else True
+
+    def _add(self, edge: Edge) -> None:
+        ends = {edge.source, edge.target} - {"_"}
+        while self._waiting and (self._waiting[-1].name == "_" or self._waiting[-1].name in self._known):
+            self._declare()
+        both = (edge.source, edge.target), (edge.target, edge.source)
+        while not any(map(self._next, both)):
+            self._declare()
+        last = self.found[-1].vertices[-1] if self.found and self.found[-1].edges else None
+        for forward, (first, second) in zip((True, False), both, strict=True):
+            if last and first == last.name != "_" and self._next((second,)) and ends:
+                self.found[-1].vertices.append(self._vertex(second))
+                self.found[-1].edges.append((edge, forward))
+                return
+        forward = self._next(both[0])
+        first, second = both[0] if forward else both[1]
+        self.found.append(Chain([self._vertex(first), self._vertex(second)], [(edge, forward)]))
+
+    def _vertex(self, name: str) -> Node:
+        if name == "_" or name in self._known:
+            return Node(name)
+        self._known.add(name)
+        return self._waiting.pop()
+
+
+def chains(nodes: Sequence[Node], edges: Sequence[Edge]) -> list[Chain]:
+    """A graph as chains."""
+    return _Chains(nodes, edges).found
+
+
+def with_ends(nodes: Sequence[Node], edges: Sequence[Edge]) -> tuple[Node, ...]:
+    """The nodes, and those ends of edges that are not among them: an arrow mentions its ends."""
+    known = {node.name: node for node in nodes}
+    ends = {name: Node(name) for edge in edges for name in (edge.source, edge.target) if name != "_"}
+    return (*nodes, *(node for name, node in ends.items() if name not in known))
+
+
+# --- text
+
+
+class RuleText(TermText):
+    """Writes one definition of a `.rules` file."""
+
+    def definition(self, one: Rule | Unit | Derivation) -> str:
+        """A rule, unit or derivation with its comment and annotations."""
+        marks = "".join(f"{self.annotation(mark)}\n" for mark in annotations_of(one))
+        return self.doc(one.doc) + marks + self._definition(one)
+
+    def _definition(self, one: Rule | Unit | Derivation) -> str:
+        match one:
+            case Rule():
+                parts = [
+                    f"lhs {{ {self.left(one.left)} }}",
+                    *map(self.block, one.blocks),
+                    self.right(one.right),
+                ]
+                parameters = self.parameters(one.parameters) if one.parameters else ""
+                return f"rule {self.name(one.name)}{parameters} {{\n{_lines(parts)}}}"
+            case Unit():
+                parameters = self.parameters(one.parameters) if one.parameters else ""
+                return f"unit {self.name(one.name)}{parameters} {{\n{_lines(self.steps(one.body))}}}"
+            case Derivation(name, "retype"):
+                classes = ", ".join(map(self.name, one.classes))
+                return f"derive {self.name(name)} = retype among {{ {classes} }};"
+        if len(one.classes) != 1:
+            self.refuse("there are operators for one class at a time")
+        return f"derive {self.name(one.name)} = operators for {self.name(one.classes[0])};"
+
+    # --- graphs
+
+    def _vertex(self, node: Node) -> str:
+        if node.type is None:
+            if node.assignments:
+                self.refuse(f"`{node.name}` has values and no class")
+            return self.name(node.name)
+        values = ", ".join(map(self._assignment, node.assignments))
+        return f"{self.name(node.name)} : {self.name(node.type)}" + (f" {{ {values} }}" if values else "")
+
+    def _assignment(self, one: Assignment) -> str:
+        return f"{self.name(one.feature)} = {self.values(one.value)}"
+
+    def values(self, value: Expression | tuple[Expression, ...]) -> str:
+        """An expression, or `[a, b]`."""
+        return f"[{self.expressions(value)}]" if isinstance(value, tuple) else self.expression(value)
+
+    def chain(self, chain: Chain) -> str:
+        """Vertices and arrows."""
+        text = self._vertex(chain.vertices[0])
+        for (edge, forward), vertex in zip(chain.edges, chain.vertices[1:], strict=True):
+            reference = f"{self.name(edge.reference)}{edge.closure}"
+            text += f" -{reference}-> " if forward else f" <-{reference}- "
+            text += self._vertex(vertex)
+        return text
+
+    def arrow(self, edge: Edge) -> str:
+        """One edge."""
+        return self.chain(Chain([Node(edge.source), Node(edge.target)], [(edge, True)]))
+
+    def left(self, left: LeftSide) -> str:
+        """What is in `lhs`, on one line."""
+        graph = [self.chain(chain) for chain in chains(left.nodes, left.edges)]
+        return " ".join(f"{one};" for one in (*graph, *map(self.condition, left.constraints)))
+
+    def right(self, right: RightSide | Modification | None) -> str:
+        """`rhs` or `modify`, or nothing."""
+        match right:
+            case None:
+                return ""
+            case Modification(actions):
+                return f"modify {{ {self.actions(actions)} }}"
+        graph = "".join(f"{self.chain(chain)}; " for chain in chains(right.nodes, right.edges))
+        return f"rhs {{ {graph}{self.actions(right.actions)} }}"
+
+    def actions(self, actions: Iterable[Action]) -> str:
+        """All actions, on one line."""
+        return " ".join(f"{self.action(action)};" for action in split(actions))
+
+    def action(self, action: Action) -> str:
+        """One action; what is created is one chain."""
+        match action:
+            case Create(nodes, edges):
+                return f"create {self.chain(chains(nodes, edges)[0])}"
+            case DeleteNode(node):
+                return f"delete {self.name(node.name)}"
+            case DeleteEdge(edge):
+                return f"delete {self.arrow(edge)}"
+            case Set(owner, feature, operator, value):
+                target = f"{self.name(owner.name)}.{self.name(feature)}"
+                return f"set {target} {operator} {self.values(value)}"
+            case Retype(node, type_):
+                return f"retype {self.name(node.name)} : {self.name(type_)}"
+            case Move(node, container, reference):
+                place = f"{self.name(container.name)}.{self.name(reference)}"
+                return f"move {self.name(node.name)} to {place}"
+            case Merge(kept, absorbed):
+                return f"merge {self.name(kept.name)} <- {self.name(absorbed.name)}"
+            case Redirect(edge, target_):
+                return f"redirect {self.arrow(edge)} to {self.name(target_.name)}"
+
+    def block(self, block: Block) -> str:
+        """A nested condition or rule."""
+        left = self.left(block.left)
+        if block.kind not in _CONDITIONS and left:
+            left = f"lhs {{ {left} }}"
+        parts = [left, *map(self.block, block.blocks), self.right(block.right)]
+        return f"{block.kind} {{ {' '.join(part for part in parts if part)} }}"
+
+    # --- units
+
+    def steps(self, step: Step) -> list[str]:
+        """The statements of a step."""
+        match step:
+            case Steps(steps):
+                return [text for inner in steps for text in self.steps(inner)]
+            case Choice(alternatives):
+                if not alternatives:
+                    self.refuse("a choice without alternatives")
+                return [" | ".join(map(self._call, alternatives)) + ";"]
+            case Call():
+                return [self._call(step) + ";"]
+            case Alap(body):
+                return [f"alap {self._steps(body)}"]
+            case Atomic(body):
+                return [f"atomic {self._steps(body)}"]
+            case Repeat(lower, upper, body):
+                bounds = str(lower) if lower == upper else f"{lower}..{upper}"
+                return [f"repeat {bounds} {self._steps(body)}"]
+            case Try(body, otherwise):
+                rest = f" else {self._steps(otherwise)}" if otherwise else ""
+                return [f"try {self._steps(body)}{rest}"]
+            case If():
+                return [self._if(step)]
+
+    def _if(self, step: If) -> str:
+        text = f"if {self.condition(step.condition)} {self._steps(step.then)}"
+        if step.otherwise is None:
+            return text
+        rest = self._if(step.otherwise) if isinstance(step.otherwise, If) else self._steps(step.otherwise)
+        return f"{text} else {rest}"
+
+    def _call(self, step: Step) -> str:
+        if not isinstance(step, Call):
+            self.refuse("the alternatives of a choice are calls: give other steps a unit of their own")
+        arguments = f"({self.expressions(step.arguments)})" if step.arguments else ""
+        return f"{'all ' if step.every else ''}{self.qualified(step.name)}{arguments}"
+
+    def _steps(self, step: Step) -> str:
+        return f"{{ {' '.join(self.steps(step))} }}"
+
+
+_CONDITIONS: Final = ("not", "require")
+
+
+def _lines(parts: Iterable[str]) -> str:
+    return "".join(f"{part}\n" for part in parts if part)
+
+
+# --- what is read again
+
+
+def split(actions: Iterable[Action]) -> list[Action]:
+    """The actions, each `create` of which is one chain."""
+    found: list[Action] = []
+    for action in actions:
+        if isinstance(action, Create):
+            found += [chain.as_create() for chain in chains(action.nodes, action.edges)]
+        else:
+            found.append(action)
+    return found
+
+
+def annotations_of(one: Rule | Unit | Derivation) -> tuple[Annotation, ...]:
+    """The annotations with what the fields say: a rule built in Python has weights and no annotations."""
+    found = [*one.annotations]
+    wanted: dict[str, list[Annotation]] = {"weight": _number(found, "weight", one.weight, 1.0)}
+    if not isinstance(one, Derivation):
+        wanted["priority"] = _number(found, "priority", one.priority, 0)
+    if isinstance(one, Rule):
+        wanted["semantics"] = _word(found, "semantics", one.semantics, "dpo")
+        wanted["match"] = _word(found, "match", "injective" if one.injective else "homomorphic", "injective")
+        wanted["hom"] = _hom(found, one.homomorphic)
+    result: list[Annotation] = []
+    for annotation in found:
+        result += wanted.pop(annotation.name, [] if annotation.name in _FIELDS else [annotation])
+    return (*result, *(annotation for rest in wanted.values() for annotation in rest))
+
+
+_FIELDS: Final = ("weight", "priority", "semantics", "match", "hom")
+
+
+def _named(annotations: Iterable[Annotation], name: str) -> list[Annotation]:
+    return [annotation for annotation in annotations if annotation.name == name]
+
+
+def _number(annotations: Iterable[Annotation], name: str, value: float, default: float) -> list[Annotation]:
+    known = _named(annotations, name)
+    said = known[0].arguments[0] if known and known[0].arguments else default
+    if said == value:
+        return known
+    return [replace(known[0], arguments=(value,)) if known else Annotation(name, (value,))]
+
+
+def _word(annotations: Iterable[Annotation], name: str, value: str, default: str) -> list[Annotation]:
+    known = _named(annotations, name)
+    said = known[0].arguments[0] if known and known[0].arguments else default
+    return known if said == value else [Annotation(name, (value,))]
+
+
+def _hom(annotations: Iterable[Annotation], groups: tuple[tuple[str, ...], ...]) -> list[Annotation]:
+    known = _named(annotations, "hom")
+    return (
+        known
+        if tuple(one.arguments for one in known) == groups
+        else [Annotation("hom", one) for one in groups]
+    )
+
+
+def read_again(one: Rule | Unit | Derivation) -> Rule | Unit | Derivation:
+    """A definition as its text says it."""
+    doc, annotations = plain_doc(one.doc), annotations_of(one)
+    match one:
+        case Rule():
+            return replace(
+                one,
+                doc=doc,
+                annotations=annotations,
+                left=_left(one.left),
+                blocks=tuple(map(_block, one.blocks)),
+                right=_right(one.right),
+            )
+        case Unit():
+            return replace(one, doc=doc, annotations=annotations, body=_steps(one.body))
+    return replace(one, doc=doc, annotations=annotations)
+
+
+def _left(left: LeftSide) -> LeftSide:
+    return replace(left, nodes=with_ends(left.nodes, left.edges))
+
+
+def _right(right: RightSide | Modification | None) -> RightSide | Modification | None:
+    match right:
+        case Modification(actions):
+            return replace(right, actions=tuple(split(actions)))
+        case RightSide(nodes, edges):
+            return replace(right, nodes=with_ends(nodes, edges))
+    return None
+
+
+def _block(block: Block) -> Block:
+    blocks = tuple(map(_block, block.blocks))
+    return replace(block, left=_left(block.left), blocks=blocks, right=_right(block.right))
+
+
+def _steps(step: Step) -> Steps:
+    """The block of a step: one sequence, without others inside."""
+    parts = step.steps if isinstance(step, Steps) else (step,)
+    return Steps(tuple(inner for part in parts for inner in _flat(part)))
+
+
+def _flat(step: Step) -> tuple[Step, ...]:
+    match step:
+        case Steps():
+            return _steps(step).steps
+        case Choice(alternatives) if len(alternatives) == 1:
+            return alternatives
+        case Alap() | Atomic() | Repeat():
+            return (replace(step, body=_steps(step.body)),)
+        case Try(body, otherwise):
+            return (Try(_steps(body), _steps(otherwise) if otherwise else None),)
+        case If():
+            return (_if(step),)
+    return (step,)
+
+
+def _if(step: If) -> If:
+    otherwise = step.otherwise
+    if otherwise is not None:
+        otherwise = _if(otherwise) if isinstance(otherwise, If) else _steps(otherwise)
+    return If(step.condition, _steps(step.then), otherwise)

@@ -1,0 +1,231 @@
+"""Data to text: names, expressions, conditions, annotations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from math import isfinite
+from typing import Final, Never
+
+from envgraph.errors import InvalidArgument
+from envgraph.metamodel import Annotation, Value
+from envgraph.pattern import (
+    Aggregate,
+    Binary,
+    Check,
+    Comparison,
+    Conditional,
+    Constant,
+    Constraint,
+    EnumLiteral,
+    Evaluation,
+    Expression,
+    FunctionCall,
+    Hash,
+    Navigation,
+    Negation,
+    Parameter,
+    PathConstraint,
+    PatternCall,
+    Relation,
+    Term,
+    TypeConstraint,
+    Unary,
+    Variable,
+)
+
+_NAME: Final = re.compile(r"[^\W\d]\w*")
+_LEVELS: Final = {
+    "||": 1, "&&": 2, "==": 3, "!=": 3, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
+}  # fmt: skip
+_UNARY: Final = 7
+_POSTFIX: Final = 8
+_ORDERINGS: Final = frozenset({"<", "<=", ">", ">="})
+_ESCAPES: Final = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+_OF_NAMES: Final = frozenset({"hom", "match", "semantics"})
+_KEYS_OF_NAMES: Final = frozenset({"determines", "forEach", "key"})
+
+
+class TermText:
+    """Writes names, expressions and conditions of one definition.
+
+    Args:
+        owner: name of the definition, for errors.
+        keywords: words of the language; a name that is one of them gets a `^`.
+    """
+
+    def __init__(self, owner: str, keywords: Iterable[str]) -> None:
+        self.owner = owner
+        self._keywords = frozenset(keywords)
+
+    def refuse(self, reason: str) -> Never:
+        """There is no text for something.
+
+        Raises:
+            InvalidArgument: always.
+        """
+        raise InvalidArgument(f"`{self.owner}` cannot be said in a text: {reason}")
+
+    # --- names
+
+    def name(self, name: str) -> str:
+        """A simple name."""
+        if not _NAME.fullmatch(name):
+            self.refuse(f"`{name}` is not a name, which has letters, digits and `_`")
+        return f"^{name}" if name in self._keywords else name
+
+    def qualified(self, name: str) -> str:
+        """A name with dots."""
+        return ".".join(map(self.name, name.split(".")))
+
+    def parameters(self, parameters: Sequence[Parameter]) -> str:
+        """`(in a : T, b)`."""
+        return f"({', '.join(map(self._parameter, parameters))})"
+
+    def _parameter(self, one: Parameter) -> str:
+        direction = f"{one.direction} " if one.direction else ""
+        type_ = f" : {self.name(one.type)}" if one.type is not None else ""
+        return f"{direction}{self.name(one.name)}{type_}"
+
+    # --- values and expressions
+
+    def value(self, value: Value | None) -> str:
+        """A number, truth value, string or `none`."""
+        match value:
+            case None:
+                return "none"
+            case bool():
+                return "true" if value else "false"
+            case str():
+                return '"' + "".join(_ESCAPES.get(c) or _printable(c) for c in value) + '"'
+            case float() if not isfinite(value):
+                self.refuse(f"`{value}` is not a number of the language")
+        return repr(value)
+
+    def expression(self, expression: Expression, level: int = 0) -> str:
+        """An expression, in brackets if it binds less tightly than its place wants."""
+        own, text = self._expression(expression)
+        return f"({text})" if own < level else text
+
+    def _expression(self, one: Expression) -> tuple[int, str]:
+        match one:
+            case Variable(name):
+                return _POSTFIX, self.name(name)
+            case Constant(value):
+                # A number has no features, nor has `-3`: in brackets they are at least read.
+                numeric = isinstance(value, int | float) and not isinstance(value, bool)
+                return _UNARY if numeric else _POSTFIX, self.value(value)
+            case EnumLiteral():
+                return _POSTFIX, self.literal(one)
+            case Navigation(owner, feature):
+                return _POSTFIX, f"{self.expression(owner, _POSTFIX)}.{self.name(feature)}"
+            case FunctionCall(function, arguments):
+                return _POSTFIX, f"{self.name(function)}({self.expressions(arguments)})"
+            case Unary(operator, operand):
+                inner = self.expression(operand, _UNARY)
+                negative = operator == "-" and inner[0] in "-0123456789"
+                return _UNARY, f"{operator}({inner})" if negative else f"{operator}{inner}"
+            case Binary(operator, left, right):
+                own = _LEVELS.get(operator)
+                if own is None:
+                    self.refuse(f"`{operator}` is no operator")
+                chained = operator in _ORDERINGS
+                parts = self.expression(left, own + chained), self.expression(right, own + 1)
+                return own, f"{parts[0]} {operator} {parts[1]}"
+            case Conditional(test, then, otherwise):
+                first, second = self.expression(test, 1), self.expression(then, 1)
+                return 0, f"{first} ? {second} : {self.expression(otherwise)}"
+
+    def expressions(self, expressions: Iterable[Expression]) -> str:
+        """Several, with commas."""
+        return ", ".join(map(self.expression, expressions))
+
+    def literal(self, one: EnumLiteral) -> str:
+        """`Enum::literal` or `::literal`."""
+        return f"{self.name(one.enum) if one.enum is not None else ''}::{self.name(one.literal)}"
+
+    # --- conditions
+
+    def term(self, term: Term) -> str:
+        """What may stand where a variable may."""
+        match term:
+            case Evaluation(expression):
+                return f"eval({self.expression(expression)})"
+            case Aggregate(function, over):
+                return f"{function} {self.relation(over)}"
+            case Hash():
+                return "#"
+        return self.expression(term)
+
+    def terms(self, terms: Iterable[Term]) -> str:
+        """Several, with commas, in brackets."""
+        return f"({', '.join(map(self.term, terms))})"
+
+    def relation(self, relation: Relation) -> str:
+        """`Type(x)`, `Type.f(x, y)` or `find p(..)`."""
+        match relation:
+            case TypeConstraint(type_, term, exact):
+                if exact:
+                    self.refuse(f"nothing says that `{self.term(term)}` is a `{type_}` and of no subclass")
+                return f"{self.name(type_)}{self.terms((term,))}"
+            case PathConstraint(type_, features, source, target, closure):
+                if not type_ or not features:
+                    self.refuse("a path has a class and features")
+                path = ".".join(map(self.name, (type_, *features)))
+                return f"{path}{closure.value}{self.terms((source, target))}"
+            case PatternCall(pattern, arguments, closure):
+                return f"find {self.qualified(pattern)}{closure.value}{self.terms(arguments)}"
+
+    def condition(self, condition: Constraint) -> str:
+        """One condition, without its `;`."""
+        match condition:
+            case Negation(relation):
+                return f"neg {self.relation(relation)}"
+            case Comparison(operator, left, right):
+                return f"{self.term(left)} {operator} {self.term(right)}"
+            case Check(expression):
+                return f"check({self.expression(expression)})"
+        return self.relation(condition)
+
+    # --- annotations and comments
+
+    def annotation(self, annotation: Annotation) -> str:
+        """`@name(1, key = "v")`."""
+        names = annotation.name in _OF_NAMES
+        found = [self._argument(value, names) for value in annotation.arguments]
+        for key, pairs in groupby(annotation.named, key=lambda pair: pair[0]):
+            values = [self._argument(value, key in _KEYS_OF_NAMES) for _, value in pairs]
+            text = values[0] if len(values) == 1 else "{" + ", ".join(values) + "}"
+            found.append(f"{self.name(key)} = {text}")
+        return f"@{self.name(annotation.name)}" + (f"({', '.join(found)})" if found else "")
+
+    def _argument(self, value: Value, names: bool) -> str:
+        if names and isinstance(value, str) and _NAME.fullmatch(value):
+            return self.name(value)
+        return self.value(value)
+
+    def doc(self, doc: str | None) -> str:
+        """The comment before a definition, with the end of its line."""
+        doc = plain_doc(doc)
+        if doc is None:
+            return ""
+        if "*/" in doc:
+            self.refuse("a comment ends at the first `*/`")
+        lines = doc.split("\n")
+        if len(lines) == 1 and not doc.startswith("*"):
+            return f"/** {doc} */\n" if doc else "/** */\n"
+        return "\n".join(("/**", *(f" * {line}".rstrip() for line in lines), " */\n"))
+
+
+def _printable(character: str) -> str:
+    if character.isprintable() or ord(character) > 0xFFFF:
+        return character
+    return f"\\u{ord(character):04x}"
+
+
+def plain_doc(doc: str | None) -> str | None:
+    """A doc comment as it is read again: without blanks at the ends of its lines, and around all of it."""
+    if doc is None:
+        return None
+    return "\n".join(line.expandtabs().rstrip() for line in doc.split("\n")).strip()

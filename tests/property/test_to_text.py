@@ -1,0 +1,319 @@
+"""Definitions are read back from their text as they were, and a rule and its text do the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from envgraph.errors import InvalidArgument, RuleError, Source
+from envgraph.lang import format_text, to_text
+from envgraph.lang._parsing import parse
+from envgraph.lang._query import read_query
+from envgraph.lang._rules import read_rules
+from envgraph.lang._text_rules import read_again
+from envgraph.lang._text_terms import plain_doc
+from envgraph.metamodel import Annotation
+from envgraph.pattern import (
+    Aggregate,
+    Alap,
+    Assignment,
+    Atomic,
+    Binary,
+    Block,
+    Body,
+    Call,
+    Check,
+    Choice,
+    Closure,
+    Comparison,
+    Conditional,
+    Constant,
+    Create,
+    DeleteEdge,
+    DeleteNode,
+    Edge,
+    EnumLiteral,
+    Evaluation,
+    FunctionCall,
+    Hash,
+    If,
+    LeftSide,
+    Merge,
+    Modification,
+    Move,
+    Navigation,
+    Negation,
+    Node,
+    Parameter,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Redirect,
+    Repeat,
+    Retype,
+    RightSide,
+    Rule,
+    Sequence,
+    Set,
+    Step,
+    Try,
+    TypeConstraint,
+    Unary,
+    Unit,
+    Variable,
+)
+from envgraph.rewrite import Engine
+from tests.oracle.worlds import World, worlds
+from tests.property.test_rewrite_oracle import Graph, Sketch, as_model, as_rule, graphs, sketches
+
+# --- any data that has a text, sense or nonsense
+
+NAMES = st.sampled_from(
+    ["a", "b", "x1", "_x", "Größe", "find", "pattern", "rule", "lhs", "to", "in", "all", "true", "none", "count", "set",
+     "delete", "else", "check", "operators", "as", "instanceof"]
+)  # fmt: skip
+QUALIFIED = st.lists(NAMES, min_size=1, max_size=3).map(".".join)
+VARIABLES = st.builds(Variable, NAMES | st.just("_"))
+TEXTS = st.text(max_size=6)
+NUMBERS = st.integers(-(2**63) + 1, 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False)
+VALUES = NUMBERS | TEXTS | st.booleans()
+LITERALS = st.builds(EnumLiteral, st.none() | NAMES, NAMES)
+CONSTANTS = st.builds(Constant, VALUES)
+LINES = st.text("ab *'/", max_size=8).filter(lambda line: "*/" not in line)
+DOCS = st.none() | st.lists(LINES, max_size=3).map("\n".join)
+
+
+def deeper(inner: st.SearchStrategy) -> st.SearchStrategy:
+    operators = st.sampled_from(["+", "-", "*", "/", "%", "==", "!=", "<", "<=", ">", ">=", "&&", "||"])
+    return st.one_of(
+        st.builds(Unary, st.sampled_from("-!"), inner),
+        st.builds(Binary, operators, inner, inner),
+        st.builds(Conditional, inner, inner, inner),
+        st.builds(FunctionCall, NAMES, st.lists(inner, max_size=2).map(tuple)),
+        st.builds(Navigation, inner, NAMES),
+    )
+
+
+EXPRESSIONS = st.recursive(VARIABLES | LITERALS | CONSTANTS | st.just(Constant(None)), deeper, max_leaves=6)
+CLOSURES = st.sampled_from(Closure)
+TERMS = st.deferred(
+    lambda: st.one_of(
+        VARIABLES,
+        CONSTANTS,
+        LITERALS,
+        st.just(Hash()),
+        st.builds(Evaluation, EXPRESSIONS),
+        st.builds(Aggregate, st.sampled_from(["count", "sum", "min", "max", "avg"]), RELATIONS),
+    )
+)
+RELATIONS = st.one_of(
+    st.builds(TypeConstraint, NAMES, TERMS),
+    st.builds(
+        PathConstraint, NAMES, st.lists(NAMES, min_size=1, max_size=2).map(tuple), TERMS, TERMS, CLOSURES
+    ),
+    st.builds(PatternCall, QUALIFIED, st.lists(TERMS, max_size=3).map(tuple), CLOSURES),
+)
+CONDITIONS = st.one_of(
+    RELATIONS,
+    st.builds(Negation, RELATIONS),
+    st.builds(Comparison, st.sampled_from(["==", "!="]), TERMS, TERMS),
+    st.builds(Check, EXPRESSIONS),
+)
+PARAMETERS = st.lists(
+    st.builds(Parameter, NAMES, st.none() | NAMES, st.sampled_from([None, "in", "out"])), max_size=3
+).map(tuple)
+ANNOTATIONS = st.lists(
+    st.builds(
+        Annotation,
+        st.sampled_from(["key", "Constraint", "find", "rule"]),
+        st.lists(VALUES, max_size=2).map(tuple),
+        st.lists(st.tuples(NAMES, VALUES), max_size=3).map(tuple),
+    ),
+    max_size=2,
+).map(tuple)
+PATTERNS = st.builds(
+    Pattern,
+    NAMES,
+    PARAMETERS,
+    st.lists(
+        st.builds(Body, st.lists(CONDITIONS, max_size=3).map(tuple), st.none() | NAMES),
+        min_size=1,
+        max_size=2,
+    ).map(tuple),
+    st.just("") | QUALIFIED,
+    st.booleans(),
+    st.sampled_from([None, "incremental", "search"]),
+    ANNOTATIONS,
+    DOCS,
+)
+
+ASSIGNED = EXPRESSIONS | st.lists(EXPRESSIONS, max_size=2).map(tuple)
+ENDS = st.sampled_from(["a", "b", "c", "d", "_"])
+EDGES = st.lists(st.builds(Edge, ENDS, NAMES, ENDS, st.sampled_from(["", "+", "*"])), max_size=4).map(tuple)
+
+
+@st.composite
+def nodes(draw: st.DrawFn, values: bool) -> tuple[Node, ...]:
+    found = []
+    for name in draw(st.lists(st.sampled_from(["a", "b", "c", "d", "e"]), max_size=5, unique=True)):
+        type_ = draw(st.none() | NAMES)
+        assigned = (
+            draw(st.lists(st.builds(Assignment, NAMES, ASSIGNED), max_size=2)) if values and type_ else []
+        )
+        found.append(Node(name, type_, tuple(assigned)))
+    return tuple(found)
+
+
+ARROWS = st.builds(Edge, ENDS, NAMES, ENDS, st.sampled_from(["", "+", "*"]))
+ACTIONS = st.one_of(
+    st.builds(Create, nodes(True), EDGES),
+    st.builds(DeleteNode, st.builds(Variable, NAMES)),
+    st.builds(DeleteEdge, ARROWS),
+    st.builds(Set, st.builds(Variable, NAMES), NAMES, st.sampled_from(["=", "+=", "-="]), ASSIGNED),
+)
+IN_MODIFY = st.one_of(
+    ACTIONS,
+    st.builds(Retype, st.builds(Variable, NAMES), NAMES),
+    st.builds(Move, st.builds(Variable, NAMES), st.builds(Variable, NAMES), NAMES),
+    st.builds(Merge, st.builds(Variable, NAMES), st.builds(Variable, NAMES)),
+    st.builds(Redirect, ARROWS, st.builds(Variable, NAMES)),
+)
+LEFTS = st.builds(LeftSide, nodes(False), EDGES, st.lists(CONDITIONS, max_size=2).map(tuple))
+RIGHTS = st.one_of(
+    st.none(),
+    st.builds(Modification, st.lists(IN_MODIFY, max_size=3).map(tuple)),
+    st.builds(
+        RightSide,
+        nodes(True),
+        EDGES,
+        st.lists(ACTIONS.filter(lambda one: not isinstance(one, Create)), max_size=2).map(tuple),
+    ),
+)
+BLOCKS = st.deferred(
+    lambda: st.builds(
+        Block,
+        st.sampled_from(["not", "require", "forall", "forall+", "optional"]),
+        LEFTS,
+        st.lists(BLOCKS, max_size=1).map(tuple),
+        RIGHTS,
+    )
+)
+RULES = st.builds(
+    Rule,
+    NAMES,
+    PARAMETERS,
+    LEFTS,
+    st.lists(BLOCKS, max_size=2).map(tuple),
+    RIGHTS,
+    st.just("") | QUALIFIED,
+    st.floats(0.01, 100),
+    st.integers(-5, 5),
+    st.sampled_from(["dpo", "spo"]),
+    st.booleans(),
+    st.lists(st.lists(NAMES, min_size=2, max_size=3).map(tuple), max_size=2).map(tuple),
+    ANNOTATIONS,
+    DOCS,
+)
+
+CALLS = st.builds(Call, QUALIFIED, st.lists(EXPRESSIONS, max_size=2).map(tuple), st.booleans())
+
+
+def steps(inner: st.SearchStrategy) -> st.SearchStrategy:
+    test = st.one_of(
+        st.builds(PatternCall, QUALIFIED, st.lists(VARIABLES, max_size=2).map(tuple)),
+        st.builds(Negation, RELATIONS),
+        st.builds(Check, EXPRESSIONS),
+    )
+    return st.one_of(
+        st.builds(Sequence, st.lists(inner, max_size=3).map(tuple)),
+        st.builds(Choice, st.lists(CALLS, min_size=1, max_size=3).map(tuple)),
+        st.builds(Alap, inner),
+        st.builds(Atomic, inner),
+        st.builds(
+            lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 3), st.integers(0, 3), inner
+        ),
+        st.builds(Try, inner, st.none() | inner),
+        st.builds(If, test, inner, st.none() | inner),
+    )
+
+
+STEPS: st.SearchStrategy[Step] = st.recursive(CALLS, steps, max_leaves=6)
+UNITS = st.builds(
+    Unit, NAMES, PARAMETERS, STEPS, st.just("") | QUALIFIED, st.floats(0.01, 9), st.integers(0, 3)
+)
+
+
+def patterns_of(text: str) -> tuple[Pattern, ...]:
+    return read_query(parse("query", Source("", text))).patterns
+
+
+def rules_of(text: str) -> tuple[object, ...]:
+    return read_rules(parse("rules", Source("", text))).definitions
+
+
+@settings(max_examples=100)
+@given(PATTERNS)
+def test_any_pattern_is_read_back_from_its_text(pattern: Pattern) -> None:
+    text = to_text(pattern)
+    (found,) = patterns_of(text)
+    assert repr(found) == repr(replace(pattern, doc=plain_doc(pattern.doc)))
+    assert format_text("query", text) == text
+    assert to_text(found) == text
+
+
+@settings(max_examples=100)
+@given(RULES)
+def test_any_rule_is_read_back_from_its_text(rule: Rule) -> None:
+    text = to_text(rule)
+    (found,) = rules_of(text)
+    assert found == read_again(rule)
+    assert format_text("rules", text) == text
+    assert to_text(found) == text
+
+
+@settings(max_examples=100)
+@given(UNITS)
+def test_any_unit_is_read_back_from_its_text(unit: Unit) -> None:
+    text = to_text(unit)
+    (found,) = rules_of(text)
+    assert found == read_again(unit)
+    assert format_text("rules", text) == text
+    assert to_text(found) == text
+
+
+@settings(max_examples=100)
+@given(worlds())
+def test_patterns_of_random_worlds_are_read_back(world: World) -> None:
+    for pattern in world.library.patterns:
+        try:
+            text = to_text(pattern)
+        except InvalidArgument as error:
+            assert "of no subclass" in str(error) or "a path has" in str(error)
+            continue
+        assert patterns_of(text) == (pattern,)
+        assert format_text("query", text) == text
+
+
+# --- what rules do
+
+
+@settings(max_examples=80)
+@given(graphs(), sketches(), st.booleans(), st.integers(0, 99))
+def test_a_rule_and_its_text_do_the_same(graph: Graph, sketch: Sketch, modify: bool, seed: int) -> None:
+    rule = as_rule(sketch, modify)
+    (read,) = rules_of(to_text(rule))
+    states = []
+    for one in (rule, read):
+        engine = Engine(as_model(graph), seed=seed)
+        engine.add(one)
+        said: list[object] = [match.row for match in engine.matches("r")]
+        for _ in range(4):
+            try:
+                application = engine.apply("r")
+                said.append(application and application.match.row)
+            except RuleError as error:
+                said.append(error.reason)
+        states.append((said, engine.model.state_hash()))
+    assert states[0] == states[1]

@@ -1,0 +1,242 @@
+"""Definitions as text: the files of the repository, what Python builds, what cannot be said, what derivations make."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from envgraph.errors import InvalidArgument, Source
+from envgraph.lang import data_path, load_workspace, spelled_out, to_text
+from envgraph.lang import open as open_files
+from envgraph.lang._parsing import parse
+from envgraph.lang._query import read_query
+from envgraph.lang._rules import read_rules
+from envgraph.metamodel import Annotation
+from envgraph.pattern import (
+    Body,
+    Call,
+    Check,
+    Choice,
+    Constant,
+    Create,
+    Derivation,
+    Edge,
+    If,
+    LeftSide,
+    Modification,
+    Node,
+    Parameter,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Retype,
+    Rule,
+    Sequence,
+    Set,
+    Try,
+    TypeConstraint,
+    Unit,
+    Variable,
+)
+from envgraph.rewrite import Engine, derived
+
+TESTS = Path(__file__).parents[2]
+QUERIES = sorted([*data_path("rules").rglob("*.query"), *(TESTS / "oracle" / "domains").glob("*.query")])
+RULES = sorted([*data_path("rules").rglob("*.rules"), *(TESTS / "golden" / "shared").rglob("*.rules")])
+
+
+def read(text: str, language: str = "rules") -> tuple:
+    parsed = parse(language, Source("text", text))
+    assert not parsed.diagnostics
+    return read_rules(parsed).definitions if language == "rules" else read_query(parsed).patterns
+
+
+@pytest.mark.parametrize("path", QUERIES, ids=lambda path: path.name)
+def test_patterns_of_files_are_read_back(path: Path) -> None:
+    patterns = read(path.read_text(encoding="utf-8"), "query")
+    assert read(to_text(*patterns), "query") == patterns != ()
+
+
+@pytest.mark.parametrize("path", RULES, ids=lambda path: path.name)
+def test_rules_of_files_are_read_back(path: Path) -> None:
+    definitions = read(path.read_text(encoding="utf-8"))
+    assert read(to_text(*definitions)) == definitions != ()
+
+
+def test_a_file_has_its_package_and_imports() -> None:
+    definitions = (
+        Derivation("kinds", "retype", ("A", "B"), package="a.rule"),
+        Derivation("all", "operators", ("A",), "a.rule"),
+    )
+    assert to_text(*definitions, imports=["a.query", 'b"c.query']) == (
+        'package a.rule\n\nimport "a.query"\nimport "b\\"c.query"\n\n'
+        "derive kinds = retype among { A, B };\n\nderive all = operators for A;\n"
+    )
+    assert to_text() == ""
+
+
+def test_names_are_escaped_only_where_they_are_keywords() -> None:
+    rule = Rule(
+        "rule",
+        (Parameter("in", "T"), Parameter("to", "in", "in")),
+        LeftSide((Node("find", "T"), Node("to")), (Edge("find", "lhs", "to"),)),
+        right=Modification((Set(Variable("to"), "to", "=", Variable("true")),)),
+    )
+    text = to_text(rule)
+    assert text == (
+        "rule rule(^in : T, in to : in) {\n"
+        "    lhs { ^find : T -lhs-> to; }\n"
+        "    modify { set to.to = ^true; }\n"
+        "}\n"
+    )
+    assert read(text) == (rule,)
+
+
+def test_what_fields_say_is_said_by_annotations() -> None:
+    rule = Rule(
+        "r", weight=2.5, priority=-1, semantics="spo", injective=False, homomorphic=(("a", "b"), ("c", "d"))
+    )
+    text = to_text(rule)
+    assert text.startswith(
+        "@weight(2.5)\n@priority(-1)\n@semantics(spo)\n@match(homomorphic)\n@hom(a, b)\n@hom(c, d)\nrule r {\n"
+    )
+    (found,) = read(text)
+    assert replace(found, annotations=()) == rule
+    changed = replace(found, weight=1.0, homomorphic=(("a", "c"),), semantics="dpo")
+    assert to_text(changed).startswith(
+        "@weight(1.0)\n@priority(-1)\n@semantics(dpo)\n@match(homomorphic)\n@hom(a, c)\n"
+    )
+    assert "@weight(1)\n" in to_text(replace(rule, weight=1.0, annotations=(Annotation("weight", (1,)),)))
+
+
+def test_arrows_are_joined_where_the_order_of_nodes_allows_it() -> None:
+    left = LeftSide(
+        (Node("b", "B"), Node("a", "A"), Node("c", "C"), Node("alone", "D")),
+        (
+            Edge("a", "x", "b"),
+            Edge("a", "y", "c"),
+            Edge("b", "z", "c", "+"),
+            Edge("a", "w", "_"),
+            Edge("a", "v", "new"),
+        ),
+    )
+    text = to_text(Rule("r", left=left))
+    assert "    lhs { b : B <-x- a : A -y-> c : C <-z+- b; a -w-> _; alone : D; a -v-> new; }" in text
+    (found,) = read(text)
+    assert found.left == replace(left, nodes=(*left.nodes, Node("new")))
+
+
+def test_a_creation_of_several_chains_is_several_creations() -> None:
+    nodes, edges = (Node("a", "A"), Node("b", "B")), (Edge("a", "x", "b"), Edge("x", "y", "b"))
+    text = to_text(Rule("r", right=Modification((Create(nodes, edges), Create((), ())))))
+    assert "modify { create a : A -x-> b : B <-y- x; }" in text
+    apart = to_text(
+        Rule("r", right=Modification((Create(nodes, (Edge("b", "x", "_"), Edge("a", "x", "a"))),)))
+    )
+    assert "modify { create a : A; create b : B -x-> _; create a -x-> a; }" in apart
+
+
+def test_steps_of_units_become_blocks() -> None:
+    a, b = Call("a"), Call("b", (Constant(1),), every=True)
+    inner = If(PatternCall("p", ()), a)
+    step = Sequence(
+        (Choice((a,)), Sequence((Choice((a, b)), Try(a, b))), If(Check(Constant(True)), b, inner))
+    )
+    text = to_text(Unit("u", (), step))
+    assert text == (
+        "unit u {\n    a;\n    a | all b(1);\n    try { a; } else { all b(1); }\n"
+        "    if check(true) { all b(1); } else if find p() { a; }\n}\n"
+    )
+    nested = replace(step.steps[2], otherwise=Sequence((inner,)))
+    assert "else { if find p() { a; } }" in to_text(Unit("u", (), nested))
+
+
+@pytest.mark.parametrize(
+    ("definition", "reason"),
+    [
+        (Rule("a.b"), "`a.b` is not a name"),
+        (Rule("2a"), "`2a` is not a name"),
+        (
+            Rule("r", left=LeftSide(constraints=(TypeConstraint("T", Variable("x"), exact=True),))),
+            "and of no subclass",
+        ),
+        (Pattern("p", (), ()), "a pattern has a body"),
+        (
+            Pattern("p", (), (Body((PathConstraint("", ("f",), Variable("a"), Variable("b")),)),)),
+            "a path has a class",
+        ),
+        (Pattern("p", (), (Body((Check(Constant(float("inf"))),)),)), "`inf` is not a number"),
+        (
+            Pattern("p", (), (Body((Check(Constant(2**63)),)),)),
+            "the number is too large, in `check(9223372036854775808);`",
+        ),
+        (Pattern("p", (), (Body((TypeConstraint("T", Constant(None)),)),)), "`none` stands for no value"),
+        (Pattern("p", (), (Body(()),), doc="a */ b"), "a comment ends at the first"),
+        (Rule("r", weight=-1.0), "a weight is a number above 0"),
+        (Unit("u", (), Choice((Sequence(()), Call("a")))), "the alternatives of a choice are calls"),
+        (Unit("u", (), Choice(())), "a choice without alternatives"),
+        (Derivation("d", "operators", ("A", "B")), "there are operators for one class at a time"),
+    ],
+)
+def test_what_has_no_text_is_refused(definition: Rule, reason: str) -> None:
+    with pytest.raises(InvalidArgument) as caught:
+        to_text(definition)
+    assert f"`{definition.name}` cannot be said in a text: " in str(caught.value)
+    assert reason in str(caught.value)
+
+
+def test_a_text_has_one_language_and_one_package() -> None:
+    with pytest.raises(InvalidArgument, match="patterns are written to another file"):
+        to_text(Pattern("p", (), (Body(()),)), Rule("r"))
+    with pytest.raises(InvalidArgument, match="of several: `a`, none"):
+        to_text(Rule("r", package="a"), Rule("r"))
+
+
+def test_a_rule_of_python_and_its_text_do_the_same() -> None:
+    rule = Rule(
+        "burn",
+        left=LeftSide((Node("tile", "RoadTile"),)),
+        right=Modification((Retype(Variable("tile"), "BurningTile"),)),
+        package="burning_forest",
+        weight=2.0,
+    )
+    states = []
+    for one in (rule, *read(to_text(rule))):
+        engine = open_files("burning_forest", seed=3)
+        engine.add(one)
+        drawn = [engine.choose(["burn", "retypings"]) for _ in range(5)]
+        for _ in range(5):
+            engine.apply("burn")
+        states.append((drawn, engine.model.state_hash()))
+    assert states[0] == states[1]
+
+
+MODELS = {"network": "backbone", "warehouse": "small_hall", "keydoor": "two_rooms"}
+CLASSES = {"network": "Router", "warehouse": "Parcel", "keydoor": "Key"}
+
+
+@pytest.mark.parametrize("domain", ["network", "warehouse", "keydoor"])
+def test_derived_rules_and_their_texts_do_the_same(domain: str) -> None:
+    """Spelled out, that is with names that a text can have; matches, order and what is drawn are the same."""
+    model = TESTS / "oracle" / "domains" / f"{MODELS[domain]}.model"
+    metamodel = load_workspace([str(model)]).metamodel
+    assert metamodel is not None
+    made = derived(Derivation("all", "operators", (CLASSES[domain],), package="p"), metamodel)
+    patterns, rules = spelled_out(made.patterns, metamodel), spelled_out(made.rules, metamodel)
+    read_patterns = read(to_text(*patterns), "query") if patterns else ()
+    read_back = read(to_text(*rules))
+    assert len(read_back) == len(made.rules) > 3
+    states = []
+    for own_patterns, own_rules in ((made.patterns, made.rules), (read_patterns, read_back)):
+        engine: Engine = load_workspace([str(model)]).engine(seed=5)
+        engine.add(*own_patterns, *own_rules)
+        names = [f"p.{rule.name}" for rule in own_rules]
+        said = [[match.row for match in engine.matches(name)] for name in names]
+        for _ in range(12):
+            chosen = engine.choose(names)
+            assert chosen is not None
+            engine.fire(*chosen)
+        states.append((said, engine.model.state_hash()))
+    assert states[0] == states[1]
