@@ -58,7 +58,20 @@ def ok(result: Result) -> Result:
     return result
 
 
-COMMANDS = ("new", "check", "match", "apply", "format", "convert", "generate", "show", "export", "import", "train", "report")
+COMMANDS = (
+    "new",
+    "check",
+    "match",
+    "apply",
+    "format",
+    "convert",
+    "generate",
+    "show",
+    "export",
+    "import",
+    "train",
+    "report",
+)
 
 
 def test_help_names_every_command_and_each_explains_itself(envgraph: Envgraph) -> None:
