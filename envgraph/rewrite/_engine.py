@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from copy import deepcopy
-from dataclasses import replace
 from random import Random
 from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeVar, cast
 
@@ -15,19 +14,19 @@ from envgraph.errors import (
     InvalidArgument,
     ResolutionError,
     Severity,
-    TypeMismatch,
     has_errors,
 )
-from envgraph.graph import Model, Node, Savepoint, Version
-from envgraph.match import FREE, Matcher, NaiveMatcher, Subscription, ViewMatcher, WhyNot
-from envgraph.metamodel import Scalar, Value, accepts, type_name
-from envgraph.pattern import Derivation, Library, ObjectType, Pattern, Rule, Unit
+from envgraph.graph import Model, Savepoint, Version
+from envgraph.match import Subscription, ViewMatcher
+from envgraph.metamodel import Value
+from envgraph.pattern import Derivation, Pattern, Rule, Unit
 from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
 from envgraph.rewrite._exploration import Exploration
 from envgraph.rewrite._explore import Sameness, Search, Strategy, movers
 from envgraph.rewrite._jobs import Event, Job, bind_job, job_name
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
-from envgraph.rewrite._names import Directory, Signature, Taken
+from envgraph.rewrite._names import Signature, Taken
+from envgraph.rewrite._questions import Questions
 from envgraph.rewrite._register import Registration
 from envgraph.rewrite._run import STEP_LIMIT, Run, apply_one_of, draw_weighted
 from envgraph.rewrite._runner import NO_ARGUMENTS, PythonRule, Randomness, RuleRunner, graph_rule
@@ -42,7 +41,7 @@ Function = TypeVar("Function", bound=Callable[..., object])
 _NOTHING: AbstractContextManager[None] = nullcontext()
 
 
-class Engine:
+class Engine(Questions):
     """A model together with what can be asked of it and done to it.
 
     Names of patterns, rules, units and groups may be qualified (`package.name`), or simple where only one definition
@@ -73,23 +72,14 @@ class Engine:
     def __init__(
         self, model: Model, *, seed: int = 0, matcher: Literal["compiled", "naive"] = "compiled"
     ) -> None:
-        self.model = model
-        self.library = Library(model.metamodel)
-        if matcher not in ("compiled", "naive"):
-            raise InvalidArgument(f'matcher is "compiled" or "naive", not {matcher!r}')
-        self.matcher: Matcher = (ViewMatcher if matcher == "compiled" else NaiveMatcher)(model, self.library)
+        super().__init__(model, matcher)
         self.step_limit = STEP_LIMIT
         self.seed = seed
         self._rng: numpy.random.Generator | None = None
-        self._directory = Directory()
         self._definitions: dict[str, Rule | Unit | Derivation] = {}
-        self._rules: dict[str, RuleRunner] = {}
-        self._units: dict[str, UnitProgram] = {}
-        self._groups: dict[str, tuple[str, ...]] = {}
         self._choices: dict[tuple[str, ...], _Choice] = {}
         self._named: dict[str, RuleRunner] = {}
         self._recorders: list[list[Firing]] = []
-        self._questions: dict[str, tuple[Shape, str]] = {}
         self._events: Events | None = None
 
     def copy(self) -> Engine:
@@ -275,153 +265,7 @@ class Engine:
             raise InvalidArgument(f"`{rule}` is a {kind}, not a rule")
         return self._rules[qualified]
 
-    def _pattern(self, name: str) -> Pattern:
-        found = self.library.resolve(name)
-        if found is None or "#" in found.name:
-            self._directory_with_patterns().resolve(name, "pattern")
-            raise InvalidArgument(f"`{name}` is not a pattern")
-        return found
-
-    def _shape(self, pattern: Pattern) -> Shape:
-        names = tuple(parameter.name for parameter in pattern.parameters)
-        return Shape(pattern.qualified_name, names, self.library.parameter_types(pattern.qualified_name))
-
-    def _directory_with_patterns(self) -> Directory:
-        """Everything that has matches, for names that mean nothing."""
-        directory = Directory(self._directory.signatures.values())
-        for pattern in self.library.patterns:
-            if "#" not in pattern.name:
-                directory.add(Signature(pattern.qualified_name, "rule", pattern.package))
-        return directory
-
-    # --- matches
-
-    def matches(self, name: str, **bound: object) -> list[Match]:
-        """All matches of a pattern, or of the left side of a rule, that agree with the bound variables.
-
-        The order is a function of the model's version.
-
-        Args:
-            name: of the pattern or rule.
-            **bound: values of variables; objects as `Node`s or ids.
-
-        Raises:
-            InvalidArgument: an unknown name or variable.
-            TypeMismatch: a value of the wrong type.
-        """
-        shape, pattern, arguments = self._question(name, bound)
-        return [Match(self.model, shape, row) for row in self.matcher.rows(pattern, arguments)]
-
-    def first(self, name: str, **bound: object) -> Match | None:
-        """The first of `matches`, or None."""
-        shape, pattern, arguments = self._question(name, bound)
-        row = self.matcher.first(pattern, arguments)
-        return None if row is None else Match(self.model, shape, row)
-
-    def exists(self, name: str, **bound: object) -> bool:
-        """Whether there is a match."""
-        _, pattern, arguments = self._question(name, bound)
-        return self.matcher.exists(pattern, arguments)
-
-    def count(self, name: str, **bound: object) -> int:
-        """The number of matches."""
-        _, pattern, arguments = self._question(name, bound)
-        return self.matcher.count(pattern, arguments)
-
-    def explain(self, name: str, *bound: str, **values: object) -> str:
-        """How matches are found, or, for a watched pattern, how they are kept current.
-
-        The plan has estimated rows; for no bound variables, and for given values, it is run, and has actual rows too.
-        Then comes the generated source.
-
-        Args:
-            name: of the pattern or rule.
-            *bound: variables that have a value.
-            **values: variables with their values; objects as `Node`s or ids.
-
-        Raises:
-            InvalidArgument: an unknown name or variable, variables with and without values, or a matcher that has no
-                plans.
-            TypeMismatch: a value of the wrong type.
-        """
-        shape, pattern = self._asked(name)
-        if not isinstance(self.matcher, ViewMatcher):
-            raise InvalidArgument("the naive matcher tries everything, and has no plans")
-        if bound and values:
-            raise InvalidArgument("give names of variables, or values for them, not both")
-        given = self._positions(shape, values)
-        positions = tuple(sorted(given)) or tuple(sorted(shape.position(variable) for variable in bound))
-        return self.matcher.explain(pattern, positions, [given[position] for position in sorted(given)])
-
-    def why_not(self, name: str, **bound: object) -> WhyNot:
-        """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.
-
-        Args:
-            name: of the pattern or rule.
-            **bound: values of variables; objects as `Node`s or ids.
-
-        Returns:
-            What `print` shows as text; or the match that there is.
-
-        Raises:
-            InvalidArgument: an unknown name or variable, an object that is gone, or a matcher that has no plans.
-            TypeMismatch: a value of the wrong type.
-        """
-        shape, pattern = self._asked(name)
-        if not isinstance(self.matcher, ViewMatcher):
-            raise InvalidArgument("the naive matcher tries everything, and has no plans")
-        given = self._positions(shape, bound)
-        for position, value in given.items():
-            if shape.is_object(position) and not self.model.alive(cast("int", value)):
-                raise InvalidArgument(f"`{shape.names[position]}` is object {value}, which there is not")
-        found = self.matcher.why_not(pattern, given)
-        return replace(found, show=self.model.describe)
-
-    def _positions(self, shape: Shape, values: Mapping[str, object]) -> dict[int, Value]:
-        ids = self.ids(shape, values)
-        return {shape.position(variable): ids[variable] for variable in ids}
-
-    def analyze(self) -> None:
-        """Measure the model: plans that are made from now on go by the sizes that it has now.
-
-        Watched patterns are planned by measured sizes anyway. Others go by what the metamodel suggests until
-        this is called, so that the order of their matches does not depend on when they were first asked for.
-        """
-        if isinstance(self.matcher, ViewMatcher):
-            self.matcher.analyze()
-
     # --- views
-
-    @property
-    def watched(self) -> tuple[str, ...]:
-        """Qualified names of the patterns that are kept current."""
-        return self._views.watched if isinstance(self.matcher, ViewMatcher) else ()
-
-    @property
-    def _views(self) -> ViewMatcher:
-        if not isinstance(self.matcher, ViewMatcher):
-            raise InvalidArgument("the naive matcher keeps nothing current: it cannot watch")
-        return self.matcher
-
-    def watch(self, *names: str) -> None:
-        """Keep the matches of patterns, and of the left sides of rules, current from now on.
-
-        Asking for them then costs nothing but reading, and every change of the model costs what it changes in them.
-        Watch before the first commit, and all together: each call makes the functions of all views anew.
-
-        Raises:
-            InvalidArgument: an unknown name, a `search` pattern, or one that needs values for parameters.
-            TransactionError: inside a transaction, or while somebody holds a version.
-        """
-        self._views.watch(*(self._asked(name)[1] for name in names))
-
-    def unwatch(self, *names: str) -> None:
-        """Look for the matches of these patterns when they are asked for again.
-
-        Raises:
-            InvalidArgument: an unknown name, or somebody listens to it.
-        """
-        self._views.unwatch(*(self._asked(name)[1] for name in names))
 
     def listen(
         self,
@@ -564,63 +408,6 @@ class Engine:
         self.model.check_integrity()
         if isinstance(self.matcher, ViewMatcher):
             self.matcher.check_integrity()
-
-    def _question(self, name: str, bound: Mapping[str, object]) -> tuple[Shape, str, tuple[object, ...]]:
-        shape, pattern = self._asked(name)
-        ids = self.ids(shape, bound)
-        missing = [shape.names[p] for p in self.library.inputs(pattern) if shape.names[p] not in ids]
-        if missing:
-            names = ", ".join(f"`{name}`" for name in missing)
-            raise InvalidArgument(f"`{shape.definition}` needs values for {names}: nothing enumerates them")
-        return shape, pattern, tuple(ids.get(variable, FREE) for variable in shape.names)
-
-    def _asked(self, name: str) -> tuple[Shape, str]:
-        """Shape and pattern of what has matches."""
-        if not isinstance(name, str):
-            raise InvalidArgument(f"a pattern or rule is given by its name, not as {name!r}")
-        if name not in self._questions:
-            self._questions[name] = self._find_question(name)
-        return self._questions[name]
-
-    def _find_question(self, name: str) -> tuple[Shape, str]:
-        qualified = self._directory_with_patterns().resolve(name, "pattern or rule")
-        if qualified in self._rules:
-            runner = self._rules[qualified]
-            return runner.shape, runner.pattern
-        if qualified in self._groups or qualified in self._units:
-            kind = self._directory.signatures[qualified].kind
-            rules = ", ".join(f"`{member}`" for member in self._groups.get(qualified, ()))
-            hint = f"; ask for one of its rules: {rules}" if rules else ""
-            raise InvalidArgument(f"`{name}` is a {kind}, which has no matches of its own{hint}")
-        pattern = self.library.get(qualified)
-        return self._shape(pattern), qualified
-
-    def ids(self, shape: Shape, bound: Mapping[str, object]) -> dict[str, Value]:
-        """Values for variables, checked, objects as ids.
-
-        Raises:
-            InvalidArgument: an unknown variable, or a node of another model.
-            TypeMismatch: a value of the wrong type.
-        """
-        found: dict[str, Value] = {}
-        for name, value in bound.items():
-            position = shape.position(name)
-            found[name] = self._id(shape, position, value)
-        return found
-
-    def _id(self, shape: Shape, position: int, value: object) -> Value:
-        type_ = shape.types[position]
-        if isinstance(type_, ObjectType):
-            if isinstance(value, Node) and value.model is not self.model:
-                raise InvalidArgument(f"{value!r} is an object of another model")
-            if isinstance(value, Node) or type(value) is int:
-                return value.id if isinstance(value, Node) else value
-            wanted = f"a `{type_.cls}`"
-        elif accepts(type_, value):
-            return float(value) if type_ is Scalar.FLOAT else cast("Value", value)  # type: ignore[arg-type]
-        else:
-            wanted = f"`{type_name(type_)}`"
-        raise TypeMismatch(f"`{shape.names[position]}` of `{shape.definition}` takes {wanted}, not {value!r}")
 
     # --- rewriting
 
