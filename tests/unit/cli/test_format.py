@@ -115,3 +115,11 @@ def test_derived_rules_are_printed(run: Run) -> None:
     assert out.startswith("// --- rules of `all` ---\n\n")
     assert "rule all_set_B_on {\n    lhs { object : B; B.on(object, value); }\n" in out
     assert run("--derived", "a.query")[0] == 1
+
+
+def test_a_new_domain_is_in_the_style(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["envgraph", "new", "maze"])
+    with pytest.raises(SystemExit) as stop:
+        raise SystemExit(main())
+    assert stop.value.code == 0
+    assert run("--check", "maze")[0] == 0
