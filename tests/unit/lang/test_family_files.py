@@ -190,7 +190,7 @@ def test_a_missing_family_is_an_error_of_its_own(tmp_path: Path) -> None:
 
 
 def test_a_bundled_domain_without_a_family_is_not_said_to_be_missing() -> None:
-    with pytest.raises(LoadError, match="the bundled domain `social_media` has no `family.toml`") as caught:
+    with pytest.raises(LoadError, match=r"the bundled domain `social_media` has no `family\.toml`") as caught:
         load_family("social_media")
     hint = caught.value.diagnostics[0].hint
     assert hint is not None
