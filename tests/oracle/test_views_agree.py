@@ -12,6 +12,8 @@ from envgraph.match.views import _matcher, _sets
 from tests.oracle.views_walk import Walk
 from tests.oracle.worlds import Dice
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = settings().max_examples
 """Of the profile: 100 by default, 5,000 at night."""
 
@@ -20,9 +22,13 @@ PATTERNS = st.integers(0, 20)
 
 
 class Views(RuleBasedStateMachine):
-    """A walk that hypothesis chooses. After every step `Walk.check` compares everything."""
+    """A walk that hypothesis chooses. After every step `Walk.check` compares everything.
+
+    Some edits are not looked at: what follows finds the views out of date.
+    """
 
     walk: Walk
+    looking = True
 
     @initialize(seed=SEEDS, watch=st.sampled_from([100, 100, 60]))
     def start(self, seed: int, watch: int) -> None:
@@ -37,13 +43,15 @@ class Views(RuleBasedStateMachine):
         """Some pattern."""
         return self.names[number % len(self.names)]
 
-    @rule(seed=SEEDS, count=st.integers(1, 5))
-    def edit(self, seed: int, count: int) -> None:
+    @rule(seed=SEEDS, count=st.integers(1, 5), look=st.booleans())
+    def edit(self, seed: int, count: int, look: bool) -> None:
         self.walk.edit(Dice(seed), count)
+        self.looking = look
 
-    @rule(seed=SEEDS, count=st.integers(1, 5))
-    def thin_out(self, seed: int, count: int) -> None:
+    @rule(seed=SEEDS, count=st.integers(1, 5), look=st.booleans())
+    def thin_out(self, seed: int, count: int, look: bool) -> None:
         self.walk.edit(Dice(seed), count, thin=True)
+        self.looking = look
 
     @rule(seed=SEEDS)
     def ask(self, seed: int) -> None:
@@ -57,6 +65,7 @@ class Views(RuleBasedStateMachine):
     def open_and_edit(self, seed: int, count: int) -> None:
         self.walk.open()
         self.walk.edit(Dice(seed), count)
+        self.looking = seed % 2 == 0
 
     @precondition(lambda self: self.walk.savepoints)
     @rule()
@@ -111,7 +120,9 @@ class Views(RuleBasedStateMachine):
 
     @invariant()
     def everything_agrees(self) -> None:
-        self.walk.check()
+        if self.looking:
+            self.walk.check()
+        self.looking = True
 
     def teardown(self) -> None:
         if hasattr(self, "walk"):
@@ -134,8 +145,8 @@ class CrowdedViews(Views):
             self.patch.undo()
 
 
-# Few steps, each with much to compare: an example takes about 70 ms, most of it for planning and generated code.
+# Few steps, each with much to compare: an example takes about 60 ms, most of it for planning and generated code.
 TestViews = Views.TestCase
-TestViews.settings = settings(max_examples=4 * EXAMPLES, stateful_step_count=8)
+TestViews.settings = settings(max_examples=4 * EXAMPLES, stateful_step_count=10)
 TestCrowdedViews = CrowdedViews.TestCase
-TestCrowdedViews.settings = settings(max_examples=EXAMPLES, stateful_step_count=8)
+TestCrowdedViews.settings = settings(max_examples=EXAMPLES, stateful_step_count=10)

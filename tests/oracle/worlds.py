@@ -168,7 +168,8 @@ def _edit_link(dice: Dice, model: Model, node: int, unlink: bool) -> None:
     candidates = list(model.extent(reference.target))
     if not candidates:
         return
-    target = dice.one(candidates)
+    # Links from an object to itself are where relations that occur twice in a body meet.
+    target = node if node in candidates and dice.chance(25) else dice.one(candidates)
     roll = dice.number(0, 9)
     if not reference.many and roll < 5:
         model.set_target(node, reference, target)
@@ -473,7 +474,9 @@ def body(
                 constraints.append(Comparison("==", Variable(parameter.name), scope.literal(kind)))
     if partners and dice.chance(60):
         constraints.append(call(scope, dice.one(partners), positive=True))
-    for _ in range(dice.one([1, 1, 2, 3, 4, 5, 6])):  # of one relation alone is what can be inlined everywhere
+    for _ in range(
+        dice.one([1, 1, 2, 3, 4, 5, 6])
+    ):  # of one relation alone is what can be inlined everywhere
         made = constraint(scope)
         if made is not None:
             constraints.append(made)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from envgraph.match import NaiveMatcher
 from envgraph.pattern import (
     Check,
     Conditional,
@@ -13,6 +14,7 @@ from envgraph.pattern import (
     EnumLiteral,
     FunctionCall,
     Navigation,
+    PathConstraint,
     Pattern,
     Variable,
 )
@@ -590,6 +592,52 @@ def test_recursion_over_lower_recursion_through_negation(world: Make) -> None:
 
 
 # --- after edits
+
+
+def knows(a: str, b: str) -> PathConstraint:
+    """`Person.knows(a, b)`."""
+    return path("Person.knows", a, b)
+
+
+TWICE = (
+    pattern("oneWay(a : Person, b : Person)", [knows("a", "b"), neg(knows("b", "a"))]),
+    pattern("found(a : Person, b : Person)", [find("knows", "a", "b"), neg(find("knows", "b", "a"))]),
+    pattern("mutual(a : Person, b : Person)", [knows("a", "b"), knows("b", "a")]),
+    pattern("next(a : Person, c : Person)", [find("knows", "a", "b"), find("knows", "b", "c")]),
+    pattern(
+        "busy(a : Person, b : Person, n : int)", [knows("a", "b"), equal("n", fold("count", knows("b", "_")))]
+    ),
+    pattern("idle(a : Person, b : Person)", [knows("a", "b"), neg(knows("b", "_"))]),
+    pattern(
+        "alone(a : Person)", [knows("a", "a"), equal("n", fold("count", knows("_", "a"))), equal("n", 1)]
+    ),
+)
+
+
+def test_relations_that_stand_twice_in_a_body_come_and_go(world: Make) -> None:
+    w = world(KNOWS, *TWICE)
+    naive = NaiveMatcher(w.model, w.library)
+    for text in [
+        "dan-dan",
+        "dan+dan",
+        "ada+ada",
+        "bob+ada",
+        "ada-bob",
+        "ada-ada",
+        "bob+bob",
+        "bob-ada",
+        "dan-dan",
+        "bob-bob",
+        "ada+bob",
+        "bob+ada",
+        "ada-bob",
+    ]:
+        one, other = w.model[text[:3]], w.model[text[4:]]
+        (one.knows.append if text[3] == "+" else one.knows.remove)(other)
+        for name in (each.name for each in TWICE):
+            free = w.arguments(name, *[...] * len(w.library.parameter_types(name)))
+            assert sorted(w.matcher.rows(name, free)) == naive.rows(name, free), (text, name)
+        assert_sound(w.matcher)
 
 
 def test_matches_follow_creation_retyping_and_deletion(world: Make) -> None:
