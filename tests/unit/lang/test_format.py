@@ -113,7 +113,7 @@ def test_blanks_and_comments_may_stand_anywhere(seed: int) -> None:
     for comment in (
         "// one\n",
         "/* two */",
-        "three\n",
+        "/* three\n",
         "of it */",
         "/** doc */",
         "// own\n",
