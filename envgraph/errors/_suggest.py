@@ -5,6 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+_MANY = 1000
+"""Among more names than this, only those that begin in the same way are compared letter by letter."""
+_LONG = 200
+"""A name that is longer than this is compared with none."""
+
 
 def with_article(name: str) -> str:
     """A name in backquotes with its article, for messages.
@@ -25,5 +30,11 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     folded = {candidate.casefold(): candidate for candidate in reversed(candidates)}
     if name.casefold() in folded:
         return f"did you mean `{folded[name.casefold()]}`?"
+    if len(name) > _LONG:
+        return None
+    if len(candidates) > _MANY:
+        candidates = [one for one in candidates if one[:2] == name[:2] and abs(len(one) - len(name)) < 3][
+            :_MANY
+        ]
     close = get_close_matches(name, candidates, n=1, cutoff=0.6)
     return f"did you mean `{close[0]}`?" if close else None

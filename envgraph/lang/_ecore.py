@@ -44,6 +44,13 @@ from envgraph.metamodel import (
 _GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
 _OWN = "envgraph"
 _DEEPEST = 50
+_MOST = 100
+"""After so many mistakes the rest is not read, and after so many warnings the others are not shown."""
+
+
+class _Enough(Exception):
+    """There have been enough mistakes."""
+
 
 _TYPED = "name ordered unique lowerBound upperBound eType many required"
 _FEATURE = (
@@ -74,9 +81,16 @@ _CHILDREN: Mapping[str, str] = {
 def read_ecore(source: Source) -> MetamodelFile:
     """The metamodel of an `.ecore` file, and all that is wrong with it."""
     reader = _Reader(XmlPlaces(source))
-    metamodel = reader.read()
+    metamodel, stopped = None, False
+    try:
+        metamodel = reader.read()
+    except _Enough:
+        stopped = True
     found = without_consequences(reader.diagnostics, frozenset(reader.lost))
-    return MetamodelFile(metamodel, reader.span, tuple(found), frozenset(reader.lost))
+    lost = reader.lost
+    if stopped:
+        lost = lost | reader.names()
+    return MetamodelFile(metamodel, reader.span, tuple(found), frozenset(lost))
 
 
 def parse_ecore(source: Source) -> Metamodel:
@@ -137,13 +151,17 @@ class _Reader:
     _names: dict[Element, Mapping[str, Element]] = field(default_factory=dict)
     _enums: dict[Element, EnumType] = field(default_factory=dict)
     _kinds: dict[Element, str] = field(default_factory=dict)
+    _listed: dict[tuple[Element, str], list[Element]] = field(default_factory=dict)
+    _errors: int = 0
+    _warnings: int = 0
+    _quiet: bool = False
 
     def read(self) -> Metamodel | None:
         self.span = self.places.source.span(0, 0)
         root, problem = read_tree(self.places)
         if problem or root is None:
             self.diagnostics.extend([problem] if problem else [])
-            self.lost.update(re.findall(r"[^\W\d]\w*", self.places.source.text))
+            self.lost |= self.names()
             return None
         if not self._is_package(root):
             return None
@@ -152,6 +170,10 @@ class _Reader:
         self._enter_package("", root)
         metamodel = self._metamodel(root)
         return None if has_errors(self.diagnostics) else metamodel
+
+    def names(self) -> set[str]:
+        """All words of the text: each may be a name of something that was not read."""
+        return set(re.findall(r"[^\W\d]\w*", self.places.source.text))
 
     def _metamodel(self, root: Element) -> Metamodel | None:
         name = self._name(root, "package")
@@ -560,9 +582,9 @@ class _Reader:
 
     def _quietly(self, element: Element, *names: str) -> list[_Target]:
         """The targets, without another word on what is wrong with them."""
-        before = len(self.diagnostics)
+        self._quiet = True
         found = [one for name in names for one in self._targets(element, name)]
-        del self.diagnostics[before:]
+        self._quiet = False
         return found
 
     def _fragment(self, element: Element) -> str:
@@ -633,6 +655,8 @@ class _Reader:
         return _Target(element, None, span)
 
     def _unknown_library_type(self, name: str, types: Mapping[str, DataType], span: Span) -> None:
+        if self._quiet:
+            return
         if name == "EObject":
             message, hint = (
                 "`EObject` is any object, which cannot be represented",
@@ -650,6 +674,8 @@ class _Reader:
         self._error("unknown-type", message, span, hint or None)
 
     def _unknown_part(self, fragment: str, span: Span) -> None:
+        if self._quiet:
+            return
         steps = [step for step in fragment.split("/") if step]
         name = steps[-1] if steps else fragment
         if name in self.lost:
@@ -685,7 +711,9 @@ class _Reader:
 
     def _counted(self, element: Element, step: str) -> Element | None:
         name, _, index = step[1:].partition(".")
-        inside = list(self._inside(element, name))
+        if (element, name) not in self._listed:
+            self._listed[element, name] = list(self._inside(element, name))
+        inside = self._listed[element, name]
         place = int(index) if index.isdecimal() and len(index) < 10 else 0
         return inside[place] if place < len(inside) else None
 
@@ -758,7 +786,19 @@ class _Reader:
     def _error(
         self, code: str, message: str, where: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
     ) -> None:
+        if self._quiet:
+            return
         self.diagnostics.append(Diagnostic(code, message, where, hint, notes=notes))
+        self._errors += 1
+        if self._errors == _MOST:
+            message = "too many mistakes: the rest of the file is not read"
+            self.diagnostics.append(Diagnostic("too-many-errors", message, where))
+            raise _Enough
 
     def _warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
+        self._warnings += 1
+        if self._warnings > _MOST + 1:
+            return
+        if self._warnings > _MOST:
+            code, message, hint = "too-many-warnings", "too many warnings: the others are not shown", None
         self.diagnostics.append(Diagnostic(code, message, where, hint, Severity.WARNING))

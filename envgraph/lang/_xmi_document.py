@@ -56,11 +56,16 @@ class Reading:
         self.fetch = fetch
         self.diagnostics: list[Diagnostic] = []
         self.documents: dict[str, Document | None] = {}
-        self.tables = {
-            cls.name: self._table(cls.name) for cls in self.metamodel.class_list if not cls.abstract
-        }
+        self._tables: dict[str, Table] = {}
         self.packages = {package.uri: package for package in self.metamodel.packages}
         self.foreign: set[str] = set()
+
+    def table(self, cls: str) -> Table:
+        """What a class says about its tags; worked out for the classes that a file has, and no others."""
+        found = self._tables.get(cls)
+        if found is None:
+            found = self._tables[cls] = self._table(cls)
+        return found
 
     def _table(self, cls: str) -> Table:
         features = self.metamodel.features(cls)

@@ -203,7 +203,7 @@ class TagReader:
             self._document.roots.append(LOST)
             self._skipped = 1
             return
-        table = self._reading.tables[cls]
+        table = self._reading.table(cls)
         self._type_of(attributes)
         node = self._create(table, attributes, at)
         self._document.roots.append(node)
@@ -258,7 +258,7 @@ class TagReader:
             gaps.append(place + len(gaps))
             self._skipped = 1
             return
-        table = self._reading.tables[cls]
+        table = self._reading.table(cls)
         node = self._create(table, attributes, at)
         self._stack.append(_Frame(node, table, frame.node, reference))
 

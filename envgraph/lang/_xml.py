@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import NoReturn
 from xml.parsers import expat
 
@@ -29,6 +30,10 @@ _DECLARED = re.compile(rb"\s*<\?xml[^>]*?\sencoding\s*=\s*[\"']([^\"'>]*)[\"']")
 _DECLARED_TEXT = re.compile(r"(\s*<\?xml[^>]*?\sencoding\s*=\s*[\"'])([^\"'>]*)")
 _ATTRIBUTE = re.compile(r"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 _NAME = re.compile(r"[^\s/>]*")
+_WORD = re.compile(r"\S+")
+_FOLLOWING = bytes(range(0x80, 0xC0))
+"""The bytes of UTF-8 that begin no character."""
+_BLOCK = 1024
 
 
 def xml_source(name: str, data: bytes) -> Source:
@@ -99,7 +104,11 @@ class XmlPlaces:
     source: Source
     data: bytes = field(init=False, repr=False)
     _plain: bool = field(init=False)
-    _known: tuple[int, int] = (0, 0)
+    _blocks: list[int] = field(default_factory=list, repr=False)
+    _tag: int = -1
+    _found: dict[str, re.Match[str]] = field(default_factory=dict, repr=False)
+    _value: tuple[int, str] = (-1, "")
+    _words: dict[str, tuple[int, int]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         self.data = self.source.text.encode("utf-8", errors="surrogatepass")
@@ -114,10 +123,14 @@ class XmlPlaces:
         """The character at a byte."""
         if self._plain:
             return byte
-        start, characters = self._known if self._known[0] <= byte else (0, 0)
-        characters += len(self.data[start:byte].decode("utf-8", errors="replace"))
-        self._known = byte, characters
-        return characters
+        if not self._blocks:
+            counts = (
+                len(self.data[at : at + _BLOCK].translate(None, _FOLLOWING))
+                for at in range(0, len(self.data), _BLOCK)
+            )
+            self._blocks = list(accumulate(counts, initial=0))
+        block = byte // _BLOCK
+        return self._blocks[block] + len(self.data[block * _BLOCK : byte].translate(None, _FOLLOWING))
 
     def tag(self, byte: int) -> Span:
         """The name of the tag that begins at a byte."""
@@ -129,30 +142,38 @@ class XmlPlaces:
 
     def attribute(self, byte: int, name: str, part: str | None = None) -> Span:
         """The value of an attribute of a tag, or a word in it; the tag if it has no such attribute."""
-        for found in self._attributes(byte):
-            if found.group(1) != name:
-                continue
-            start, end = found.start(2) + 1, found.end(2) - 1
-            if part:
-                place = re.search(rf"(?<!\S){re.escape(part)}(?!\S)", self.source.text[start:end])
-                if place:
-                    return self.source.span(start + place.start(), start + place.end())
-            # An empty value is shown by its quotes.
-            return self.source.span(start, end) if end > start else self.source.span(start - 1, end + 1)
-        return self.tag(byte)
+        found = self._attributes(byte).get(name)
+        if found is None:
+            return self.tag(byte)
+        start, end = found.start(2) + 1, found.end(2) - 1
+        place = self._words_of(byte, name, start, end).get(part) if part else None
+        if place:
+            return self.source.span(*place)
+        # An empty value is shown by its quotes.
+        return self.source.span(start, end) if end > start else self.source.span(start - 1, end + 1)
 
     def name_of(self, byte: int, name: str) -> Span:
         """The name of an attribute of a tag."""
-        for found in self._attributes(byte):
-            if found.group(1) == name:
-                return self.source.span(*found.span(1))
-        return self.tag(byte)
+        found = self._attributes(byte).get(name)
+        return self.source.span(*found.span(1)) if found else self.tag(byte)
 
-    def _attributes(self, byte: int) -> Iterator[re.Match[str]]:
-        at = self.tag(byte).end
-        while found := _ATTRIBUTE.match(self.source.text, at):
-            yield found
-            at = found.end()
+    def _attributes(self, byte: int) -> Mapping[str, re.Match[str]]:
+        """The attributes of a tag; those of the last one are kept, since all of them may be asked for in turn."""
+        if byte != self._tag:
+            self._tag, self._found = byte, {}
+            at = self.tag(byte).end
+            while found := _ATTRIBUTE.match(self.source.text, at):
+                self._found.setdefault(found.group(1), found)
+                at = found.end()
+        return self._found
+
+    def _words_of(self, byte: int, name: str, start: int, end: int) -> Mapping[str, tuple[int, int]]:
+        """Where each word of a value stands first."""
+        if (byte, name) != self._value:
+            self._value, self._words = (byte, name), {}
+            for found in _WORD.finditer(self.source.text, start, end):
+                self._words.setdefault(found.group(), found.span())
+        return self._words
 
 
 class Stop(Exception):

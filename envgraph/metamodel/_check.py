@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 
 from envgraph.errors import Diagnostic, Note, Span, did_you_mean
+from envgraph.metamodel._above import Above, linearise
 from envgraph.metamodel._features import (
     Attribute,
     Class,
@@ -18,35 +20,33 @@ from envgraph.metamodel._features import (
     type_name,
 )
 
-
-def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
-    """The class and its supertypes, breadth first, each once; unknown names are left out, cycles are cut."""
-    order: dict[str, None] = {}
-    queue = [name]
-    for current in queue:
-        if current in order or current not in classes:
-            continue
-        order[current] = None
-        queue.extend(classes[current].supertypes)
-    return tuple(order)
+MOST_ERRORS = 100
 
 
 def check_classes(classes: Sequence[Class], enums: Sequence[EnumType]) -> list[Diagnostic]:
-    """All problems of the classes and enums of one metamodel."""
+    """The problems of the classes and enums of one metamodel; after a hundred it ends."""
+    found = list(islice(_problems(classes, enums), MOST_ERRORS + 1))
+    if len(found) > MOST_ERRORS:
+        message = "too many mistakes: the other classes are not checked"
+        found[MOST_ERRORS:] = [Diagnostic("too-many-errors", message, found[MOST_ERRORS].span)]
+    return found
+
+
+def _problems(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterator[Diagnostic]:
     table = {cls.name: cls for cls in reversed(classes)}
     declared = {enum.name: enum for enum in reversed(enums)}
-    problems = list(_duplicates([*classes, *enums]))
-    problems.extend(_check_names(classes, enums))
+    above = Above(classes, table)
+    yield from _duplicates([*classes, *enums])
+    yield from _check_names(classes, enums)
     for enum in enums:
-        problems.extend(_check_enum(enum))
+        yield from _check_enum(enum)
     for cls in classes:
-        problems.extend(_check_supertypes(cls, table))
-        problems.extend(_check_features(cls, table))
-        problems.extend(_check_types(cls, declared))
-        problems.extend(_check_key(cls, table))
-        problems.extend(_check_glyph(cls))
-    problems.extend(_check_glyphs_differ(classes))
-    return problems
+        yield from _check_supertypes(cls, above)
+        yield from _check_features(cls, above)
+        yield from _check_types(cls, declared)
+        yield from _check_key(cls, table)
+        yield from _check_glyph(cls)
+    yield from _check_glyphs_differ(classes)
 
 
 def _duplicates(named: Sequence[Class | EnumType | Feature], owner: str = "") -> Iterator[Diagnostic]:
@@ -113,34 +113,36 @@ def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
             )
 
 
-def _check_supertypes(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+def _check_supertypes(cls: Class, inherited: Above) -> Iterator[Diagnostic]:
+    table = inherited.table
+    places = dict(cls.places)
     for above in cls.supertypes:
-        span = place(cls, f"extends {above}")
+        span = places.get(f"extends {above}", cls.span)
         if above not in table:
             yield Diagnostic("unknown-class", f"unknown class `{above}`", span, did_you_mean(above, table))
-        elif cls.name in linearise(above, table):
+        elif inherited.in_cycle(cls.name, above):
             yield Diagnostic("cyclic-inheritance", f"`{cls.name}` is its own supertype", span)
     if len(set(cls.supertypes)) != len(cls.supertypes):
         yield Diagnostic("duplicate-definition", f"`{cls.name}` names a supertype twice", cls.span)
 
 
-def _check_features(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+def _check_features(cls: Class, above: Above) -> Iterator[Diagnostic]:
     yield from _duplicates(cls.features, f"{cls.name}.")
-    yield from _check_inherited(cls, table)
+    yield from _check_inherited(cls, above)
     for feature in cls.features:
         if isinstance(feature, Attribute):
             yield from _check_default(feature, cls)
         else:
-            yield from _check_reference(feature, cls, table)
+            yield from _check_reference(feature, cls, above)
 
 
-def _check_inherited(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+def _check_inherited(cls: Class, above: Above) -> Iterator[Diagnostic]:
     """Names that a class gets twice; what one of its supertypes gets twice is reported there."""
     inherited: dict[str, tuple[str, Feature]] = {}
     for direct in dict.fromkeys(cls.supertypes):
-        if cls.name in linearise(direct, table):
+        if above.in_cycle(cls.name, direct):
             continue  # a cycle, reported as such
-        for owner, feature in _features(direct, table):
+        for owner, feature in above.shared(direct).values():
             known, _ = inherited.setdefault(feature.name, (owner, feature))
             if known != owner:
                 yield Diagnostic(
@@ -160,16 +162,6 @@ def _check_inherited(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnos
             )
 
 
-def _features(name: str, table: Mapping[str, Class]) -> Iterator[tuple[str, Feature]]:
-    """Owner and feature, for each name the nearest one only."""
-    seen: set[str] = set()
-    for owner in linearise(name, table):
-        for feature in table[owner].features:
-            if feature.name not in seen:
-                seen.add(feature.name)
-                yield owner, feature
-
-
 def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
     default = attribute.default
     if default is None or accepts(attribute.type, default):
@@ -186,8 +178,8 @@ def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
     )
 
 
-def _check_reference(reference: Reference, cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
-    upper = reference.upper
+def _check_reference(reference: Reference, cls: Class, above: Above) -> Iterator[Diagnostic]:
+    upper, table = reference.upper, above.table
     if reference.lower < 0 or (upper is not None and (upper < 1 or upper < reference.lower)):
         yield Diagnostic(
             "bad-multiplicity",
@@ -204,17 +196,21 @@ def _check_reference(reference: Reference, cls: Class, table: Mapping[str, Class
         )
         return
     if reference.opposite is not None:
-        yield from _check_opposite(reference, cls, table)
+        yield from _check_opposite(reference, cls, above)
 
 
-def _check_opposite(reference: Reference, cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[Diagnostic]:
     span = place(reference, "opposite") or cls.span
-    there = {
-        feature.name: (above, feature)
-        for above in reversed(linearise(reference.target, table))
-        for feature in table[above].features
-    }
-    owner, found = there.get(reference.opposite or "", ("", None))
+    found = above.own(reference.target).get(reference.opposite or "")
+    owner = reference.target
+    there: dict[str, tuple[str, Feature]] = {}
+    if not isinstance(found, Reference):
+        there = {
+            feature.name: (name, feature)
+            for name in reversed(linearise(reference.target, above.table))
+            for feature in above.table[name].features
+        }
+        owner, found = there.get(reference.opposite or "", ("", None))
     if not isinstance(found, Reference):
         names = [name for name, (_, feature) in there.items() if isinstance(feature, Reference)]
         yield Diagnostic(
@@ -245,7 +241,9 @@ def _listed(names: Sequence[str]) -> str | None:
 
 
 def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
-    known = {f.name: f for above in linearise(cls.name, table) for f in table[above].features}
+    known: dict[str, Feature] = {f.name: f for f in cls.features}
+    if any(name not in known for name in cls.key):
+        known = {f.name: f for above in linearise(cls.name, table) for f in table[above].features}
     if len(set(cls.key)) != len(cls.key):
         twice = next(name for name in cls.key if cls.key.count(name) > 1)
         message = f"`@key` of `{cls.name}` names `{twice}` twice"

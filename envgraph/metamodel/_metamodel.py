@@ -8,7 +8,8 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from envgraph.errors import ResolutionError, has_errors
-from envgraph.metamodel._check import check_classes, linearise
+from envgraph.metamodel._above import linearise
+from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference
 
 if TYPE_CHECKING:
@@ -61,17 +62,15 @@ class Metamodel:
         self.class_list = declared
         self.classes: Mapping[str, Class] = {cls.name: cls for cls in declared}
         self.enums: Mapping[str, EnumType] = {enum.name: enum for enum in self.enum_types}
-        self._supers = {cls.name: linearise(cls.name, self.classes) for cls in declared}
-        self._features = {
-            name: {f.name: f for above in reversed(supers) for f in self.classes[above].features}
-            for name, supers in self._supers.items()
-        }
-        self._concrete = {
-            cls.name: tuple(
-                sub.name for sub in declared if not sub.abstract and cls.name in self._supers[sub.name]
-            )
-            for cls in declared
-        }
+        # These are worked out when they are asked for: all together may be as large as the square of the classes.
+        self._supers: dict[str, tuple[str, ...]] = {}
+        self._features: dict[str, Mapping[str, Feature]] = {}
+        self._concrete: dict[str, tuple[str, ...]] = {}
+        self._order = {cls.name: place for place, cls in enumerate(declared)}
+        self._below: dict[str, list[str]] = {cls.name: [] for cls in declared}
+        for cls in declared:
+            for above in cls.supertypes:
+                self._below[above].append(cls.name)
         self.attributes: tuple[Attribute, ...] = tuple(
             f for cls in declared for f in cls.features if isinstance(f, Attribute)
         )
@@ -81,39 +80,72 @@ class Metamodel:
 
     def supertypes(self, name: str) -> tuple[str, ...]:
         """The class itself and all its supertypes, nearest first."""
-        return self._supers[name]
+        found = self._supers.get(name)
+        if found is None:
+            found = self._supers[self.classes[name].name] = linearise(name, self.classes)
+        return found
 
     def concrete(self, name: str) -> tuple[str, ...]:
         """The instantiable classes among a class and its subclasses, in the order of declaration."""
-        return self._concrete[name]
+        found = self._concrete.get(name)
+        if found is None:
+            reached = dict.fromkeys([name])
+            waiting = [name]
+            for one in waiting:
+                new = [below for below in self._below[one] if below not in reached]
+                reached.update(dict.fromkeys(new))
+                waiting.extend(dict.fromkeys(new))
+            ordered = sorted(reached, key=self._order.__getitem__)
+            found = self._concrete[name] = tuple(one for one in ordered if not self.classes[one].abstract)
+        return found
 
     def is_a(self, name: str, above: str) -> bool:
         """Whether a class is the other or one of its subclasses."""
-        return above in self._supers[name]
+        return above in self.supertypes(name)
 
     def overlap(self, one: str, other: str) -> bool:
         """Whether some object can be an instance of both classes."""
-        return not set(self._concrete[one]).isdisjoint(self._concrete[other])
+        return not set(self.concrete(one)).isdisjoint(self.concrete(other))
 
     def features(self, name: str) -> Mapping[str, Feature]:
         """All features of a class, inherited ones first, by name."""
-        return self._features[name]
+        found = self._features.get(name)
+        return self._collect(name) if found is None else found
+
+    def _collect(self, name: str) -> Mapping[str, Feature]:
+        """The features of a class; one that adds nothing to its only supertype shares that one's."""
+        path = []
+        while name not in self._features and len(self.classes[name].supertypes) == 1:
+            path.append(name)
+            name = self.classes[name].supertypes[0]
+        if name not in self._features:
+            supers = reversed(self.supertypes(name))
+            self._features[name] = {f.name: f for above in supers for f in self.classes[above].features}
+        found = self._features[name]
+        for one in reversed(path):
+            own = {f.name: f for f in self.classes[one].features}
+            if own:
+                found = {**found, **own}
+            self._features[one] = found
+        return found
 
     def feature(self, name: str, feature: str) -> Feature | None:
         """A feature of a class, its own or inherited, or None."""
-        return self._features[name].get(feature)
+        return self.features(name).get(feature)
 
     def opposite(self, reference: Reference) -> Reference | None:
         """The reference that holds the same links in the other direction, or None."""
         if reference.opposite is None:
             return None
-        found = self._features[reference.target][reference.opposite]
+        found = self.features(reference.target)[reference.opposite]
         assert isinstance(found, Reference)
         return found
 
     def key(self, name: str) -> tuple[str, ...]:
         """The key attributes of a class, its own or those of the nearest supertype that has any; () without."""
-        return next((self.classes[above].key for above in self._supers[name] if self.classes[above].key), ())
+        return next(
+            (self.classes[above].key for above in self.supertypes(name) if self.classes[above].key), ()
+        )
 
     def picture(self) -> Picture:
         """The class diagram; `to_dot` and `to_svg` are short for those of the picture."""

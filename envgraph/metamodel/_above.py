@@ -1,0 +1,115 @@
+"""What classes inherit, worked out for all of them at once."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+from envgraph.metamodel._features import Class, Feature
+
+_Shared = Mapping[str, tuple[str, Feature]]
+
+
+def linearise(name: str, classes: Mapping[str, Class]) -> tuple[str, ...]:
+    """The class and its supertypes, breadth first, each once; unknown names are left out, cycles are cut."""
+    order: dict[str, None] = {}
+    queue = [name]
+    for current in queue:
+        if current in order or current not in classes:
+            continue
+        order[current] = None
+        queue.extend(classes[current].supertypes)
+    return tuple(order)
+
+
+def components(classes: Mapping[str, Class]) -> list[list[str]]:
+    """Classes that are each other's supertypes, in one list each, and supertypes before subtypes.
+
+    This is Tarjan's algorithm with a stack of its own, since chains of supertypes may be long.
+    """
+    found: list[list[str]] = []
+    number: dict[str, int] = {}
+    low: dict[str, int] = {}
+    path: list[str] = []
+    done: set[str] = set()
+    for root in classes:
+        if root in number:
+            continue
+        number[root] = low[root] = len(number)
+        path.append(root)
+        work = [(root, _known(classes, root))]
+        while work:
+            name, waiting = work[-1]
+            above = next(waiting, None)
+            if above is None:
+                work.pop()
+                if work:
+                    low[work[-1][0]] = min(low[work[-1][0]], low[name])
+                if low[name] == number[name]:
+                    start = path.index(name) if path[-1] != name else len(path) - 1
+                    found.append(path[start:])
+                    done.update(path[start:])
+                    del path[start:]
+            elif above not in number:
+                number[above] = low[above] = len(number)
+                path.append(above)
+                work.append((above, _known(classes, above)))
+            elif above not in done:
+                low[name] = min(low[name], number[above])
+    return found
+
+
+def _known(classes: Mapping[str, Class], name: str) -> Iterator[str]:
+    return (above for above in classes[name].supertypes if above in classes)
+
+
+class Above:
+    """What the classes of a metamodel that may have mistakes inherit.
+
+    Attributes:
+        table: the classes by name.
+    """
+
+    def __init__(self, classes: Sequence[Class], table: Mapping[str, Class]) -> None:
+        self.table = table
+        self._component: dict[str, int] = {}
+        self._own: dict[str, Mapping[str, Feature]] = {}
+        # Only names that several classes declare can be inherited twice: all others are left out.
+        counts = Counter(name for cls in classes for name in {f.name: None for f in cls.features})
+        self._shared: dict[str, _Shared] = {}
+        for index, members in enumerate(components(table)):
+            self._component.update(dict.fromkeys(members, index))
+            found: dict[str, tuple[str, Feature]] = {}
+            for name in members:
+                for feature in table[name].features:
+                    if counts[feature.name] > 1:
+                        found.setdefault(feature.name, (name, feature))
+            inherited = self._inherited(members)
+            if not found and len(inherited) == 1:
+                shared: _Shared = inherited[0]  # a long chain of supertypes has one table
+            else:
+                for one in inherited:
+                    for name, item in one.items():
+                        found.setdefault(name, item)
+                shared = found
+            self._shared.update(dict.fromkeys(members, shared))
+
+    def _inherited(self, members: Sequence[str]) -> list[_Shared]:
+        """The tables of what is directly above some classes, each once; empty ones are left out."""
+        names = dict.fromkeys(above for name in members for above in self.table[name].supertypes)
+        tables = {id(self._shared[name]): self._shared[name] for name in names if name in self._shared}
+        return [one for one in tables.values() if one]
+
+    def in_cycle(self, name: str, above: str) -> bool:
+        """Whether a class that extends another is its supertype too."""
+        return self._component.get(name) == self._component.get(above, -1)
+
+    def own(self, name: str) -> Mapping[str, Feature]:
+        """The features that a class declares itself."""
+        if name not in self._own:
+            self._own[name] = {feature.name: feature for feature in self.table[name].features}
+        return self._own[name]
+
+    def shared(self, name: str) -> _Shared:
+        """Owner and feature by name, of a class and all above it, for names that several classes declare."""
+        return self._shared.get(name, {})
