@@ -43,12 +43,12 @@ class Views(RuleBasedStateMachine):
         """Some pattern."""
         return self.names[number % len(self.names)]
 
-    @rule(seed=SEEDS, count=st.integers(1, 5), look=st.booleans())
+    @rule(seed=SEEDS, count=st.integers(1, 6), look=st.booleans())
     def edit(self, seed: int, count: int, look: bool) -> None:
         self.walk.edit(Dice(seed), count)
         self.looking = look
 
-    @rule(seed=SEEDS, count=st.integers(1, 5), look=st.booleans())
+    @rule(seed=SEEDS, count=st.integers(1, 6), look=st.booleans())
     def thin_out(self, seed: int, count: int, look: bool) -> None:
         self.walk.edit(Dice(seed), count, thin=True)
         self.looking = look
@@ -61,7 +61,7 @@ class Views(RuleBasedStateMachine):
     def open(self) -> None:
         self.walk.open()
 
-    @rule(seed=SEEDS, count=st.integers(1, 5))
+    @rule(seed=SEEDS, count=st.integers(1, 6))
     def open_and_edit(self, seed: int, count: int) -> None:
         self.walk.open()
         self.walk.edit(Dice(seed), count)
@@ -93,7 +93,7 @@ class Views(RuleBasedStateMachine):
         self.walk.drop(number)
 
     @precondition(lambda self: not self.walk.savepoints)
-    @rule(seed=SEEDS, count=st.integers(1, 5))
+    @rule(seed=SEEDS, count=st.integers(1, 6))
     def load(self, seed: int, count: int) -> None:
         self.walk.drop_all()
         self.walk.load(Dice(seed), count)

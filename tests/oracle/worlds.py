@@ -184,13 +184,14 @@ def _edit_link(dice: Dice, model: Model, node: int, unlink: bool) -> None:
 
 @dataclass
 class Scope:
-    """A body in the making: its variables and their types."""
+    """A body in the making: its variables and their types, and the paths that it has."""
 
     dice: Dice
     metamodel: Metamodel
     callable: Sequence[Pattern]
     partners: Sequence[Pattern] = ()
     variables: dict[str, StaticType] = field(default_factory=dict)
+    paths: list[tuple[str, tuple[str, ...], StaticType]] = field(default_factory=list)
     fresh: int = 0
 
     def names(self, type_: StaticType) -> list[str]:
@@ -280,6 +281,12 @@ def _concrete(scope: Scope) -> set[str]:
 def path(scope: Scope, positive: bool) -> Relation:
     """A path of one or two steps, sometimes with a closure."""
     dice, metamodel = scope.dice, scope.metamodel
+    # The same relation, positive and under `neg` or `count`.
+    if not positive and scope.paths and dice.chance(40):
+        cls, features, last = dice.one(scope.paths)
+        return PathConstraint(
+            cls, features, scope.term(ObjectType(cls), positive), scope.term(last, positive)
+        )
     cls = dice.one(
         [name for name in metamodel.classes if metamodel.features(name)] or list(metamodel.classes)
     )
@@ -299,6 +306,8 @@ def path(scope: Scope, positive: bool) -> Relation:
     if positive and scope.fits(current, ObjectType(cls)) and dice.chance(40):
         closure = dice.one([Closure.PLUS, Closure.STAR])
     # Without a class, as arrows in rules are written. (Not for a closure: there the class matters to every step.)
+    if positive and closure is Closure.ONCE:
+        scope.paths.append((cls, tuple(steps), current))
     written = "" if closure is Closure.ONCE and dice.chance(15) else cls
     return PathConstraint(written, tuple(steps), source, scope.term(current, positive), closure)
 
