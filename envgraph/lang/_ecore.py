@@ -87,9 +87,8 @@ def read_ecore(source: Source) -> MetamodelFile:
     except _Enough:
         stopped = True
     found = without_consequences(reader.diagnostics, frozenset(reader.lost))
-    lost = reader.lost
-    if stopped:
-        lost = lost | reader.names()
+    # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
+    lost = reader.names() if stopped else reader.lost - reader.left_out.keys()
     return MetamodelFile(metamodel, reader.span, tuple(found), frozenset(lost))
 
 
@@ -138,11 +137,13 @@ class _Reader:
 
     Attributes:
         lost: names of what is in the file but could not be read: to mention them is no mistake.
+        left_out: names of features that are left out, with the features that have them.
     """
 
     places: XmlPlaces
     diagnostics: list[Diagnostic] = field(default_factory=list)
     lost: set[str] = field(default_factory=set)
+    left_out: dict[str, dict[Element, str]] = field(default_factory=dict)
     span: Span = field(init=False)
     _root: Element = field(init=False)
     _ids: dict[str, Element] = field(default_factory=dict)
@@ -360,6 +361,15 @@ class _Reader:
             span=self._named(element),
             places=(*places, *marks.places),
             package=path,
+            left_out=self._left_out_of(element),
+        )
+
+    def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
+        members = [
+            (one.attributes.get("name", ""), one) for one in self._inside(element, "eStructuralFeatures")
+        ]
+        return tuple(
+            (name, self.left_out[name][one]) for name, one in members if one in self.left_out.get(name, ())
         )
 
     def _supertypes(self, element: Element) -> Iterator[_Target]:
@@ -425,11 +435,17 @@ class _Reader:
         if word:
             message = f"the {word} feature `{element.attributes.get('name', '')}` is left out"
             self._warn("left-out", message, self.places.name_of(element.byte, word))
+            self._leave_out(element, f"it is {word}, and was left out of the metamodel")
             return None
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
         if found is None:
             self.lost.add(element.attributes.get("name", ""))
         return found
+
+    def _leave_out(self, element: Element, why: str) -> None:
+        name = element.attributes.get("name", "")
+        self.lost.add(name)
+        self.left_out.setdefault(name, {})[element] = why
 
     def _type(self, element: Element, what: str) -> _Target | None:
         """The one type of a feature; None if it has none or it cannot be read, which has been reported."""
@@ -450,9 +466,10 @@ class _Reader:
         name = self._name(element, "attribute")
         data = self._data_type(target, name) if target else None
         if upper != 1 and (data or target is None):
-            message = f"`{name}` has many values: an attribute holds one"
+            message = f"`{name}` has many values and is left out: an attribute holds one"
             hint = "make a class with this attribute, and contain its objects"
-            self._error("many-valued", message, self._at(element, "upperBound"), hint)
+            self._warn("left-out", message, self._at(element, "upperBound"), hint)
+            self._leave_out(element, "it has many values, and was left out of the metamodel")
             return None
         if data is None or target is None:
             return None

@@ -315,9 +315,8 @@ class _Reader:
         found = self.metamodel.feature(cls, str(token))
         if found is None:
             known = self.metamodel.features(cls)
-            hint = did_you_mean(token, known) or (
-                f"it has {_listed(known)}" if known else "it has no features"
-            )
+            hint = self.metamodel.left_out(cls, str(token)) or did_you_mean(token, known)
+            hint = hint or (f"it has {_listed(known)}" if known else "it has no features")
             self._error("unknown-feature", f"`{cls}` has no feature `{token}`", token, hint)
         return found
 

@@ -175,7 +175,7 @@ class Document:
         return found
 
     def _walk(self, fragment: str) -> int | None:
-        root, *steps = fragment.split("/")[1:]
+        root, *steps = fragment.split("/")[1:] or ["?"]  # `/@a` has no root
         node = self._root_at(root)
         for step in steps:
             node = self._step(node, step)
@@ -193,7 +193,8 @@ class Document:
         feature: Feature | None = self.reading.metamodel.feature(self.model.class_of(node), name)
         place = int(index) if index.isdecimal() and len(index) < 10 else 0 if not index else -1
         if not isinstance(feature, Reference) or place < 0:
-            return LOST if name in self.reading.lost else None
+            left_out = self.reading.metamodel.left_out(self.model.class_of(node), name)
+            return LOST if left_out or name in self.reading.lost else None
         gaps = self.gaps.get((node, name), ())
         if place in gaps:
             return LOST

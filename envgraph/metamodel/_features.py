@@ -164,6 +164,7 @@ class Class:
         glyph: letter and colour (`@glyph`), or None; not inherited.
         frozen: derived operators leave it alone (`@frozen`).
         package: the nested package that it is in, see `Package`.
+        left_out: names of features that the file has and the class has not, each with the reason.
         places: "extends A" for each supertype, "key a" for each attribute of the key, "letter", "colour".
     """
 
@@ -179,6 +180,7 @@ class Class:
     span: Span | None = field(default=None, compare=False, repr=False)
     places: Places = field(default=(), compare=False, repr=False)
     package: str = ""
+    left_out: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,6 +133,16 @@ class Metamodel:
         """A feature of a class, its own or inherited, or None."""
         return self.features(name).get(feature)
 
+    def left_out(self, name: str, feature: str) -> str | None:
+        """Why a class has not a feature that its file, or that of a supertype, declares; None if none does."""
+        if self.feature(name, feature) is not None:
+            return None
+        for above in self.supertypes(name):
+            for known, why in self.classes[above].left_out:
+                if known == feature:
+                    return why
+        return None
+
     def opposite(self, reference: Reference) -> Reference | None:
         """The reference that holds the same links in the other direction, or None."""
         if reference.opposite is None:

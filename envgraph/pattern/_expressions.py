@@ -202,7 +202,8 @@ class ExpressionChecker:
             return None
         feature = self.metamodel.feature(owner.cls, node.feature)
         if feature is None:
-            hint = did_you_mean(node.feature, self.metamodel.features(owner.cls))
+            hint = self.metamodel.left_out(owner.cls, node.feature)
+            hint = hint or did_you_mean(node.feature, self.metamodel.features(owner.cls))
             hint = hint or subclass_hint(owner.cls, node.feature, self.metamodel)
             self._at("unknown-feature", f"`{owner.cls}` has no feature `{node.feature}`", span, hint)
             return None
@@ -443,6 +444,6 @@ def _common_number(function: Function, types: list[StaticType | None]) -> Static
 def subclass_hint(cls: str, feature: str, metamodel: Metamodel) -> str | None:
     """A hint when it is a subclass that has the feature."""
     for sub in metamodel.class_list:
-        if metamodel.is_a(sub.name, cls) and any(own.name == feature for own in sub.features):
+        if any(own.name == feature for own in sub.features) and metamodel.is_a(sub.name, cls):
             return f"its subclass `{sub.name}` has one: constrain the object with `{sub.name}(..)`"
     return None

@@ -144,7 +144,8 @@ class RelationCheck:
         if broken.attribute is not None:
             message = f"`{broken.attribute}` is an attribute: nothing follows it in a path"
             return Diagnostic("attribute-in-path", message, span)
-        hint = did_you_mean(name, self._metamodel.features(broken.cls))
+        hint = self._metamodel.left_out(broken.cls, name)
+        hint = hint or did_you_mean(name, self._metamodel.features(broken.cls))
         hint = hint or subclass_hint(broken.cls, name, self._metamodel)
         return Diagnostic("unknown-feature", f"`{broken.cls}` has no feature `{name}`", span, hint)
 

@@ -156,13 +156,14 @@ class Sight:
         """A feature of a class; an unknown one is reported."""
         feature = self.metamodel.feature(cls, name)
         if feature is None:
-            hint = self._subclass_hint(cls, name) or did_you_mean(name, self.metamodel.features(cls))
+            hint = self.metamodel.left_out(cls, name) or self._subclass_hint(cls, name)
+            hint = hint or did_you_mean(name, self.metamodel.features(cls))
             self.error("unknown-feature", f"`{cls}` has no feature `{name}`", span, hint)
         return feature
 
     def _subclass_hint(self, cls: str, feature: str) -> str | None:
         for sub in self.metamodel.class_list:
-            if self.metamodel.is_a(sub.name, cls) and any(own.name == feature for own in sub.features):
+            if any(own.name == feature for own in sub.features) and self.metamodel.is_a(sub.name, cls):
                 return f"its subclass `{sub.name}` has one: declare the variable as `{sub.name}`"
         return None
 

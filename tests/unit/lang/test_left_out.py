@@ -1,0 +1,72 @@
+"""Features that an `.ecore` file has and a metamodel cannot hold: the rest of the file is used."""
+
+from __future__ import annotations
+
+import pytest
+
+from envgraph.errors import Severity
+from envgraph.lang import TextFiles, load_workspace
+
+ECORE = """<ecore:EPackage xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+    xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" name="m" nsURI="m" nsPrefix="m">
+  <eClassifiers xsi:type="ecore:EClass" name="Item">
+    <eStructuralFeatures xsi:type="ecore:EAttribute" name="words" upperBound="-1" eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EString"/>
+    <eStructuralFeatures xsi:type="ecore:EAttribute" name="long" derived="true" eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EString"/>
+  </eClassifiers>
+  <eClassifiers xsi:type="ecore:EClass" name="Book" eSuperTypes="#//Item">
+    <eStructuralFeatures xsi:type="ecore:EAttribute" name="pages" eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"/>
+  </eClassifiers>
+</ecore:EPackage>
+"""
+XMI = """<m:Book xmlns:m="m" pages="3" long="x">
+  <words>a</words>
+  <words>b</words>
+</m:Book>
+"""
+
+
+def loaded(query: str):
+    files = {"m.ecore": ECORE, "m.xmi": XMI, "q.query": f'import "m.ecore"\n{query}'}
+    return load_workspace(["m.xmi", "q.query"], files=TextFiles(files))
+
+
+def test_the_rest_of_the_metamodel_and_of_a_model_is_used() -> None:
+    found = loaded("pattern p(b : Book) { Book.pages(b, 3); }")
+    assert [(one.severity, one.code) for one in found.diagnostics if one.code == "left-out"] == [
+        (Severity.WARNING, "left-out"),
+        (Severity.WARNING, "left-out"),
+    ]
+    assert not [one for one in found.diagnostics if one.severity is Severity.ERROR]
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("Book.words(b, _);", "it has many values, and was left out of the metamodel"),
+        ("Book.long(b, _);", "it is derived, and was left out of the metamodel"),
+        ("check(b.words == 3);", "it has many values, and was left out of the metamodel"),
+    ],
+)
+def test_a_query_that_names_one_is_told_why(body: str, reason: str) -> None:
+    found = loaded(f"pattern p(b : Book) {{ Book(b); {body} }}")
+    errors = [one for one in found.diagnostics if one.severity is Severity.ERROR]
+    assert [(one.code, one.hint) for one in errors] == [("unknown-feature", reason)]
+
+
+def test_another_class_may_have_no_such_feature() -> None:
+    found = loaded("pattern p(b : Book) { Book.word(b, _); }")
+    assert [one.code for one in found.diagnostics if one.severity is Severity.ERROR] == ["unknown-feature"]
+
+
+@pytest.mark.parametrize("fragment", ["/@items.0", "/x", "@items.0"])
+def test_a_fragment_without_a_root_names_no_object(fragment: str) -> None:
+    reference = (
+        '<eStructuralFeatures xsi:type="ecore:EReference" name="next" eType="#//Item"/>'
+        '<eStructuralFeatures xsi:type="ecore:EReference" name="items" upperBound="-1" '
+        'containment="true" eType="#//Item"/>'
+    )
+    text = ECORE.replace('name="Item">', f'name="Item">{reference}')
+    model = f'<m:Book xmlns:m="m" next="{fragment}"/>'
+    found = load_workspace(["m.xmi", "m.ecore"], files=TextFiles({"m.ecore": text, "m.xmi": model}))
+    errors = [one.code for one in found.diagnostics if one.severity is Severity.ERROR]
+    assert errors == ["unknown-object"]
