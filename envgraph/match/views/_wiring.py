@@ -168,10 +168,12 @@ class Wiring:
     def _listen(self, key: Key, consumer: Consumer) -> None:
         self._consumers.setdefault(key, []).append(consumer)
 
-    def _fan(self, key: Key, arity: int) -> Consumer | tuple[None, None]:
+    def _fan(self, key: Key, arity: int, symmetric: bool = False) -> Consumer | tuple[None, None]:
         consumers = self._consumers.get(key)
         if not consumers:
             return None, None
+        if symmetric:  # both directions at one place, then both at the next: they change together
+            consumers = [(_both_ways(added), _both_ways(removing)) for added, removing in consumers]
         added = _fan([consumer[0] for consumer in consumers], arity)
         # A deletion is the mirror of an insertion.
         removing = _fan([consumer[1] for consumer in reversed(consumers)], arity)
@@ -182,10 +184,7 @@ class Wiring:
         store = self.store
         for relation in store.relations:
             key = ("link", relation.fact.index)
-            added, removing = self._fan(key, 2)
-            if relation.symmetric and added is not None and removing is not None:
-                added, removing = _both_ways(added), _both_ways(removing)
-            relation.added, relation.removing = added, removing
+            relation.added, relation.removing = self._fan(key, 2, relation.symmetric)
         for index in range(len(store.value_added)):
             store.value_added[index], store.value_removing[index] = self._fan(("value", index), 2)
         self._hang_classes()
