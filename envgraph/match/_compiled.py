@@ -202,7 +202,7 @@ class CompiledMatcher:
         if question not in self._answers:
             check_bound(self.library, pattern, bound)
             if self.calls.recursive(pattern):
-                self._answers[question] = _shaped(self._recursion.solver(pattern, bound), mode)
+                self._answers[question] = _shaped(self._solver(pattern, bound), mode)
             else:
                 self._answers[question] = self._function(self._key(pattern, bound, mode), mode, _NOWHERE)
         return self._answers[question]
@@ -210,6 +210,17 @@ class CompiledMatcher:
     def _key(self, pattern: str, bound: tuple[int, ...], mode: Mode) -> ViewKey:
         free = tuple(position for position in range(len(self._types(pattern))) if position not in bound)
         return ViewKey(pattern, bound, () if mode is Mode.EXISTS else free)
+
+    def _solver(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
+        """All rows of a recursive pattern, in ascending order, for values at the bound positions.
+
+        From bound values only what they lead to is computed, call by call. Without any the whole pattern is: then
+        rows are derived from what is new, as views do it.
+        """
+        from envgraph.match.views._demand import whole_pattern
+
+        rows = None if bound else whole_pattern(self, pattern)
+        return rows or self._recursion.solver(pattern, bound)
 
     # --- from plans to functions
 
@@ -273,7 +284,7 @@ class CompiledMatcher:
             case Recursive(pattern, bound):
                 recursion = self._recursion
                 within = self.calls.component(pattern) == inside
-                return recursion.reader(pattern, bound) if within else recursion.solver(pattern, bound)
+                return recursion.reader(pattern, bound) if within else self._solver(pattern, bound)
             case Closed(step, reflexive, question):
                 return self._closure(step, reflexive, question)
             case Held():
@@ -363,7 +374,7 @@ class _Steps:
         if self._reflexive and self._source_class:
             return self._matcher.model.extent(self._source_class)
         if self._planner.calls.recursive(self._step):
-            rows = self._matcher._recursion.solver(self._step, ())()
+            rows = self._matcher._solver(self._step, ())()
             return dict.fromkeys(row[0] for row in rows)
         return self._matcher._function(ViewKey(self._step, (), (0,)), Mode.VALUES, _NOWHERE)()  # type: ignore[no-any-return]
 

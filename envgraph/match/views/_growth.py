@@ -128,6 +128,13 @@ class Growth:
             assert isinstance(found, Rows)
             return found
 
+    def recursive(self, pattern: str) -> Member | None:
+        """The operator of a recursive pattern, if it has deltas."""
+        try:
+            return self._recursive(pattern)
+        except NotIncremental:
+            return None
+
     def _enter(self, operator: Entered) -> Entered:
         self.operators[operator.name] = operator
         operator.fill()

@@ -45,6 +45,10 @@ class Network:
         view.asked = True
         return view
 
+    def recursive(self, pattern: str) -> Member | None:
+        """The operator of a recursive pattern, if it has deltas."""
+        return self._growth.recursive(pattern)
+
     def connect(self) -> None:
         """Make the functions of all operators, and hang them into the store."""
         self._wiring.connect()

@@ -1,0 +1,42 @@
+"""Recursive patterns as a whole, on demand: filled like views, but not kept current."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from envgraph.match._matcher import Row
+from envgraph.match.views._network import Network
+
+if TYPE_CHECKING:
+    from envgraph.match._compiled import CompiledMatcher
+
+
+def whole_pattern(matcher: CompiledMatcher, pattern: str) -> Callable[[], list[Row]] | None:
+    """A function that lists all rows of a recursive pattern in ascending order; None for one that has no deltas.
+
+    The rows are remembered for as long as the model does not change. The list must not be changed.
+    """
+    network = Network(
+        matcher.model.store,
+        matcher.library,
+        matcher.calls,
+        lambda source: matcher.build(source, network.held),
+        lambda name: matcher.prepare(name, ()),
+    )
+    view = network.recursive(pattern)
+    if view is None:
+        return None
+    held = view.rows
+    answer: list[Row] = []
+    revision = -1
+
+    def rows() -> list[Row]:
+        nonlocal answer, revision
+        if revision != matcher.model.store.revision:
+            network.refill()
+            answer = sorted(held)
+            revision = matcher.model.store.revision
+        return answer
+
+    return rows
