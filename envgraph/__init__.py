@@ -12,30 +12,39 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from envgraph.errors import EnvgraphError, LoadError
     from envgraph.graph import Model, Node
-    from envgraph.lang import load, open
+    from envgraph.lang import Pattern, Rule, Unit, load, open
     from envgraph.metamodel import Metamodel
+    from envgraph.pattern import Derivation
     from envgraph.rewrite import Engine
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "Derivation": "envgraph.pattern",
     "Engine": "envgraph.rewrite",
     "EnvgraphError": "envgraph.errors",
     "LoadError": "envgraph.errors",
     "Metamodel": "envgraph.metamodel",
     "Model": "envgraph.graph",
     "Node": "envgraph.graph",
+    "Pattern": "envgraph.lang",
+    "Rule": "envgraph.lang",
+    "Unit": "envgraph.lang",
     "load": "envgraph.lang",
     "open": "envgraph.lang",
 }
 
 __all__ = [
+    "Derivation",
     "Engine",
     "EnvgraphError",
     "LoadError",
     "Metamodel",
     "Model",
     "Node",
+    "Pattern",
+    "Rule",
+    "Unit",
     "__version__",
     "load",
     "open",

@@ -5,6 +5,7 @@ wrong with them, without raising.
 """
 
 from envgraph.lang._checking import conformance
+from envgraph.lang._constructors import Pattern, Rule, Unit
 from envgraph.lang._data import bundled_domain, bundled_domains, data_path
 from envgraph.lang._ecore import parse_ecore
 from envgraph.lang._family import (
@@ -22,6 +23,7 @@ from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import find_family, load_family
 from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, read_source
 from envgraph.lang._format import format_text, language_of
+from envgraph.lang._from_text import from_text
 from envgraph.lang._json import JsonPath, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
 from envgraph.lang._model import ModelText
@@ -51,9 +53,12 @@ __all__ = [
     "ModelText",
     "MutationSpec",
     "Name",
+    "Pattern",
+    "Rule",
     "SearchSpec",
     "TextFiles",
     "TrainingSpec",
+    "Unit",
     "Workspace",
     "bundled_domain",
     "bundled_domains",
@@ -62,6 +67,7 @@ __all__ = [
     "data_path",
     "find_family",
     "format_text",
+    "from_text",
     "language_of",
     "load",
     "load_behaviour",

@@ -348,20 +348,22 @@ def read_again(one: Rule | Unit | Derivation) -> Rule | Unit | Derivation:
                 one,
                 doc=doc,
                 annotations=annotations,
-                left=_left(one.left),
-                blocks=tuple(map(_block, one.blocks)),
-                right=_right(one.right),
+                left=left_again(one.left),
+                blocks=tuple(map(block_again, one.blocks)),
+                right=right_again(one.right),
             )
         case Unit():
-            return replace(one, doc=doc, annotations=annotations, body=_steps(one.body))
+            return replace(one, doc=doc, annotations=annotations, body=steps_again(one.body))
     return replace(one, doc=doc, annotations=annotations)
 
 
-def _left(left: LeftSide) -> LeftSide:
+def left_again(left: LeftSide) -> LeftSide:
+    """A left side as its text says it; the same below for other parts."""
     return replace(left, nodes=with_ends(left.nodes, left.edges))
 
 
-def _right(right: RightSide | Modification | None) -> RightSide | Modification | None:
+def right_again(right: RightSide | Modification | None) -> RightSide | Modification | None:
+    """`rhs` or `modify`."""
     match right:
         case Modification(actions):
             return replace(right, actions=tuple(split(actions)))
@@ -370,12 +372,13 @@ def _right(right: RightSide | Modification | None) -> RightSide | Modification |
     return None
 
 
-def _block(block: Block) -> Block:
-    blocks = tuple(map(_block, block.blocks))
-    return replace(block, left=_left(block.left), blocks=blocks, right=_right(block.right))
+def block_again(block: Block) -> Block:
+    """A nested condition or rule."""
+    blocks = tuple(map(block_again, block.blocks))
+    return replace(block, left=left_again(block.left), blocks=blocks, right=right_again(block.right))
 
 
-def _steps(step: Step) -> Steps:
+def steps_again(step: Step) -> Steps:
     """The block of a step: one sequence, without others inside."""
     parts = step.steps if isinstance(step, Steps) else (step,)
     return Steps(tuple(inner for part in parts for inner in _flat(part)))
@@ -384,13 +387,13 @@ def _steps(step: Step) -> Steps:
 def _flat(step: Step) -> tuple[Step, ...]:
     match step:
         case Steps():
-            return _steps(step).steps
+            return steps_again(step).steps
         case Choice(alternatives) if len(alternatives) == 1:
             return alternatives
         case Alap() | Atomic() | Repeat():
-            return (replace(step, body=_steps(step.body)),)
+            return (replace(step, body=steps_again(step.body)),)
         case Try(body, otherwise):
-            return (Try(_steps(body), _steps(otherwise) if otherwise else None),)
+            return (Try(steps_again(body), steps_again(otherwise) if otherwise else None),)
         case If():
             return (_if(step),)
     return (step,)
@@ -399,5 +402,5 @@ def _flat(step: Step) -> tuple[Step, ...]:
 def _if(step: If) -> If:
     otherwise = step.otherwise
     if otherwise is not None:
-        otherwise = _if(otherwise) if isinstance(otherwise, If) else _steps(otherwise)
-    return If(step.condition, _steps(step.then), otherwise)
+        otherwise = _if(otherwise) if isinstance(otherwise, If) else steps_again(otherwise)
+    return If(step.condition, steps_again(step.then), otherwise)

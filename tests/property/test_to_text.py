@@ -8,11 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envgraph.errors import InvalidArgument, RuleError, Source
+from envgraph.lang import Pattern as PatternOf
+from envgraph.lang import Rule as RuleOf
+from envgraph.lang import Unit as UnitOf
 from envgraph.lang import format_text, to_text
+from envgraph.lang._grammar import grammar
 from envgraph.lang._parsing import parse
 from envgraph.lang._query import read_query
 from envgraph.lang._rules import read_rules
-from envgraph.lang._text_rules import read_again
+from envgraph.lang._text_rules import RuleText, read_again
 from envgraph.lang._text_terms import plain_doc
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
@@ -294,6 +298,79 @@ def test_patterns_of_random_worlds_are_read_back(world: World) -> None:
             continue
         assert patterns_of(text) == (pattern,)
         assert format_text("query", text) == text
+
+
+# --- parts of definitions, in texts and in data
+
+
+WRITER = RuleText("it", grammar("rules").core.keywords)
+
+
+def fields_of(rule: Rule) -> dict[str, object]:
+    """What `Rule(...)` takes besides the parts."""
+    return {
+        "package": rule.package,
+        "weight": rule.weight,
+        "priority": rule.priority,
+        "semantics": rule.semantics,
+        "injective": rule.injective,
+        "homomorphic": rule.homomorphic,
+        "annotations": rule.annotations,
+        "doc": rule.doc,
+    }
+
+
+def inside(text: str) -> str:
+    """What stands in the braces of a text."""
+    return text[text.index("{") + 1 : text.rindex("}")]
+
+
+@settings(max_examples=100)
+@given(RULES, st.booleans())
+def test_a_rule_of_parts_is_the_rule_of_its_text(rule: Rule, texts: bool) -> None:
+    right: dict[str, object] = {}
+    if rule.right is not None:
+        part = "modify" if isinstance(rule.right, Modification) else "rhs"
+        right = {part: inside(WRITER.right(rule.right)) if texts else rule.right}
+    made = RuleOf(
+        rule.name,
+        inside("{" + WRITER.parameters(rule.parameters)[1:-1] + "}") if texts else rule.parameters,
+        WRITER.left(rule.left) if texts else rule.left,
+        blocks="\n".join(map(WRITER.block, rule.blocks)) if texts else rule.blocks,
+        **right,
+        **fields_of(rule),
+    )
+    assert made == read_again(rule)
+    assert (to_text(made),) == (to_text(rule),)
+
+
+@settings(max_examples=50)
+@given(PATTERNS, UNITS, st.booleans())
+def test_patterns_and_units_of_parts_are_those_of_their_texts(
+    pattern: Pattern, unit: Unit, texts: bool
+) -> None:
+    bodies = [body for body in pattern.bodies if body.name is None] or [Body(())]
+    pattern = replace(pattern, bodies=tuple(bodies))
+    made = PatternOf(
+        pattern.name,
+        WRITER.parameters(pattern.parameters)[1:-1] if texts else pattern.parameters,
+        ["".join(f"{WRITER.condition(one)};" for one in b.constraints) if texts else b for b in bodies],
+        package=pattern.package,
+        private=pattern.private,
+        strategy=pattern.strategy,
+        annotations=pattern.annotations,
+        doc=pattern.doc,
+    )
+    assert made == replace(pattern, doc=plain_doc(pattern.doc))
+    other = UnitOf(
+        unit.name,
+        WRITER.parameters(unit.parameters)[1:-1] if texts else unit.parameters,
+        WRITER.steps(unit.body) if texts else unit.body,
+        package=unit.package,
+        weight=unit.weight,
+        priority=unit.priority,
+    )
+    assert other == read_again(unit)
 
 
 # --- what rules do

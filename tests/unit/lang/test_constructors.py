@@ -1,0 +1,227 @@
+"""`Rule`, `Pattern` and `Unit` of Python: the data of a file, from texts and data."""
+
+from __future__ import annotations
+
+import pytest
+
+import envgraph
+from envgraph import Pattern, Rule, Unit
+from envgraph.errors import InvalidArgument, LoadError, ResolutionError
+from envgraph.lang import from_text, to_text
+from envgraph.metamodel import Annotation
+from envgraph.pattern import (
+    Alap,
+    Binary,
+    Block,
+    Body,
+    Call,
+    Check,
+    Choice,
+    Constant,
+    DeleteNode,
+    Edge,
+    LeftSide,
+    Modification,
+    Navigation,
+    Node,
+    Parameter,
+    PathConstraint,
+    Retype,
+    Set,
+    TypeConstraint,
+    Variable,
+)
+from envgraph.pattern import Rule as RuleData
+from tests.unit.rewrite.graphs import chain, engine
+
+X = Variable("x")
+
+
+def only(text: str, language: str = "rules") -> object:
+    (found,) = from_text(text, language)
+    return found
+
+
+# --- equal to a file
+
+
+def test_a_rule_of_texts_is_the_rule_of_a_file() -> None:
+    made = Rule(
+        "step",
+        "in n : int, out m : int",
+        lhs="a : Item -next-> b : Item; check a.n == n; Item.n(b, m)",
+        blocks="not { b -next-> _; } forall { lhs { c : Item -next-> a; } modify { delete c; } }",
+        modify="retype b : Special;\nset a.n += 1  // the last line",
+        annotations="@semantics(spo) @hom(a, b)",
+        weight=2.0,
+        package="p",
+        doc=" One step. ",
+    )
+    text = """package p
+    /** One step. */
+    @semantics(spo) @hom(a, b) @weight(2.0)
+    rule step(in n : int, out m : int) {
+        lhs { a : Item -next-> b : Item; check a.n == n; Item.n(b, m); }
+        not { b -next-> _; }
+        forall { lhs { c : Item -next-> a; } modify { delete c; } }
+        modify { retype b : Special; set a.n += 1; }
+    }
+    """
+    assert made == only(text)
+    assert isinstance(made, RuleData) and (made.semantics, made.homomorphic) == ("spo", (("a", "b"),))
+
+
+def test_a_rule_of_data_is_the_rule_of_its_text() -> None:
+    made = Rule(
+        "step",
+        [Parameter("n", "int", "in")],
+        [Edge("a", "next", "b"), Node("a", "Item"), Check(Binary("==", Navigation(X, "n"), Variable("n")))],
+        blocks=[Block("not", LeftSide((), (Edge("b", "next", "_"),)))],
+        modify=[DeleteNode(Variable("b")), Set(Variable("a"), "n", "=", Constant(1))],
+        weight=2.0,
+        priority=1,
+        injective=False,
+    )
+    assert made == only(to_text(made))
+    assert [one.name for one in made.annotations] == ["weight", "priority", "match"]
+    assert [node.name for node in made.left.nodes] == ["a", "b"], "an arrow mentions its ends"
+
+
+def test_texts_and_data_may_be_mixed() -> None:
+    mixed = Rule("r", lhs="x : Item", modify=Retype(X, "Special"))
+    assert mixed == Rule("r", lhs=Node("x", "Item"), modify="retype x : Special")
+    assert mixed == Rule(
+        "r", lhs=LeftSide((Node("x", "Item"),)), modify=Modification((Retype(X, "Special"),))
+    )
+    assert Rule("r", lhs="x : Item", rhs="x : Special") == Rule(
+        "r", lhs="x : Item", rhs=[Node("x", "Special")]
+    )
+
+
+def test_a_pattern_has_one_body_or_several() -> None:
+    text = "pattern near(a : Item, b : Item) { Item.next(a, b); } or { Item.next(b, a); }"
+    texts = Pattern("near", "a : Item, b : Item", ["Item.next(a, b);", "Item.next(b, a)"])
+    a, b = Variable("a"), Variable("b")
+    bodies = [Body((PathConstraint("Item", ("next",), *ends),)) for ends in ((a, b), (b, a))]
+    data = Pattern("near", [Parameter("a", "Item"), Parameter("b", "Item")], bodies)
+    assert only(text, "query") == texts == data
+    constraints = [TypeConstraint("Item", a), PathConstraint("Item", ("next",), a, b)]
+    one = Pattern(
+        "p", "a, b", constraints, private=True, strategy="search", annotations="@Constraint(key = a)"
+    )
+    assert one == only(
+        "@Constraint(key = a) private search pattern p(a, b) { Item(a); Item.next(a, b); }", "query"
+    )
+
+
+def test_a_unit_is_a_sequence_of_texts_and_steps() -> None:
+    text = "@priority(3) unit u(x : Item) { a(x); alap { b; } c | d; }"
+    steps = ["a(x)", Alap(Call("b")), Choice((Call("c"), Call("d")))]
+    assert only(text) == Unit("u", "x : Item", "a(x); alap { b; } c | d", priority=3)
+    assert only(text) == Unit("u", "x : Item", steps, annotations=[Annotation("priority", (3,))], priority=3)
+    assert Unit("u", body="a; alap { b; }").body.steps[1] == Alap(Unit("u", body="b").body)
+
+
+def test_they_run_like_the_rules_of_a_file() -> None:
+    made = engine("", model=chain(3))
+    made.add(
+        Pattern("last", "x : Item", "Item(x); neg Item.next(x, _)"),
+        Rule("cut", lhs="find last(x); x : Item; y : Item -next-> x", modify="delete y -next-> x"),
+        Unit("cutAll", body="alap { cut; }"),
+    )
+    assert made.run("cutAll") and made.count("last") == 3
+
+
+# --- mistakes
+
+
+def test_mistakes_of_all_texts_are_told_together_each_with_its_place() -> None:
+    with pytest.raises(LoadError) as caught:
+        Rule("r", "x Item", "x : Item;\n  y : ;", modify="set x.n == 2")
+    assert str(caught.value) == (
+        "parameters of r:1:3: unexpected `Item`\n"
+        " 1 | x Item\n"
+        "   |   ^^^^\n"
+        "hint: expected `)`, `,` or `:`\n\n"
+        "lhs of r:2:7: unexpected `;`\n"
+        " 2 |   y : ;\n"
+        "   |       ^\n"
+        "hint: expected a name\n\n"
+        "modify of r:1:9: `==` compares and sets nothing\n"
+        " 1 | set x.n == 2\n"
+        "   |         ^^\n"
+        "hint: write `=`"
+    )
+
+
+def test_what_names_mean_is_told_with_the_place_too() -> None:
+    made = engine("", model=chain(1))
+    with pytest.raises(ResolutionError) as caught:
+        made.add(Rule("r", lhs="x : Item;\ny : Itme"), Unit("u", body="r;\nq"))
+    assert str(caught.value) == (
+        "lhs of r:2:5: unknown type `Itme`\n"
+        " 2 | y : Itme\n"
+        "   |     ^^^^\n"
+        "hint: did you mean `Item`?\n\n"
+        "body of u:2:1: unknown rule or unit `q`\n"
+        " 2 | q\n"
+        "   | ^"
+    )
+
+
+@pytest.mark.parametrize(
+    ("part", "text", "message"),
+    [
+        ("lhs", "x : Item; } modify { delete x", "`}` closes nothing in this text"),
+        ("parameters", "a : Item) { lhs { } } rule q(", "`)` closes nothing in this text"),
+        (
+            "blocks",
+            "not { Item(y); } modify { delete y; }",
+            "there is more here than what belongs into `blocks`",
+        ),
+        ("annotations", "rule q { lhs { } }", "there is more here than what belongs into `annotations`"),
+        (
+            "annotations",
+            'import "x.query" @weight(2)',
+            "there is more here than what belongs into `annotations`",
+        ),
+        ("lhs", "x : Item; /* open", "the comment is not closed"),
+        ("lhs", '"open', "the string is not closed on its line"),
+        ("modify", "create y : Item { n = 1", "missing `}`"),
+    ],
+)
+def test_a_part_cannot_be_more_than_a_part(part: str, text: str, message: str) -> None:
+    with pytest.raises(LoadError) as caught:
+        Rule("r", **{part: text})
+    assert caught.value.diagnostics[0].message == message
+    assert all(one.span and one.span.source.text == text for one in caught.value.diagnostics)
+
+
+def test_what_is_neither_text_nor_data_is_refused() -> None:
+    with pytest.raises(
+        InvalidArgument, match="`lhs` of `r` takes a text or nodes, edges and constraints, not 3"
+    ):
+        Rule("r", lhs=[Node("x"), 3])  # type: ignore[list-item]
+    with pytest.raises(InvalidArgument, match="`modify` of `r` takes a text or actions, not Node"):
+        Rule("r", modify=[Node("x")])  # type: ignore[list-item]
+    with pytest.raises(InvalidArgument, match=r"`r` has `rhs`, .* and `modify`, .*: keep one"):
+        Rule("r", rhs="", modify="")
+    with pytest.raises(InvalidArgument, match="`body` of `p` takes a text or constraints, or several texts"):
+        Pattern("p", "a", [])
+    with pytest.raises(InvalidArgument, match="`body` of `u` takes a text or steps, not None"):
+        Unit("u", body=None)  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match="a rule begins with its name, not with None"):
+        Rule(None)  # type: ignore[arg-type]
+
+
+def test_a_whole_text_is_read_and_its_imports_are_not_followed() -> None:
+    rule, unit = from_text('package p\nimport "a.query"\nrule r { lhs { x : Item; } }\nunit u { r; }')
+    assert (rule.qualified_name, unit.qualified_name) == ("p.r", "p.u")
+    with pytest.raises(LoadError, match=r"mine\.rules:1:8: unexpected"):
+        from_text("rule r [ lhs { } }", name="mine.rules")
+    with pytest.raises(InvalidArgument, match='definitions are in "rules" or "query", not in \'model\''):
+        from_text("", "model")
+
+
+def test_the_constructors_are_at_the_top() -> None:
+    assert envgraph.Rule is Rule and {"Pattern", "Rule", "Unit"} <= set(envgraph.__all__)
