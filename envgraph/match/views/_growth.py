@@ -386,8 +386,8 @@ class Growth:
             if other is not starts:
                 self._discard(other.name)
         if link is not None:
-            side = self.store.forward if forward == (not link[1]) else self.store.backward
-            steps: Any = LinkSteps(side[link[0]])
+            sides = (self.store.forward[link[0]], self.store.backward[link[0]])
+            steps: Any = LinkSteps(*(sides if forward == (not link[1]) else sides[::-1]))
         else:
             rows = self.operators[goal.step]
             assert isinstance(rows, Rows)

@@ -14,10 +14,14 @@ from envgraph.match.views._sets import Groups, MatchSet
 FEW: Final = 12
 """Starts that are searched one by one; more share the strongly connected components."""
 
-Reached = dict[Any, None]
-"""What is reached, in the order in which it was found. Never changed, only replaced."""
+Reached = dict[Any, Any]
+"""What is reached, each with the node from which it was reached: a tree, whose root is the start.
+
+None stands for an unknown one, where starts share what they reach. Never changed, only replaced.
+"""
 
 NOTHING: Final[Reached] = {}
+ABSENT: Final = object()
 
 Difference = tuple[list[Any], list[Any]]
 """What was reached and is no more, and what is reached and was not."""
@@ -31,9 +35,11 @@ class Steps(Protocol):
 
     Attributes:
         next: where one step leads.
+        before: from where one step leads to something.
     """
 
     next: Callable[[Any], Iterable[Any]]
+    before: Callable[[Any], Iterable[Any]]
 
     def has(self, node: Any, other: Any) -> bool:
         """Whether there is a step."""
@@ -42,8 +48,9 @@ class Steps(Protocol):
 class LinkSteps:
     """Links of a reference, in one direction."""
 
-    def __init__(self, column: Sequence[Sequence[int]]) -> None:
+    def __init__(self, column: Sequence[Sequence[int]], inverse: Sequence[Sequence[int]]) -> None:
         self.next: Callable[[int], Iterable[int]] = column.__getitem__
+        self.before: Callable[[int], Iterable[int]] = inverse.__getitem__
 
     def has(self, node: int, other: int) -> bool:
         """Whether there is a link."""
@@ -55,8 +62,8 @@ class RowSteps:
 
     def __init__(self, source: Rows, forward: bool) -> None:
         near, far = (0, 1) if forward else (1, 0)
-        table = source.group((near,), far).table
-        self.next: Callable[[Any], Iterable[Any]] = table.__getitem__
+        self.next: Callable[[Any], Iterable[Any]] = source.group((near,), far).table.__getitem__
+        self.before: Callable[[Any], Iterable[Any]] = source.group((far,), near).table.__getitem__
 
     def has(self, node: Any, other: Any) -> bool:
         """Whether there is a row."""
@@ -140,11 +147,14 @@ class Reach(Operator):
     # --- keeping it current
 
     def process(self) -> None:
-        steps = self._steps
-        lost = [edge for edge in dict.fromkeys(self._lost) if not steps.has(*edge)]
-        gained = [edge for edge in dict.fromkeys(self._gained) if steps.has(*edge)]
-        asked = self._asked
-        self._lost, self._gained, self._asked = [], [], {}
+        lost, gained, asked = self._lost[:], self._gained[:], self._asked
+        self._lost.clear()
+        self._gained.clear()
+        self._asked = {}
+        if lost and gained:  # else each step has changed once
+            has = self._steps.has
+            lost = [edge for edge in dict.fromkeys(lost) if not has(*edge)]
+            gained = [edge for edge in dict.fromkeys(gained) if has(*edge)]
         for start, change in asked.items():
             if change < 0:
                 old = self.reached[start]
@@ -161,36 +171,86 @@ class Reach(Operator):
 
     def _follow(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> None:
         """Bring all starts up to date with changed steps."""
-        shrunk: list[Any] = []
-        changes: list[tuple[Any, Reached]] = []
+        anew: list[Any] = []
+        changes: list[tuple[Any, Reached, Difference | None]] = []
+        share = len(self.begun) > FEW
         first, common = None, NOTHING
         for start in self._concerned(lost, gained):
             old = self.reached[start]
-            if any((node == start or node in old) and other in old for node, other in lost):
-                shrunk.append(start)
+            kept = self._without(start, old, lost)
+            if kept is None:
+                anew.append(start)
                 continue
+            rest, gone = kept
             # Starts that reach each other reach the same, and share it: what hangs together costs no more than its
             # nodes. Only the last that was extended is tried, which finds most.
-            if first in old and start in common:
+            if first in rest and start in common:
                 new = common
             else:
-                new = self._extended(start, old, gained)
-                if new is not old:
+                new = self._extended(start, rest, gained, share)
+                if share and new is not rest:
                     first, common = start, new
             if new is not old:
-                changes.append((start, new))
-        changes.extend(self._solve(shrunk).items())
+                changes.append((start, new, (gone, []) if new is rest else None))
+        changes.extend((start, new, None) for start, new in self._solve(anew).items())
+        self._change(changes)
+
+    def _change(self, changes: list[tuple[Any, Reached, Difference | None]]) -> None:
+        """Put what starts reach now in the place of what they reached; the difference, where it is known."""
         differences: dict[tuple[int, int], Difference] = {}
-        for start, new in changes:
+        for start, new, difference in changes:
             old = self.reached[start]
-            pair = (
-                id(old),
-                id(new),
-            )  # what is new stays alive in `changes`, what is old until its last start's turn
-            if pair not in differences:
-                differences[pair] = _difference(old, new)
-            if any(differences[pair]):
-                self._replace(start, old, new, differences[pair])
+            if difference is None:
+                # What is new stays alive in `changes`, what is old until its last start's turn.
+                pair = (id(old), id(new))
+                if pair not in differences:
+                    differences[pair] = _difference(old, new)
+                difference = differences[pair]
+            self._replace(start, old, new, difference)
+
+    def _without(
+        self, start: Any, old: Reached, lost: list[tuple[Any, Any]]
+    ) -> tuple[Reached, list[Any]] | None:
+        """What is still reached without some steps, and what is not; None if only a new search can tell.
+
+        Only what hangs from a lost step in the tree is looked at: it is saved by any step from the rest of the tree
+        (as in Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, but without their levels).
+        """
+        cut: dict[Any, None] = {}
+        for node, other in lost:
+            by = old.get(other, ABSENT)
+            if by == node:
+                cut[other] = None
+            elif by is None and (node == start or node in old) and not (self.reflexive and other == start):
+                return None
+        if not cut:
+            return old, []
+        following, before = self._steps.next, self._steps.before
+        todo = list(cut)
+        for node in todo:
+            # What hangs from the start hangs from the root, also if a circle leads back to it.
+            if node != start:
+                for other in following(node):
+                    if other not in cut and old.get(other) == node:
+                        cut[other] = None
+                        todo.append(other)
+        new, saved = dict(old), []
+        for node in todo:
+            for by in before(node):
+                if by == start or (by in old and by not in cut):
+                    new[node] = by
+                    del cut[node]
+                    saved.append(node)
+                    break
+        for node in saved:
+            for other in following(node):
+                if other in cut:
+                    new[other] = node
+                    del cut[other]
+                    saved.append(other)
+        for node in cut:
+            del new[node]
+        return new, list(cut)
 
     def _concerned(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> list[Any]:
         """The starts that reach the near end of a changed step; all of them, if that is not kept."""
@@ -203,22 +263,21 @@ class Reach(Operator):
                 found[node] = None
         return list(found)
 
-    def _extended(self, start: Any, old: Reached, gained: list[tuple[Any, Any]]) -> Reached:
-        """What is reached with new steps, too, from what was reached already; the old dict if that is all."""
+    def _extended(self, start: Any, old: Reached, gained: list[tuple[Any, Any]], share: bool) -> Reached:
+        """What is reached with new steps, too, from what was reached already; the old dict if that is all.
+
+        What is to be shared by several starts is no tree of any of them.
+        """
         new, growing = old, True
         while growing:
             growing = False
             for node, other in gained:
                 if other not in new and (node == start or node in new):
                     new = dict(new) if new is old else new
-                    self._search(other, new)
+                    new[other] = node
+                    self._spread([other], new)
                     growing = True
-        return new
-
-    def _search(self, start: Any, seen: Reached) -> None:
-        """Add a node and all that it reaches."""
-        seen[start] = None
-        self._spread([start], seen)
+        return dict.fromkeys(new) if share and new is not old else new
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
         """What the starts reach."""
@@ -237,7 +296,7 @@ class Reach(Operator):
         for node in todo:
             for other in following(node):
                 if other not in seen:
-                    seen[other] = None
+                    seen[other] = node
                     push(other)
 
     def _replace(self, start: Any, old: Reached, new: Reached, difference: Difference) -> None:
@@ -275,9 +334,27 @@ class Reach(Operator):
         """Assert that everything is as a new search finds it."""
         assert set(self.begun) == set(self.starts.rows), self.name
         for (start,) in self.begun:
-            assert self.reached[start].keys() == self._reach(start).keys(), self.name
+            reached = self.reached[start]
+            assert reached.keys() == self._reach(start).keys(), self.name
+            assert all(self._hangs(node, start, reached) for node in reached), self.name
         if self._inverse is not None:
             self._inverse.check([(other, start) for (start,) in self.begun for other in self.reached[start]])
+
+    def _hangs(self, node: Any, start: Any, reached: Reached) -> bool:
+        """Whether a node hangs from the start by steps that there are, as far as that is known."""
+        passed = {node}
+        while True:
+            by = reached[node]
+            if by is None:
+                return True
+            if not self._steps.has(by, node):
+                return False
+            if by == start:
+                return True
+            if by in passed:
+                return False
+            passed.add(by)
+            node = by
 
 
 def _difference(old: Reached, new: Reached) -> Difference:
