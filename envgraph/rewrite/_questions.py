@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal, cast
+from weakref import ref
 
 from envgraph.errors import InvalidArgument, TypeMismatch
 from envgraph.graph import Model, Node
@@ -31,6 +32,8 @@ class Questions:
         if matcher not in ("compiled", "naive"):
             raise InvalidArgument(f'matcher is "compiled" or "naive", not {matcher!r}')
         self.matcher: Matcher = (ViewMatcher if matcher == "compiled" else NaiveMatcher)(model, self.library)
+        if isinstance(self.matcher, ViewMatcher):
+            self.matcher.user = ref(self)
         self._directory = Directory()
         self._rules: dict[str, RuleRunner] = {}
         self._units: dict[str, UnitProgram] = {}
@@ -171,10 +174,12 @@ class Questions:
         """Keep the matches of patterns, and of the left sides of rules, current from now on.
 
         Asking for them then costs nothing but reading, and every change of the model costs what it changes in them.
-        Watch before the first commit, and all together: each call makes the functions of all views anew.
+        Watch before the first commit, and all together: each call makes the functions of all views anew. Of several
+        engines on one model, one can watch.
 
         Raises:
-            InvalidArgument: an unknown name, a `search` pattern, or one that needs values for parameters.
+            InvalidArgument: an unknown name, a `search` pattern, one that needs values for parameters, or another
+                engine of the model watches something.
             TransactionError: inside a transaction, or while somebody holds a version.
         """
         self._views.watch(*(self._asked(name)[1] for name in names))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from gc import collect
+from sys import maxsize
 from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
@@ -14,7 +17,7 @@ from envgraph.match._symbols import Source
 from envgraph.match._why import WhyNot
 from envgraph.match.views._network import Network
 from envgraph.match.views._operators import Rows
-from envgraph.match.views._sets import Log, net
+from envgraph.match.views._sets import LONG, Log, key_of, net
 from envgraph.metamodel import Value
 from envgraph.pattern import Library
 
@@ -27,6 +30,27 @@ Change = Callable[[list[Row], list[Row]], object]
 
 MOST_ROUNDS: Final = 1_000
 """How often listeners may change the model again when they are told of a change."""
+
+FEW: Final = 32
+"""Rows of a view that are looked through one by one."""
+
+
+class BoundedLog(Log):
+    """A log that is shortened when it has grown: edits outside of transactions may go on without an end."""
+
+    __slots__ = ("_most",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._most = 2 * LONG
+
+    def extend(self, parts: Iterable[Any]) -> None:
+        """Add rows, each followed by whether it came."""
+        super().extend(parts)
+        if len(self) > self._most:
+            self._most = maxsize  # shortening extends, too
+            self.shorten()
+            self._most = 2 * (len(self) + LONG)
 
 
 class Subscription:
@@ -49,9 +73,15 @@ class ViewMatcher:
     Views whose update was interrupted by an exception are no longer used: patterns are searched for until a rollback
     or checkout has brought the views back, or there is no state to go back to and they are built anew.
 
+    Only one matcher of a model has views: the store calls the functions of one network.
+
     Args:
         model: what is searched.
         library: the patterns; more may be added later.
+
+    Attributes:
+        user: who asks this matcher, weakly; None if that is not known. The views of a matcher whose user is gone are
+            given up when another one of the model watches.
 
     Invariants: while `_broken` is None and no load is under way, the network hears of every change. If not None it is
     the least number of open savepoints since the interruption: a rollback to fewer brings the views back. While
@@ -72,6 +102,8 @@ class ViewMatcher:
         self._outgrown = 0
         self._telling = False
         self._suspended = False
+        self._counted: dict[tuple[str, tuple[int, ...]], tuple[int, Counter[Any] | None]] = {}
+        self.user: Callable[[], object] | None = None
 
     def _new_network(self) -> Network:
         return Network(self.model.store, self.library, self.demand.calls, self._build, self._evaluation)
@@ -90,7 +122,7 @@ class ViewMatcher:
 
         Raises:
             InvalidArgument: an unknown pattern, a `search` pattern, one that needs values for parameters, or another
-                matcher of this model has listeners. (Without listeners, that one watches nothing any more.)
+                matcher of this model watches.
             TransactionError: there is a state to go back to (a savepoint is open, or a version is held), in which the
                 pattern was not watched.
         """
@@ -108,14 +140,14 @@ class ViewMatcher:
         self._rebuild((*self._views, *new))
 
     def watch_later(self, *patterns: str) -> None:
-        """Watch patterns when something is next asked and there is no state to go back to.
+        """Watch patterns when something is next asked, there is no state to go back to, and no other matcher watches.
 
         For patterns that say so themselves: those that nothing enumerates are passed over.
         """
         self._wanted.update((name, None) for name in patterns if not self.library.inputs(name))
 
     def _watch_wanted(self) -> None:
-        if self.model.idle:
+        if self.model.idle and self._rival() is None:
             wanted, self._wanted = self._wanted, {}
             self.watch(*wanted)
 
@@ -130,6 +162,7 @@ class ViewMatcher:
                 raise InvalidArgument(f"somebody listens to `{pattern}`")
         for pattern in patterns:
             self._views.pop(pattern, None)
+        self._counted.clear()
         if not self._views:
             self._leave()
 
@@ -140,18 +173,36 @@ class ViewMatcher:
             followers[:] = [follower for follower in followers if follower is not self]
             self._network.unhang()
         self._views = {}
+        self._counted = {}
         self._network = self._new_network()
         self._broken, self._spoilt, self._suspended = None, False, False
 
-    def _take_over(self) -> None:
-        """The functions that the store calls belong to one matcher: another that had views searches from now on."""
-        for other in self.model.store.followers[:]:
+    def _rival(self) -> ViewMatcher | None:
+        """Another matcher of the model that has views."""
+        for other in self.model.store.followers:
             if isinstance(other, ViewMatcher) and other is not self:
-                if other._subscriptions:
-                    raise InvalidArgument(
-                        f"another engine of {self.model.name!r} has listeners or event rules: only one can watch"
-                    )
-                other._leave()
+                return other
+        return None
+
+    def _be_alone(self) -> None:
+        """The functions that the store calls belong to one matcher.
+
+        Raises:
+            InvalidArgument: to another, which somebody may still ask.
+        """
+        rival = self._rival()
+        if rival is None:
+            return
+        if rival.user is not None:
+            collect()  # engines are part of cycles
+        if rival.user is None or rival.user() is not None:
+            has = "has listeners or event rules" if rival._subscriptions else "watches patterns"
+            names = ", ".join(f"`{name}`" for name in rival._views)
+            raise InvalidArgument(
+                f"another engine of model {self.model.name!r} {has}, and only one can watch: let that one `unwatch` "
+                f"{names}, or give this one a copy of the model"
+            )
+        rival._leave()
 
     def _check_watchable(self, pattern: str) -> None:
         if self.library.get(pattern).strategy == "search":
@@ -166,7 +217,7 @@ class ViewMatcher:
 
         What differs from what broken views held is logged.
         """
-        self._take_over()
+        self._be_alone()
         store = self.model.store
         before = {p: list(v.rows) for p, v in self._views.items()} if self._broken is not None else {}
         old = self._network
@@ -308,7 +359,7 @@ class ViewMatcher:
         subscription = Subscription(pattern, changed, restored or changed)
         rows = self._views[pattern].rows
         if rows.log is None:
-            rows.log = Log()
+            rows.log = BoundedLog()
         elif rows.log:
             self.deliver()
         self._subscriptions.append(subscription)
@@ -416,8 +467,7 @@ class ViewMatcher:
         if arguments.count(FREE) == len(arguments):
             self._check_number(pattern, arguments)
             return view.rows[:]
-        found = self.demand.rows(pattern, arguments)
-        return found
+        return self.demand.rows(pattern, arguments)
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
         """The first of `rows`, or None."""
@@ -437,7 +487,8 @@ class ViewMatcher:
             self._check_number(pattern, arguments)
             return bool(view.rows)
         if free:
-            return self.demand.exists(pattern, arguments)
+            count = self._count(pattern, view, arguments)
+            return self.demand.exists(pattern, arguments) if count is None else count > 0
         row = check_arguments(
             self.model, self.library, pattern, self.library.parameter_types(pattern), arguments
         )
@@ -446,10 +497,37 @@ class ViewMatcher:
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
         """The number of `rows`."""
         view = self._current(pattern)
-        if view is None or arguments.count(FREE) < len(arguments):
+        if view is None:
             return self.demand.count(pattern, arguments)
+        if arguments.count(FREE) < len(arguments):
+            count = self._count(pattern, view, arguments)
+            return self.demand.count(pattern, arguments) if count is None else count
         self._check_number(pattern, arguments)
         return len(view.rows)
+
+    def _count(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> int | None:
+        """How many rows agree with arguments of which some are given; None if a search is likely to be faster.
+
+        All rows are counted, by the values at the given positions, when such a question is asked of one state for the
+        second time.
+        """
+        types = self.library.parameter_types(pattern)
+        known = check_arguments(self.model, self.library, pattern, types, arguments)
+        if known is None:
+            return 0
+        positions = tuple(place for place, value in enumerate(known) if value is not FREE)
+        key = key_of(positions)
+        wanted, rows = key(known), view.rows
+        if len(rows) <= FEW:
+            return len([row for row in rows if key(row) == wanted])
+        revision, counted = self._counted.get((pattern, positions), (-1, None))
+        if revision != self.model.revision:
+            self._counted[pattern, positions] = self.model.revision, None
+            return None
+        if counted is None:
+            counted = Counter(map(key, rows))
+            self._counted[pattern, positions] = revision, counted
+        return counted[wanted]
 
     def _check_number(self, pattern: str, arguments: tuple[object, ...]) -> None:
         size = len(self.library.parameter_types(pattern))

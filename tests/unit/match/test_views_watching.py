@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from weakref import ref
 
 import pytest
 
-from envgraph.errors import InvalidArgument, TransactionError
+from envgraph.errors import InvalidArgument, TransactionError, TypeMismatch
 from envgraph.graph import Model
 from envgraph.match import FREE, NaiveMatcher, ViewMatcher
 from envgraph.match._matcher import Row
@@ -169,20 +170,75 @@ def test_only_one_matcher_of_a_model_watches() -> None:
     chain(model, 3)
     assert first.count("two", FREE2) == 2
     first.check_integrity()
-    second.watch("two")
+    message = r"another engine of model 'model' watches patterns, .*: let that one `unwatch` `knows`, `two`"
+    with pytest.raises(InvalidArgument, match=message):
+        second.watch("two")
+    assert (first.watched, second.watched) == (("knows", "two"), ())
     chain(model, 3)
-    assert (first.watched, second.watched) == ((), ("two",))
     assert first.count("two", FREE2) == second.count("two", FREE2) == 3
-    subscription = second.listen("two", lambda appeared, disappeared: None)
-    with pytest.raises(InvalidArgument, match="another engine of 'model' has listeners"):
+    first.unwatch(*first.watched)
+    second.listen("two", lambda appeared, disappeared: None)
+    with pytest.raises(InvalidArgument, match="another engine of model 'model' has listeners"):
         first.watch("two")
     chain(model, 3)
     second.check_integrity()
-    second.unlisten(subscription)
-    first.watch("two")
+    first.watch_later("two")
+    assert first.count("two", FREE2) == second.count("two", FREE2) == 4
+    assert first.watched == ()
+
+
+def test_views_of_a_matcher_that_nobody_asks_any_more_are_given_up() -> None:
+    class User:
+        pass
+
+    model, user = Model(METAMODEL), User()
+    first, second = watched(model, library()), ViewMatcher(model, library())
+    first.user = ref(user)
+    with pytest.raises(InvalidArgument, match="another engine"):
+        second.watch("two")
+    del user
+    second.watch("two")
     chain(model, 3)
-    assert first.count("two", FREE2) == second.count("two", FREE2) == 5
-    first.check_integrity()
+    assert (first.watched, second.watched) == ((), ("two",))
+    assert first.count("two", FREE2) == second.count("two", FREE2) == 1
+    second.check_integrity()
+
+
+def test_a_log_of_changes_outside_of_transactions_is_bounded() -> None:
+    model = Model(METAMODEL)
+    views, told = ViewMatcher(model, library()), list[tuple[object, object]]()
+    views.listen("knows", lambda *changes: told.append(changes))
+    one, two, three = map(model.node, chain(model, 3))
+    log = views._views["knows"].rows.log
+    for _ in range(5_000):
+        one.knows.remove(two)
+        one.knows.append(two)
+    one.knows.remove(two)
+    assert log is not None and len(log) < 2_000
+    views.deliver()
+    assert told == [([(two.id, three.id)], [])]
+
+
+def test_partly_bound_counts_of_a_watched_pattern_are_those_of_a_search() -> None:
+    model = Model(METAMODEL)
+    views = watched(model, library())
+    for size in (3, 40):
+        nodes = list(map(model.node, chain(model, size)))
+        for turn in range(2):
+            for node in nodes:
+                for arguments in ((node.id, FREE), (FREE, node.id)):
+                    expected = views.demand.count("two", arguments)
+                    assert views.count("two", arguments) == expected
+                    assert views.exists("two", arguments) is (expected > 0)
+            nodes[turn].knows.remove(nodes[turn + 1])
+    gone = nodes[5].id
+    model.delete(gone, semantics="spo")
+    for _ in range(2):
+        assert views.count("two", (gone, FREE)) == 0 and not views.exists("two", (FREE, gone))
+    with pytest.raises(TypeMismatch):
+        views.count("two", ("a", FREE))
+    with pytest.raises(InvalidArgument, match="2 parameters"):
+        views.count("two", (FREE, FREE, 1))
 
 
 def test_a_load_that_fails_or_ends_without_views_leaves_none_suspended() -> None:
