@@ -10,7 +10,7 @@ from lark import Token, Tree
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, sort_diagnostics
 from envgraph.lang._imports import without_consequences
-from envgraph.lang._parsing import Parsed, span_of, tokens, trees
+from envgraph.lang._parsing import Parsed, follows, span_of, tokens, trees
 from envgraph.pattern import (
     Binary,
     Conditional,
@@ -270,19 +270,30 @@ def _unary(reading: Reading, tree: Tree[Token]) -> Expression:
     return Unary(str(operator), expression_of(reading, inner), reading.span(tree))
 
 
-def _binary(reading: Reading, tree: Tree[Token]) -> Binary:
-    left, right = trees(tree.children)
-    operator = tokens(tree.children)[0]
-    meant = _MEANT.get(operator, str(operator))
-    if operator in _REFUSED:
-        what = "does not compare" if operator == "=" else "is not an operator"
-        reading.error("unexpected-token", f"`{operator}` {what}", operator, f"write `{meant}`")
+def _binary(reading: Reading, tree: Tree[Token]) -> Expression:
+    left, operator = trees(tree.children)[0], tokens(tree.children)[0]
     if operator in _ORDERINGS and left.data == "binary" and str(left.children[1]) in _ORDERINGS:
-        return _chain(reading, tree)
-    return Binary(meant, expression_of(reading, left), expression_of(reading, right), reading.span(tree))
+        return _compared_twice(reading, tree)
+    parts = [tree]
+    while follows(trees(parts[-1].children)[0], parts[-1]):
+        parts += trees(parts[-1].children)[:1]
+    found = expression_of(reading, trees(parts[-1].children)[0])
+    for part in reversed(parts):
+        right = expression_of(reading, trees(part.children)[1])
+        found = Binary(_operator(reading, tokens(part.children)[0]), found, right, reading.span(part))
+    return found
 
 
-def _chain(reading: Reading, tree: Tree[Token]) -> Binary:
+def _operator(reading: Reading, token: Token) -> str:
+    """What an operator means; those of habit are refused."""
+    meant = _MEANT.get(token, str(token))
+    if token in _REFUSED:
+        what = "does not compare" if token == "=" else "is not an operator"
+        reading.error("unexpected-token", f"`{token}` {what}", token, f"write `{meant}`")
+    return meant
+
+
+def _compared_twice(reading: Reading, tree: Tree[Token]) -> Binary:
     """`a < b < c`, read as what is meant by it."""
     left, right = trees(tree.children)
     operator = tokens(tree.children)[0]

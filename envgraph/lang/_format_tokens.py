@@ -111,7 +111,7 @@ def read_tokens(text: str, lexemes: list[Lexeme], tree: Tree[Token]) -> tuple[To
     found.owners = [""] * len(words)
     _separators_first(found)
     starts = [one.start for one in words]
-    root = _part(tree, starts, 0, len(words), found)
+    root = _part(tree, starts, len(words), found)
     return found, root
 
 
@@ -156,25 +156,29 @@ def _separators_first(tokens: Tokens) -> None:
         tokens.gaps[index + 1] = Gap((*gap.remarks, first, *rest), after.breaks, after.spaces)
 
 
-def _part(tree: Tree[Token], starts: list[int], begin: int, end: int, found: Tokens) -> Part:
-    """The part for a tree that has the tokens from `begin` up to `end`."""
-    kind = str(tree.data)
-    items: list[Item] = []
-    position = begin
-    for child in tree.children:
-        if not isinstance(child, Tree):
-            continue
-        first = bisect_left(starts, child.meta.start_pos, position, end)
-        last = bisect_left(starts, child.meta.end_pos, first, end)
-        if first == last:
-            continue
-        items.extend(range(position, first))
-        items.append(_part(child, starts, first, last, found))
-        position = last
-    items.extend(range(position, end))
-    for item in items:
-        if isinstance(item, int):
-            found.owners[item] = kind
-    if kind == "check" and len(items) == 2 and isinstance(items[1], Part) and items[1].kind == "group":
-        found.whole.add(begin)
-    return Part(kind, items, begin, end - 1)
+def _part(root: Tree[Token], starts: list[int], end: int, found: Tokens) -> Part:
+    """The part for the tree of all tokens; without recursion, since a long sum is as many trees inside each other."""
+    whole = Part(str(root.data), [], 0, end - 1)
+    waiting = [(root, whole)]
+    for tree, part in waiting:  # which grows
+        items, position, end = part.items, part.first, part.last + 1
+        for child in tree.children:
+            if not isinstance(child, Tree):
+                continue
+            first = bisect_left(starts, child.meta.start_pos, position, end)
+            last = bisect_left(starts, child.meta.end_pos, first, end)
+            if first == last:
+                continue
+            items.extend(range(position, first))
+            inner = Part(str(child.data), [], first, last - 1)
+            items.append(inner)
+            waiting.append((child, inner))
+            position = last
+        items.extend(range(position, end))
+        for item in items:
+            if isinstance(item, int):
+                found.owners[item] = part.kind
+        grouped = len(items) == 2 and isinstance(items[1], Part) and items[1].kind == "group"
+        if part.kind == "check" and grouped:
+            found.whole.add(part.first)
+    return whole

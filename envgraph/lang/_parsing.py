@@ -20,6 +20,9 @@ Branch = Tree[Token] | Token | None
 _MOST_ERRORS = 100
 _DEEPEST = 150
 
+_CHAINS = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "&&": 3, "and": 3, "||": 4, "or": 4}
+"""The operators of one number have one precedence: any number of them may follow each other."""
+
 
 @dataclass(slots=True)
 class Parsed:
@@ -79,8 +82,8 @@ def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]
     if tree is not None:
         deep = _tidy(tree)
         if deep is not None:
-            message = "this is nested too deeply to be read"
-            diagnostics.append(Diagnostic("nested-too-deeply", message, span_of(source, deep)))
+            message, hint = "this is nested too deeply to be read", f"there may be {_DEEPEST} levels"
+            diagnostics.append(Diagnostic("nested-too-deeply", message, span_of(source, deep), hint))
             tree = None
     parsed = Parsed(source, tree, diagnostics, scan.docs, frozenset(stack.lost), tuple(stack.gaps))
     return parsed, stack.lexemes
@@ -161,21 +164,33 @@ def _run(stack: ParseStack, recovery: Recovery) -> Tree[Token] | None:
         index += 1
 
 
+def follows(left: Tree[Token], tree: Tree[Token]) -> bool:
+    """Whether one tree is the `a + b` of `a + b - c`."""
+    if left is not tree.children[0] or not left.data.endswith("binary") or not tree.data.endswith("binary"):
+        return False
+    kind = _CHAINS.get(str(tree.children[1]))
+    return kind is not None and kind == _CHAINS.get(str(left.children[1]))
+
+
 def _tidy(root: Tree[Token]) -> Tree[Token] | None:
     """Removes the trees of what was given up; returns a tree that lies too deep for recursion, or None.
+
+    The left sides of a flat `a + b - c`, however long, lie as deep as the whole of it.
 
     The rules of an imported grammar are known by their own names: `name` for Lark's `common__name`.
     """
     level = [root]
     for _ in range(_DEEPEST):
         below: list[Tree[Token]] = []
-        for tree in level:
+        for tree in level:  # which grows
             if "__" in tree.data:
                 tree.data = tree.data.rpartition("__")[2]
             children = [child for child in tree.children if isinstance(child, Tree)]
             if any(child.data == ERROR for child in children):
                 tree.children = [c for c in tree.children if not (isinstance(c, Tree) and c.data == ERROR)]
-            below += [child for child in children if child.data != ERROR]
+            for child in children:
+                if child.data != ERROR:
+                    (level if follows(child, tree) else below).append(child)
         level = below
         if not level:
             return None

@@ -126,16 +126,20 @@ class TermText:
                 inner = self.expression(operand, _UNARY)
                 negative = operator == "-" and inner[0] in "-0123456789"
                 return _UNARY, f"{operator}({inner})" if negative else f"{operator}{inner}"
-            case Binary(operator, left, right):
-                own = _LEVELS.get(operator)
-                if own is None:
-                    self.refuse(f"`{operator}` is no operator")
-                chained = operator in _ORDERINGS
-                parts = self.expression(left, own + chained), self.expression(right, own + 1)
-                return own, f"{parts[0]} {operator} {parts[1]}"
+            case Binary():
+                return self._binary(one)
             case Conditional(test, then, otherwise):
                 first, second = self.expression(test, 1), self.expression(then, 1)
                 return 0, f"{first} ? {second} : {self.expression(otherwise)}"
+
+    def _binary(self, one: Binary) -> tuple[int, str]:
+        own = _LEVELS.get(one.operator)
+        if own is None:
+            self.refuse(f"`{one.operator}` is no operator")
+        first, links = one.chain()
+        parts = [self.expression(first, own + (one.operator in _ORDERINGS))]
+        parts += [f" {link.operator} {self.expression(link.right, own + 1)}" for link in links]
+        return own, "".join(parts)
 
     def expressions(self, expressions: Iterable[Expression]) -> str:
         """Several, with commas."""

@@ -1,6 +1,6 @@
 """Queries and rules as frozen data, independent of any text; their checks, their types and their normal form."""
 
-from envgraph.pattern._bodies import children, terms_in, terms_of, variables_in
+from envgraph.pattern._bodies import children, terms_in, terms_of, variables_in, with_children
 from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
@@ -182,4 +182,5 @@ __all__ = [
     "type_text",
     "value_of",
     "variables_in",
+    "with_children",
 ]

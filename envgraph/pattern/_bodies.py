@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Final
 
 from envgraph.errors import Span
 from envgraph.pattern._queries import (
@@ -32,6 +33,9 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
+
+LONGEST_NESTED: Final = 4
+"""How many operators of a chain are compiled inside each other; a longer one has one level."""
 
 
 class Use(Enum):
@@ -118,20 +122,41 @@ def expressions(body: Body) -> Iterator[tuple[Expression, Check | Evaluation]]:
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:
-    """The operands of an expression, in the order of the text."""
+    """The operands of an expression, in the order of the text; `a + b - c` has three, as it stands."""
     match expression:
         case Navigation():
             return (expression.object,)
         case Unary():
             return (expression.operand,)
         case Binary():
-            return (expression.left, expression.right)
+            first, links = expression.chain()
+            return (first, *(link.right for link in links))
         case Conditional():
             return (expression.test, expression.then, expression.otherwise)
         case FunctionCall():
             return expression.arguments
         case _:
             return ()
+
+
+def with_children(expression: Expression, parts: Sequence[Expression]) -> Expression:
+    """The same node over other operands."""
+    match expression:
+        case Navigation():
+            return replace(expression, object=parts[0])
+        case Unary():
+            return replace(expression, operand=parts[0])
+        case Binary():
+            built, (_, links) = parts[0], expression.chain()
+            for link, right in zip(links, parts[1:], strict=True):
+                built = replace(link, left=built, right=right)
+            return built
+        case Conditional():
+            return replace(expression, test=parts[0], then=parts[1], otherwise=parts[2])
+        case FunctionCall():
+            return replace(expression, arguments=tuple(parts))
+        case _:
+            return expression
 
 
 def variables_in(expression: Expression) -> Iterator[Variable]:
@@ -143,13 +168,30 @@ def variables_in(expression: Expression) -> Iterator[Variable]:
 
 
 def depth(expression: Expression) -> int:
-    """Number of levels of the tree; counted without recursion, so that no input exhausts the stack."""
-    levels = 0
-    level: list[Expression] = [expression]
-    while level:
-        levels += 1
-        level = [child for node in level for child in children(node)]
-    return levels
+    """Number of levels; a long chain such as `a + b - c ...` is one, a short one as many as it has operators.
+
+    Counted without recursion, so that no input exhausts the stack.
+    """
+    deepest = 0
+    waiting = [(expression, 1)]
+    while waiting:
+        node, level = waiting.pop()
+        deepest = max(deepest, level)
+        parts = children(node)
+        levels = len(parts) - 1 if isinstance(node, Binary) and len(parts) - 1 <= LONGEST_NESTED else 1
+        waiting += [(part, level + levels) for part in parts]
+    return deepest
+
+
+def size(expression: Expression) -> int:
+    """Number of operands and operators, each place; counted without recursion, as `depth` is."""
+    count = 0
+    waiting = [expression]
+    while waiting:
+        parts = children(waiting.pop())
+        count += max(1, len(parts) - 1)
+        waiting += parts
+    return count
 
 
 def none_test(expression: Expression) -> Navigation | None:

@@ -8,6 +8,7 @@ from typing import Final
 
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import EnumType, Metamodel, Scalar, Value
+from envgraph.pattern._bodies import LONGEST_NESTED, children
 from envgraph.pattern._evaluate import computes
 from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._lowered import StaticType
@@ -117,31 +118,44 @@ class _Writer:
         return self._constant(len(self.constants) - 1)
 
     def _binary(self, node: Binary) -> str:
-        left, right = self.write(node.left), self.write(node.right)
         match node.operator:
             case "&&":
-                return f"({left} and {right})"
+                return f"({' and '.join(map(self.write, children(node)))})"
             case "||":
-                return f"({left} or {right})"
+                return f"({' or '.join(map(self.write, children(node)))})"
             case "==" | "!=" | "<" | "<=" | ">" | ">=":
-                return f"({left} {node.operator} {right})"
-        if node.operator in "+-*" and self._inline(node):
-            return f"({left} {node.operator} {right})"
-        self.fallible = True
-        return f"{_HELPERS[node.operator]}({left}, {right})"
+                return f"({self.write(node.left)} {node.operator} {self.write(node.right)})"
+        return self._arithmetic(*node.chain())
 
-    def _inline(self, node: Binary) -> bool:
-        """Whether Python's own operator does exactly what ours does: on two ints, or two strings."""
-        left, right = self.type_of(node.left), self.type_of(node.right)
-        if left is Scalar.INT and right is Scalar.INT:
-            return True
-        return node.operator == "+" and Scalar.STRING in (left, right) and _textual(left) and _textual(right)
+    def _arithmetic(self, first: Expression, links: list[Binary]) -> str:
+        """`a + b - c`: nested as it is evaluated, but a long one is a call that Python's own parser can take."""
+        source, rights = self.write(first), [self.write(link.right) for link in links]
+        if len(links) > LONGEST_NESTED:
+            self.fallible = True
+            parts = (f"{_HELPERS[link.operator]}, {right}" for link, right in zip(links, rights, strict=True))
+            return f"_chain({source}, {', '.join(parts)})"
+        for link, right in zip(links, rights, strict=True):
+            if link.operator in "+-*" and _inline(
+                link.operator, self.type_of(link.left), self.type_of(link.right)
+            ):
+                source = f"({source} {link.operator} {right})"
+            else:
+                self.fallible = True
+                source = f"{_HELPERS[link.operator]}({source}, {right})"
+        return source
 
     def type_of(self, node: Expression) -> StaticType | None:
         """The type as far as it can be told; a literal's enum is not needed, its value is a string."""
         if isinstance(node, EnumLiteral):
             return Scalar.STRING
         return ExpressionChecker(self._types, _EMPTY, True).type_of(node)
+
+
+def _inline(operator: str, left: StaticType | None, right: StaticType | None) -> bool:
+    """Whether Python's own operator does exactly what ours does: on two ints, or two strings."""
+    if left is Scalar.INT and right is Scalar.INT:
+        return True
+    return operator == "+" and Scalar.STRING in (left, right) and _textual(left) and _textual(right)
 
 
 def _textual(type_: StaticType | None) -> bool:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.metamodel import Scalar, Value
-from envgraph.pattern._bodies import navigations
+from envgraph.pattern._bodies import children, navigations
 from envgraph.pattern._operations import FUNCTIONS, add, bounded, divide, multiply, remainder, subtract
 from envgraph.pattern._terms import (
     Binary,
@@ -126,14 +126,18 @@ def _value(node: Expression, values: Mapping[str, Any], read: Reader | None) -> 
 def _binary(node: Binary, values: Mapping[str, Any], read: Reader | None) -> Any:
     match node.operator:
         case "&&":
-            return _present(node.left, values, read) and _present(node.right, values, read)
+            return all(_present(part, values, read) for part in children(node))
         case "||":
-            return _present(node.left, values, read) or _present(node.right, values, read)
+            return any(_present(part, values, read) for part in children(node))
         case "==":
             return _value(node.left, values, read) == _value(node.right, values, read)
         case "!=":
             return _value(node.left, values, read) != _value(node.right, values, read)
-    return _STRICT[node.operator](_present(node.left, values, read), _present(node.right, values, read))
+    first, links = node.chain()
+    result = _present(first, values, read)
+    for link in links:
+        result = _STRICT[link.operator](result, _present(link.right, values, read))
+    return result
 
 
 def _present(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Any:

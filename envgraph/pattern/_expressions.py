@@ -24,7 +24,7 @@ from typing import Final
 
 from envgraph.errors import Diagnostic, Span, did_you_mean, with_article
 from envgraph.metamodel import EnumType, Metamodel, Reference, Scalar
-from envgraph.pattern._bodies import depth, none_test
+from envgraph.pattern._bodies import children, depth, none_test, size
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._operations import FUNCTIONS, Function
 from envgraph.pattern._terms import (
@@ -42,6 +42,9 @@ from envgraph.pattern._types import NUMBERS, assignable, comparable, type_text, 
 
 MOST_LEVELS: Final = 100
 """How deep an expression may nest; generated source nests alike, and Python stops at 200 parentheses."""
+
+MOST_PARTS: Final = 50_000
+"""How many operands and operators an expression may have: ints in it are exact, and grow with every product."""
 
 
 def check_expression(
@@ -64,14 +67,21 @@ def check_expression(
     Returns:
         The type, None where it is unknown or the expression is `none`; and the diagnostics.
     """
-    if depth(expression) > MOST_LEVELS:
+    found = _too_large(expression)
+    if found:
         hint = "compute a part of it with `v == eval(..)` first"
-        return None, [_problem("expression-too-deep", f"more than {MOST_LEVELS} levels", expression, hint)]
+        return None, [_problem("expression-too-deep", found, expression, hint)]
     checker = ExpressionChecker(scope, metamodel, bare_objects)
     type_ = checker.type_of(expression, expected)
     if type_ and expected and not checker.problems and not assignable(type_, expected, metamodel):
         checker.problems.append(wrong_type(expression, type_, expected))
     return type_, checker.problems
+
+
+def _too_large(expression: Expression) -> str | None:
+    if depth(expression) > MOST_LEVELS:
+        return f"more than {MOST_LEVELS} levels inside each other"
+    return f"more than {MOST_PARTS} operands and operators" if size(expression) > MOST_PARTS else None
 
 
 def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) -> Diagnostic:
@@ -222,7 +232,12 @@ class ExpressionChecker:
 
     def _operand(self, node: Expression, what: str, wanted: str) -> StaticType | None:
         """The type of an operand that has to be of a kind."""
-        type_ = self.type_of(node)
+        return self._of_kind(node, self.type_of(node), what, wanted)
+
+    def _of_kind(
+        self, node: Expression, type_: StaticType | None, what: str, wanted: str
+    ) -> StaticType | None:
+        """The type of an operand, if it is of a kind; else None, and that is reported."""
         if _is_none(node):
             advice = "`none` can be compared with a path: `x.f == none`"
             self._report("operand-type", f"`{what}` does not take `none`", node, advice)
@@ -241,8 +256,8 @@ class ExpressionChecker:
     def _binary(self, node: Binary) -> StaticType | None:
         match node.operator:
             case "&&" | "||":
-                self._operand(node.left, node.operator, "bool")
-                self._operand(node.right, node.operator, "bool")
+                for part in children(node):
+                    self._operand(part, node.operator, "bool")
                 return Scalar.BOOL
             case "==" | "!=":
                 self._equality(node)
@@ -250,16 +265,23 @@ class ExpressionChecker:
             case "<" | "<=" | ">" | ">=":
                 self._ordering(node)
                 return Scalar.BOOL
-            case "+":
-                return self._sum(node)
             case _:
-                left = self._operand(node.left, node.operator, "number")
-                right = self._operand(node.right, node.operator, "number")
-                return _number(left, right)
+                return self._arithmetic(node)
 
-    def _sum(self, node: Binary) -> StaticType | None:
-        left = self._operand(node.left, "+", "data")
-        right = self._operand(node.right, "+", "data")
+    def _arithmetic(self, node: Binary) -> StaticType | None:
+        """The type of `a + b - c` and the like; what is left of an operator has the type found so far."""
+        first, links = node.chain()
+        type_ = self._operand(first, links[0].operator, "data" if links[0].operator == "+" else "number")
+        for link in links:
+            if link.operator == "+":
+                type_ = self._sum(link, type_, self._operand(link.right, "+", "data"))
+                continue
+            if link is not links[0]:
+                type_ = self._of_kind(link.left, type_, link.operator, "number")
+            type_ = _number(type_, self._operand(link.right, link.operator, "number"))
+        return type_
+
+    def _sum(self, node: Binary, left: StaticType | None, right: StaticType | None) -> StaticType | None:
         if Scalar.STRING in (left, right):
             return Scalar.STRING
         for side, type_ in ((node.left, left), (node.right, right)):

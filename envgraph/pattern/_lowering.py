@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 from envgraph.metamodel import Attribute, Feature, Metamodel, Scalar
-from envgraph.pattern._bodies import base_of, children, none_test, terms_of
+from envgraph.pattern._bodies import base_of, children, none_test, terms_of, with_children
 from envgraph.pattern._evaluate import holds, value_of
 from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._inference import BodyTypes
@@ -46,13 +45,10 @@ from envgraph.pattern._queries import (
 from envgraph.pattern._slots import Slots, Unsatisfiable
 from envgraph.pattern._terms import (
     Binary,
-    Conditional,
     Constant,
     EnumLiteral,
     Expression,
-    FunctionCall,
     Navigation,
-    Unary,
     Variable,
 )
 from envgraph.pattern._types import coerced, comparable, static_type, value_type
@@ -295,8 +291,8 @@ class BodyLowering:
     def _check(self, expression: Expression) -> None:
         """Each side of a conjunction is a constraint of its own; simple ones need no expression."""
         if isinstance(expression, Binary) and expression.operator == "&&":
-            self._check(expression.left)
-            self._check(expression.right)
+            for part in children(expression):
+                self._check(part)
             return
         tested = none_test(expression)
         if tested is not None and isinstance(expression, Binary):
@@ -430,20 +426,3 @@ def slots_in(expression: Expression) -> tuple[int, ...]:
     if isinstance(expression, Variable):
         return (int(expression.name),)
     return tuple(dict.fromkeys(slot for child in children(expression) for slot in slots_in(child)))
-
-
-def with_children(expression: Expression, parts: Sequence[Expression]) -> Expression:
-    """The same node over other operands."""
-    match expression:
-        case Navigation():
-            return replace(expression, object=parts[0])
-        case Unary():
-            return replace(expression, operand=parts[0])
-        case Binary():
-            return replace(expression, left=parts[0], right=parts[1])
-        case Conditional():
-            return replace(expression, test=parts[0], then=parts[1], otherwise=parts[2])
-        case FunctionCall():
-            return replace(expression, arguments=tuple(parts))
-        case _:
-            return expression

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from envgraph.metamodel import Metamodel, Value
-from envgraph.pattern._bodies import children
+from envgraph.pattern._bodies import children, with_children
 from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import (
     AggregateAtom,
@@ -25,7 +25,7 @@ from envgraph.pattern._lowered import (
     StaticType,
     UnequalAtom,
 )
-from envgraph.pattern._lowering import BodyLowering, PathName, with_children
+from envgraph.pattern._lowering import BodyLowering, PathName
 from envgraph.pattern._paths import closure_target
 from envgraph.pattern._queries import Parameter
 from envgraph.pattern._slots import Slots, Unsatisfiable

@@ -66,6 +66,17 @@ def multiply(left: Number, right: Number) -> Number:
     return _arithmetic(lambda a, b: a * b, left, right)
 
 
+def chain(first: Any, *rest: Any) -> Any:
+    """`first`, and then operation and operand in turn, from left to right.
+
+    >>> chain(7, subtract, 2, add, " left")
+    '5 left'
+    """
+    for operation, operand in zip(rest[::2], rest[1::2], strict=True):
+        first = operation(first, operand)
+    return first
+
+
 def _arithmetic(operation: Callable[[Any, Any], Any], left: Number, right: Number) -> Number:
     try:
         result: Number = operation(left, right)
@@ -308,6 +319,7 @@ FUNCTIONS: Final[Mapping[str, Function]] = {function.name: function for function
 EXPRESSION_NAMESPACE: Final[Mapping[str, object]] = {
     "EvaluationError": EvaluationError,
     "_add": add,
+    "_chain": chain,
     "_subtract": subtract,
     "_multiply": multiply,
     "_divide": divide,

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern._bodies import (
     Reading,
+    children,
     expressions,
     grouped_relations,
     names_read,
@@ -127,8 +128,8 @@ class Partitions:
 def equations(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
     """The conjuncts of a check that say that two variables or paths have one value: a join like any other."""
     if isinstance(expression, Binary) and expression.operator == "&&":
-        yield from equations(expression.left)
-        yield from equations(expression.right)
+        for part in children(expression):
+            yield from equations(part)
     elif isinstance(expression, Binary) and expression.operator == "==":
         sides = (expression.left, expression.right)
         if all(isinstance(side, Variable | Navigation) for side in sides):

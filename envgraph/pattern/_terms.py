@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from envgraph.errors import Span
 from envgraph.metamodel import Value
+
+_CHAINS: Final = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "&&": 3, "||": 4}
+"""The operators of one number follow each other without brackets: `a - b + c`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +68,54 @@ class Unary:
 
 @dataclass(frozen=True, slots=True)
 class Binary:
-    """`left operator right`; operators: `+ - * / % == != < <= > >= && ||`."""
+    """`left operator right`; operators: `+ - * / % == != < <= > >= && ||`.
+
+    A long sum is thousands of these, each the left side of the next: what is asked of one goes down its left sides in
+    a loop, because recursion would exhaust the stack.
+    """
 
     operator: str
     left: Expression
     right: Expression
     span: Span | None = field(default=None, compare=False, repr=False)
+
+    def __eq__(self, other: object) -> bool:
+        one: object = self
+        while isinstance(one, Binary) and isinstance(other, Binary):
+            if one is other:
+                return True
+            if one.operator != other.operator or one.right != other.right:
+                return False
+            one, other = one.left, other.left
+        return one == other if one is not self else NotImplemented
+
+    def __hash__(self) -> int:
+        first, links = self._down()
+        return hash((first, *((link.operator, link.right) for link in links)))
+
+    def __repr__(self) -> str:
+        first, links = self._down()
+        opening = "".join(f"Binary(operator={link.operator!r}, left=" for link in reversed(links))
+        return opening + repr(first) + "".join(f", right={link.right!r})" for link in links)
+
+    def _down(self) -> tuple[Expression, list[Binary]]:
+        """The leftmost operand of all, and the nodes above it, innermost first."""
+        links = [self]
+        while isinstance(links[-1].left, Binary):
+            links.append(links[-1].left)
+        return links[-1].left, links[::-1]
+
+    def chain(self) -> tuple[Expression, list[Binary]]:
+        """What `a + b - c` starts with, and the nodes for `+ b` and `- c`; without precedence and brackets no more.
+
+        Comparisons are no chains: of those, there is one node.
+        """
+        links, kind = [self], _CHAINS.get(self.operator)
+        while kind is not None and isinstance(links[-1].left, Binary):
+            if _CHAINS.get(links[-1].left.operator) != kind:
+                break
+            links.append(links[-1].left)
+        return links[-1].left, links[::-1]
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,9 @@ from envgraph.pattern import (
     Unary,
     Variable,
     check_expression,
+    children,
     compile_expression,
+    with_children,
 )
 from envgraph.rewrite._plan import (
     Absorb,
@@ -55,15 +57,25 @@ class Writer:
         slot: what stands for a slot.
         lossy: SPO.
         sure: objects are of the classes that the plan says, so that links are changed without a look at them.
+        again: told of a link that is created and there already; None if nobody needs to be.
 
     Attributes:
         namespace: what the source may refer to.
     """
 
-    def __init__(self, model: Model, slot: Namer, *, lossy: bool, sure: bool = False) -> None:
+    def __init__(
+        self,
+        model: Model,
+        slot: Namer,
+        *,
+        lossy: bool,
+        sure: bool = False,
+        again: Callable[[Link, int, int], None] | None = None,
+    ) -> None:
         self.model = model
         self.slot = slot
         self.sure = sure
+        self.again = again
         self.semantics = "spo" if lossy else "dpo"
         self.lossy = lossy
         self.namespace: dict[str, Any] = {
@@ -82,6 +94,9 @@ class Writer:
             "_absorb": lambda kept, absorbed: absorb(model, kept, absorbed, lossy=lossy),
             "_leave": lambda node, container, reference: leave(model, node, container, reference),
             "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
+            "_extend": lambda node, reference, target: extend(model, node, reference, target),
+            "_house": lambda source, reference, target: house(model, source, reference, target),
+            "_again": again,
             "_need": need,
             "_present": present,
         }
@@ -129,7 +144,9 @@ class Writer:
             f"link({self.slot(m.container)}, {self.constant(m.reference)}, {self.slot(m.node)})"
             for m in plan.moves
         ]
-        return [*map(self._absorb, plan.absorbs), *moves, *map(self._link, plan.links)]
+        fresh = {new.node for new in plan.creates}
+        links = [self._link(link, link.source in fresh or link.target in fresh) for link in plan.links]
+        return [*map(self._absorb, plan.absorbs), *moves, *links]
 
     def assign(self, plan: BlockPlan) -> list[str]:
         """Values and targets that are set."""
@@ -149,11 +166,13 @@ class Writer:
         return f"if {target} in {forward}[{source}]: {disconnect}({source}, {target})"
 
     def _make(self, source: str, reference: Reference, target: str) -> str:
-        """Add a link, unless it is there."""
+        """Add a link that is not there."""
         relation = self.model.store.relations[reference.index]
-        linked = f"link({source}, {self.constant(reference)}, {target})"
-        if not self.sure or relation.containment or relation.contained:
-            return linked
+        ends = f"({source}, {self.constant(reference)}, {target})"
+        if relation.containment or relation.contained:
+            return f"_house{ends}"
+        if not self.sure:
+            return f"link{ends}"
         forward, backward = self.constant(relation.forward), self.constant(relation.backward)
         room = []
         if relation.upper < maxsize:
@@ -162,8 +181,7 @@ class Writer:
             room.append(f"len({backward}[{target}]) < {relation.opposite_upper}")
         made = f"{self.constant(relation.connect)}({source}, {target})"
         # Where there is no room `link` says so.
-        whole = f"{made} if {' and '.join(room)} else {linked}" if room else made
-        return f"if {target} not in {forward}[{source}]: {whole}"
+        return f"{made} if {' and '.join(room)} else link{ends}" if room else made
 
     def _leave(self, op: Rehome) -> str:
         return f"_leave({self.slot(op.node)}, {self.slot(op.container)}, {self.constant(op.reference)})"
@@ -175,9 +193,14 @@ class Writer:
     def _absorb(self, op: Absorb) -> str:
         return f"_absorb({self.slot(op.kept)}, {self.slot(op.absorbed)})"
 
-    def _link(self, op: Link) -> str:
+    def _link(self, op: Link, fresh: bool) -> str:
+        """Adds a link unless it is there; `fresh` if that cannot be."""
         source, target = self.slot(op.source), self.slot(op.target)
-        return f"if {target} is not None:\n {self._make(source, op.reference, target)}"
+        forward = self.constant(self.model.store.relations[op.reference.index].forward)
+        made = f"if {target} not in {forward}[{source}]: {self._make(source, op.reference, target)}"
+        if self.again is not None and not fresh:
+            made += f"\n else: _again({self.constant(op)}, {source}, {target})"
+        return f"if {target} is not None:\n {made}"
 
     def _assign(self, op: Assign) -> str:
         node = self.slot(op.object)
@@ -205,7 +228,7 @@ class Writer:
         node, reference = self.slot(op.object), self.constant(op.reference)
         loop = f"for t in {self.slots(op.values)}:"
         if op.operator == "+=":
-            return f"{loop}\n if t is not None: link({node}, {reference}, t)"
+            return f"{loop}\n if t is not None: _extend({node}, {reference}, t)"
         return f"{loop}\n if t is not None: unlink({node}, {reference}, t)"
 
     # --- values
@@ -248,15 +271,9 @@ class PathReader:
         match node:
             case Navigation():
                 return self._path(node, needed)
-            case Unary():
-                return replace(node, operand=self.without_paths(node.operand, True))
-            case Binary():
-                strict = node.operator not in ("==", "!=")
-                return replace(
-                    node,
-                    left=self.without_paths(node.left, strict),
-                    right=self.without_paths(node.right, strict),
-                )
+            case Unary() | Binary() | FunctionCall():
+                strict = not (isinstance(node, Binary) and node.operator in ("==", "!="))
+                return with_children(node, [self.without_paths(part, strict) for part in children(node)])
             case Conditional():
                 return replace(
                     node,
@@ -264,8 +281,6 @@ class PathReader:
                     then=self.without_paths(node.then, needed),
                     otherwise=self.without_paths(node.otherwise, needed),
                 )
-            case FunctionCall():
-                return replace(node, arguments=tuple(self.without_paths(a, True) for a in node.arguments))
             case _:
                 return node
 
@@ -334,6 +349,35 @@ def leave(model: Model, node: int, container: int, reference: Reference) -> None
         model.unlink(old[0], old[1], node)
 
 
+def house(model: Model, source: int, reference: Reference, target: int) -> None:
+    """Add a link between a container and an object that is in none: like any other, it needs room at both ends.
+
+    Raises:
+        RuleError: the object is in a container ("full"), or the container is inside it ("containment").
+    """
+    opposite = model.metamodel.opposite(reference)
+    if not reference.containment:
+        assert opposite is not None
+        source, reference, target = target, opposite, source
+    old = model.container(target) if model.alive(target) else None
+    if old is not None:
+        container, feature = model.describe(old[0]), old[1].name
+        message = f"{model.describe(target)} is in {container} already; `move` or `set` takes it out"
+        raise RuleError(
+            message, reason="full", details=[f"{container} -{feature}-> {model.describe(target)}"]
+        )
+    model.link(source, reference, target)
+
+
+def extend(model: Model, node: int, reference: Reference, target: int) -> None:
+    """Add a target, which leaves its single source, as it does where the targets are set."""
+    opposite = model.metamodel.opposite(reference)
+    if opposite is not None and opposite.upper == 1 and not model.has_link(node, reference, target):
+        model.set_target(target, opposite, node)
+    else:
+        model.link(node, reference, target)
+
+
 def absorb(model: Model, kept: int, absorbed: int, *, lossy: bool) -> None:
     """Merge two objects: the links of `absorbed` go over to `kept`, then it is deleted.
 
@@ -345,6 +389,8 @@ def absorb(model: Model, kept: int, absorbed: int, *, lossy: bool) -> None:
     """
     if kept == absorbed:
         raise RuleError("an object cannot be merged with itself", reason="identification")
+    if not model.alive(absorbed):
+        return  # another match of a block has merged the same two
     cls = model.class_of(kept)
     housed = model.container(kept) is not None
     for reference, source, target in links_of(model, absorbed):

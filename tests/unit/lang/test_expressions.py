@@ -16,6 +16,7 @@ from envgraph.pattern import (
     Navigation,
     Unary,
     Variable,
+    children,
 )
 
 a, b, c, d = (Variable(name) for name in "abcd")
@@ -165,6 +166,13 @@ def test_habits_of_other_languages_get_the_spelling_of_this_one(text: str, hint:
     assert [problem.hint for problem in read(text).diagnostics] == [hint]
 
 
-def test_long_expressions_are_refused_without_a_traceback() -> None:
-    problems = read(" + ".join(["1"] * 5000)).diagnostics
+@pytest.mark.parametrize("operator", ["+", "*", "&&", "||"])
+def test_flat_expressions_may_be_long(operator: str) -> None:
+    found = expression(f" {operator} ".join(["1"] * 5000))
+    assert children(found) == (Constant(1),) * 5000
+    assert found == expression(f"({f' {operator} '.join(['1'] * 4999)}) {operator} 1")
+
+
+def test_nested_expressions_are_refused_without_a_traceback() -> None:
+    problems = read(" == ".join(["1"] * 5000)).diagnostics
     assert [problem.code for problem in problems] == ["nested-too-deeply"]

@@ -104,8 +104,8 @@ def test_hostile_texts_end_soon(text: str) -> None:
     assert process_time() - started < 5
 
 
-@pytest.mark.parametrize("operator", ["+", "||", "? 1 :", "=="])
-def test_long_expressions_are_refused_rather_than_overflowing_the_stack(operator: str) -> None:
+@pytest.mark.parametrize("operator", ["? 1 :", "==", "<", "+ -(1"])
+def test_nested_expressions_are_refused_rather_than_overflowing_the_stack(operator: str) -> None:
     text = "package a\npattern p(x : X) { check(" + f"1 {operator} " * 3000 + "1 > 0); X(x); }"
     workspace = load_workspace(["a.query"], files=TextFiles({"a.query": text}))
     assert any(one.code == "nested-too-deeply" for one in workspace.errors)

@@ -170,13 +170,83 @@ def test_too_deep_an_expression_is_an_error_and_no_crash():
     assert checked(expression)[1] == ["expression-too-deep"]
 
 
-def test_the_deepest_expression_still_compiles():
-    expression = expr("f")
-    for _ in range(98):
-        expression = op(expression, "*", 1.0)
+def flat(first, count, *operators):
+    """`first + 1 - 1 ...` with so many operands besides the first, the operators in turn."""
+    expression = expr(first)
+    for number in range(count):
+        expression = op(expression, operators[number % len(operators)], 1.0 if first == "f" else 1)
+    return expression
+
+
+def deepest(length):
+    """An expression of as many levels as are allowed: chains of so many operators inside each other."""
+    expression, operators = expr("f"), "*+"
+    while True:
+        larger = flat(expression, length, operators[0])
+        if check_expression(larger, SCOPE, METAMODEL)[1]:
+            return expression
+        expression, operators = larger, operators[::-1]
+
+
+@pytest.mark.parametrize("length", [1, 2, 4, 5, 40])
+def test_the_deepest_expression_still_compiles(length):
+    expression = deepest(length)
     assert checked(expression) == (FLOAT, [])
     compiled = compile_expression(expression, {"f": "f"}, SCOPE)
-    assert eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, "f": 2.5}) == 2.5
+    value = eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, "f": 2.5})
+    assert value == evaluate(expression, {"f": 2.5}) > 2.5 or length == 1
+
+
+LONG_SUM = flat("n", 3_000, "+", "-", "-")
+
+
+@pytest.mark.parametrize(
+    ("expression", "values", "value"),
+    [
+        (LONG_SUM, {"n": 5}, -995),
+        (flat("f", 3_000, "+", "-", "-"), {"f": 0.5}, -999.5),
+        (flat("s", 3_000, "+"), {"s": "a"}, "a" + "1" * 3_000),
+        (flat("n", 3_000, "*", "/", "%"), {"n": 7}, 0),
+        (op(LONG_SUM, "<", flat("n", 3_000, "+")), {"n": 5}, True),
+    ],
+)
+def test_a_flat_expression_may_be_long(expression, values, value):
+    assert checked(expression)[1] == []
+    assert evaluate(expression, values) == value
+    for types in (SCOPE, {}):
+        compiled = compile_expression(expression, {name: name for name in values}, types)
+        assert eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, **values}) == value
+
+
+@pytest.mark.parametrize(("operator", "value"), [("&&", False), ("||", True)])
+def test_a_flat_condition_may_be_long(operator, value):
+    expression = op("b", operator, op("n", ">", 0))
+    for _ in range(3_000):
+        expression = op(expression, operator, "b")
+    assert checked(expression) == (BOOL, [])
+    values = {"b": not value, "n": int(value)}
+    compiled = compile_expression(expression, {"b": "b", "n": "n"}, SCOPE)
+    assert evaluate(expression, values) is value
+    assert eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, **values}) is value
+
+
+def test_long_expressions_are_compared_and_shown():
+    one, same, other = flat("n", 3_000, "+"), flat("n", 3_000, "+"), flat("f", 3_000, "+")
+    assert one == same != other
+    assert hash(one) == hash(same)
+    assert repr(one).count("Constant(value=1)") == 3_000
+    inner = "Binary(operator='+', left=Variable(name='n'), right=Constant(value=1))"
+    assert repr(flat("n", 2, "+", "-")) == f"Binary(operator='-', left={inner}, right=Constant(value=1))"
+
+
+def test_mistakes_in_the_middle_of_a_flat_expression_are_reported_once():
+    expression = op(op(op("n", "+", "b"), "+", 1), "-", "s")
+    assert checked(expression) == (None, ["operand-type", "operand-type"])
+
+
+def test_an_expression_has_a_largest_size():
+    _, problems = check_expression(flat("n", 60_000, "+"), SCOPE, METAMODEL)
+    assert [problem.message for problem in problems] == ["more than 50000 operands and operators"]
 
 
 @pytest.mark.parametrize(
