@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from lark import Token, Tree
 
-from envgraph.lang._expressions import Reading, expressions_of
+from envgraph.lang._expressions import Reading, expression_of, expressions_of
 from envgraph.lang._parsing import qualified_name_of, tokens, trees
 from envgraph.lang._query_conditions import condition_of
 from envgraph.pattern import (
@@ -37,13 +37,42 @@ def step_of(reading: Reading, tree: Tree[Token]) -> Step:
 
 def _call(reading: Reading, tree: Tree[Token]) -> Call:
     name = trees(tree.children, "qualified_name")[0]
+    top = [int(tokens(part.children, "INT")[0]) for part in trees(tree.children, "top")]
+    by = trees(tree.children, "by")
+    if top and not by:
+        hint = "write `by` and an expression: the matches with the largest values are taken"
+        reading.error("missing-by", "`top` says how many, and not by what", tree, hint)
+    if by and not (top or tokens(tree.children, "ALL")):
+        hint = "write `top 1` before the rule for the match with the largest value, or `all` for one after the other"
+        reading.error("missing-top", "`by` puts several matches in order, and this is one", by[0], hint)
     return Call(
         qualified_name_of(name),
         expressions_of(reading, tree),
-        bool(tokens(tree.children, "ALL")),
+        bool(top or tokens(tree.children, "ALL")),
         reading.span(tree),
-        name_span=reading.span(name),
+        reading.span(name),
+        bool(tokens(tree.children, "FIRST")),
+        top[0] if top else None,
+        expression_of(reading, trees(by[0].children)[0]) if by else None,
+        tuple(
+            condition
+            for where in trees(tree.children, "where")
+            for part in trees(where.children)
+            if (condition := _asked(reading, part, "where")) is not None
+        ),
     )
+
+
+def _asked(reading: Reading, tree: Tree[Token], word: str) -> PatternCall | Negation | Check | None:
+    """A condition that can be asked; else it is reported."""
+    condition = condition_of(reading, tree)
+    if isinstance(condition, PatternCall | Negation | Check):
+        return condition
+    if condition is not None:
+        hint = "write `find` and a pattern, or `check` and an expression"
+        reading.error("wrong-condition", f"`{word}` asks `find`, `neg find` or `check`", tree, hint)
+    reading.gap(tree)
+    return None
 
 
 def _choice(reading: Reading, tree: Tree[Token]) -> Choice:
@@ -76,13 +105,9 @@ def _try(reading: Reading, tree: Tree[Token]) -> Try:
 def _if(reading: Reading, tree: Tree[Token]) -> If | Sequence:
     """Without a condition that can be asked only the first branch is left; the file is refused anyway."""
     asked, then, *otherwise = trees(tree.children)
-    condition = condition_of(reading, asked)
+    condition = _asked(reading, asked, "if")
     body = block_of(reading, then)
-    if not isinstance(condition, PatternCall | Negation | Check):
-        if condition is not None:
-            hint = "write `find` and a pattern, or `check` and an expression"
-            reading.error("wrong-condition", "`if` asks `find`, `neg find` or `check`", asked, hint)
-        reading.gap(asked)
+    if condition is None:
         return body
     others = [
         block_of(reading, part) if part.data == "block" else step_of(reading, part) for part in otherwise

@@ -266,7 +266,12 @@ class RuleText(TermText):
         if not isinstance(step, Call):
             self.refuse("the alternatives of a choice are calls: give other steps a unit of their own")
         arguments = f"({self.expressions(step.arguments)})" if step.arguments else ""
-        return f"{'all ' if step.every else ''}{self.qualified(step.name)}{arguments}"
+        which = f"top {step.limit} " if step.limit is not None else "all " if step.every else ""
+        if step.first:
+            which = "first "
+        where = f" where {', '.join(map(self.condition, step.where))}" if step.where else ""
+        by = f" by {self.expression(step.by)}" if step.by is not None else ""
+        return f"{which}{self.qualified(step.name)}{arguments}{where}{by}"
 
     def _steps(self, step: Step) -> str:
         return f"{{ {' '.join(self.steps(step))} }}"

@@ -207,13 +207,25 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """`name(arguments)` in a unit; `every` is `all rule;`: each match of a snapshot, checked again before firing."""
+    """`name(arguments)` in a unit.
+
+    Attributes:
+        every: `all rule;`, `top 3 rule by ..;`: each match of a snapshot, checked again before firing.
+        first: `first rule;`: the first match instead of one drawn at random.
+        limit: of `top`; then `every` is true, and `by` is given.
+        by: orders the matches of a snapshot, the largest value first; over variables of the rule and of the unit.
+        where: conditions that a match has to meet, over the same variables.
+    """
 
     name: str
     arguments: tuple[Expression, ...] = ()
     every: bool = False
     span: Span | None = field(default=None, compare=False, repr=False)
     name_span: Span | None = field(default=None, compare=False, repr=False)
+    first: bool = False
+    limit: int | None = None
+    by: Expression | None = None
+    where: tuple[PatternCall | Negation | Check, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,7 @@ from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._run import STEP_LIMIT
 from envgraph.rewrite._runner import Randomness, RuleRunner
+from envgraph.rewrite._units import RunResult
 
 __all__ = [
     "STEP_LIMIT",
@@ -44,6 +45,7 @@ __all__ = [
     "Randomness",
     "Row",
     "RuleRunner",
+    "RunResult",
     "Shape",
     "Signature",
     "State",

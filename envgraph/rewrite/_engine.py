@@ -16,10 +16,10 @@ from envgraph.errors import (
     Severity,
     has_errors,
 )
-from envgraph.graph import Model, Savepoint, Version
+from envgraph.graph import Model, Node, Savepoint, Version
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.metamodel import Value
-from envgraph.pattern import Derivation, Pattern, Rule, Unit
+from envgraph.pattern import Derivation, ObjectType, Pattern, Rule, Unit
 from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
 from envgraph.rewrite._exploration import Exploration
 from envgraph.rewrite._explore import Sameness, Search, Strategy, movers
@@ -28,9 +28,9 @@ from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._questions import Questions
 from envgraph.rewrite._register import Registration
-from envgraph.rewrite._run import STEP_LIMIT, Run, apply_one_of, draw_weighted
+from envgraph.rewrite._run import STEP_LIMIT, UNSET, Environment, Run, apply_one_of, draw_weighted, fire_one
 from envgraph.rewrite._runner import NO_ARGUMENTS, PythonRule, Randomness, RuleRunner, graph_rule
-from envgraph.rewrite._units import UnitBuilder, UnitProgram
+from envgraph.rewrite._units import RunResult, UnitProgram, unit_program
 
 if TYPE_CHECKING:
     import numpy
@@ -156,9 +156,16 @@ class Engine(Questions):
                 self._definitions[definition.qualified_name] = definition
         self._groups.update(registration.groups)
         for checked in registration.units:
-            builder = UnitBuilder(checked, self._rules, self._units, self.group, self.model, self.matcher)
             name = checked.unit.qualified_name
-            self._units[name] = builder.build(self._directory.signatures[name])
+            self._units[name] = unit_program(
+                checked,
+                self._directory.signatures[name],
+                self._rules,
+                self._units,
+                self.group,
+                self.model,
+                self.matcher,
+            )
         if isinstance(self.matcher, ViewMatcher):
             self.matcher.watch_later(*_incremental(definitions))
 
@@ -211,7 +218,7 @@ class Engine(Questions):
                 Taken(variable, type_, required=variable in runner.inputs)
                 for variable, type_ in zip(shape.names, shape.types, strict=True)
             )
-            self._directory.add(Signature(own, "rule", "", parameters, weight, priority))
+            self._directory.add(Signature(own, "rule", "", parameters, weight, priority, parameters))
             self._rules[own] = runner
             self._forget()
             return function
@@ -483,45 +490,98 @@ class Engine(Questions):
             raise InvalidArgument(f"{match!r} is no match of `{runner.name}`")
         return match.row
 
-    def run(self, unit: str, **arguments: object) -> bool:
+    def run(self, unit: str, **arguments: object) -> RunResult:
         """Run a unit; a rule or a group counts as a unit that calls it.
 
         Returns:
-            Whether anything was applied. A unit that fails keeps what it did before, unless it is `atomic`.
+            What was done; it is true if the run succeeded. A unit that fails keeps what it did before, unless it is
+            `atomic`. In `outputs` are the values of its `out` parameters, of a rule also the objects that it created.
 
         Raises:
             InvalidArgument: an unknown name or argument, or a missing one.
-            RuleError: the unit failed because the model refused an application, and no `try`, `|` or `alap` was
-                there to go on. The model is as before.
+            RuleError: the matches of a `forall` are in conflict. The model is as before.
             EvaluationError: the step limit was reached, or a value could not be computed. The model is as before.
         """
-        with self._holding() or _NOTHING:
-            qualified = self._directory.resolve(unit)
-            if qualified in self._rules:
-                return self._apply(qualified, None, arguments) is not None
-            trace = self._run(qualified, arguments)
-            self._record(trace)
-            return bool(trace)
+        qualified = self._directory.resolve(unit)
+        if self._events is None:
+            with self._holding() or _NOTHING:
+                return self._run_result(qualified, arguments)
+        with self.recording() as everything, self._holding() or _NOTHING:
+            result = self._run_result(qualified, arguments)
+        result.events = tuple(everything[result.applications :])
+        return result
 
-    def _run(self, name: str, arguments: Mapping[str, object], rng: Randomness | None = None) -> list[Firing]:
+    def _run_result(self, name: str, arguments: Mapping[str, object]) -> RunResult:
+        run, outcome, outputs = self._run(name, arguments)
+        if self._recorders:
+            self._record(run.firings)
+        reason = None
+        if outcome is None:
+            reason = str(run.refusal).split("\n", 1)[0] if run.refusal is not None else run.failure
+        return RunResult(name, run.trace, reason, run.refusal, outputs, run.limit - run.steps)
+
+    def _run(
+        self,
+        name: str,
+        arguments: Mapping[str, object],
+        rng: Randomness | None = None,
+        *,
+        strict: bool = False,
+    ) -> tuple[Run, bool | None, Mapping[str, Node | Value]]:
+        """A run, whether it failed (None) or else changed anything, and its outputs.
+
+        Args:
+            strict: a refusal by the model that nothing goes on from is raised, and everything is taken back.
+        """
         run = Run(self.model, self.rng if rng is None else rng, self.step_limit, self.step_limit)
         with self.model.transaction():
             try:
-                outcome = self._start(run, name, arguments)
+                outcome, outputs = self._start(run, name, arguments)
             except BaseException as error:
                 run.abandon()
                 if isinstance(error, RecursionError):
                     raise EvaluationError(f"`{name}` nests too deeply") from None
                 raise
-            if outcome is None and run.refusal is not None:
+            if strict and outcome is None and run.refusal is not None:
                 raise run.refusal
-        return run.trace
+        return run, outcome, outputs
 
-    def _start(self, run: Run, name: str, arguments: Mapping[str, object]) -> bool | None:
+    def _start(
+        self, run: Run, name: str, arguments: Mapping[str, object]
+    ) -> tuple[bool | None, Mapping[str, Node | Value]]:
+        if name in self._rules:
+            return self._start_rule(run, self._rules[name], arguments)
         if name in self._groups:
-            return apply_one_of(run, [self._rules[member] for member in self._groups[name]])
+            if arguments:
+                raise InvalidArgument(f"`{name}` is a group: its rules have no arguments in common")
+            run.failure = f"no rule of `{name}` has a match"
+            return apply_one_of(run, [self._rules[member] for member in self._groups[name]]), {}
         program = self._units[name]
-        return program.run(run, self._environment(program, arguments))
+        environment = self._environment(program, arguments)
+        outcome = program.run(run, environment)
+        return outcome, {} if outcome is None else self._outputs(program, environment)
+
+    def _start_rule(
+        self, run: Run, rule: RuleRunner, arguments: Mapping[str, object]
+    ) -> tuple[bool | None, Mapping[str, Node | Value]]:
+        run.count()
+        run.failure = f"`{rule.name}` has no {'such ' if arguments else ''}match"
+        found = fire_one(run, rule, rule.rows_known(self.ids(rule.shape, arguments)))
+        if found is None:
+            return None, {}
+        run.put(rule)
+        run.put(found[0])
+        application = rule.application(*found)
+        return True, {**application.created, **application.outputs}
+
+    def _outputs(self, program: UnitProgram, environment: Environment) -> dict[str, Node | Value]:
+        found: dict[str, Node | Value] = {}
+        for parameter in program.signature.parameters:
+            value = environment.get(parameter.name, UNSET)
+            if parameter.output and value is not UNSET:
+                is_object = isinstance(parameter.type, ObjectType)
+                found[parameter.name] = Node(self.model, cast("int", value)) if is_object else value
+        return found
 
     def _environment(self, program: UnitProgram, arguments: Mapping[str, object]) -> dict[str, Value]:
         taken = program.signature.parameters
@@ -575,7 +635,7 @@ class Engine(Questions):
         if runner is not None:
             trace: tuple[Firing, ...] = (runner.apply_row(row),)
         else:
-            trace = tuple(self._run(self._directory.resolve(name), {}))
+            trace = tuple(self._run(self._directory.resolve(name), {}, strict=True)[0].firings)
         if self._recorders:
             self._record(trace)
         return trace
@@ -641,7 +701,7 @@ class Engine(Questions):
         asked = predicates if isinstance(predicates, Mapping) else {name: name for name in predicates}
         search = Search(
             self.model,
-            movers(self, [rules] if isinstance(rules, str) else rules, self._run),
+            movers(self, [rules] if isinstance(rules, str) else rules, self._explored),
             {name: self._test(predicate) for name, predicate in asked.items()},
             None if goal is None else self._test(goal),
             limit,
@@ -651,6 +711,9 @@ class Engine(Questions):
         )
         with self._aside():
             return search.run()
+
+    def _explored(self, name: str, arguments: Mapping[str, object], rng: Randomness) -> list[Firing]:
+        return self._run(name, arguments, rng, strict=True)[0].firings
 
     def _test(self, predicate: Predicate) -> Callable[[], bool]:
         if callable(predicate):

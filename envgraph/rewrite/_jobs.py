@@ -73,7 +73,10 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
 
     def do(match: Match, _: Match | None) -> object:
         arguments: dict[str, object] = {variable: match.row[place] for variable, place in places}
-        return engine.run(qualified, **arguments)
+        result = engine.run(qualified, **arguments)
+        if result.refusal is not None:  # nobody looks at the result
+            raise result.refusal
+        return result
 
     return do
 

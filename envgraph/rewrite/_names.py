@@ -24,7 +24,7 @@ class Taken:
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """Something that a unit can call."""
+    """Something that a unit can call; `variables` are those of the matches of a rule."""
 
     name: str
     kind: Kind
@@ -32,6 +32,7 @@ class Signature:
     parameters: tuple[Taken, ...] = ()
     weight: float = 1.0
     priority: int = 0
+    variables: tuple[Taken, ...] = ()
 
     @property
     def simple(self) -> str:

@@ -190,4 +190,5 @@ def _rule_signature(checked: CheckedRule, library: Library) -> Signature:
         ),
         rule.weight,
         rule.priority,
+        tuple(Taken(name, type_) for name, type_ in types.items()),
     )

@@ -1,11 +1,14 @@
-"""One run of a unit: its limits, what it leaves open, and the random choices among rules and matches."""
+"""One run of a unit: its limits, what it leaves open, and what generated units call for what is seldom or long.
+
+A step that is run gives None if it fails, else whether it has changed anything.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from math import fsum
-from typing import Final
+from typing import Any, Final, NoReturn
 
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model, Savepoint
@@ -26,8 +29,10 @@ REFUSALS: Final = frozenset(
 """Reasons for which a step fails; any other `RuleError` ends the run."""
 
 Environment = dict[str, Value]
-Action = Callable[["Run", Environment], "bool | None"]
-"""Runs a step: None if it fails, else whether it changed anything."""
+
+Unset = type("Unset", (), {"__slots__": (), "__repr__": lambda self: "UNSET"})
+UNSET: Final = Unset()
+"""Stands for an `out` parameter of a unit that has no value yet."""
 
 
 @dataclass(slots=True)
@@ -36,18 +41,32 @@ class Run:
 
     Attributes:
         steps: how many are left.
-        trace: what was applied, in order.
+        trace: what was applied, in order: a rule, its match, a rule, its match ... Flat, because it may be long.
         refusal: why the model refused the last application that failed, if that is why the last step failed.
+        failure: which step failed last, and why.
+        opened: savepoints of the steps under way that leave nothing behind if they fail.
     """
 
     model: Model
     rng: Randomness
     steps: int
     limit: int
-    trace: list[Firing] = field(default_factory=list)
+    trace: list[Any] = field(default_factory=list)
     refusal: RuleError | None = None
+    failure: str = ""
     levels: int = 0
-    _open: list[Savepoint] = field(default_factory=list)
+    opened: list[Savepoint] = field(default_factory=list)
+    pick: Callable[[int], int] = field(init=False)
+    put: Callable[[Any], None] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.put = self.trace.append
+        self.pick = _picker(self.rng)
+
+    @property
+    def firings(self) -> list[Firing]:
+        """What was applied, in order."""
+        return firings(self.trace)
 
     def count(self) -> None:
         """One more step.
@@ -57,15 +76,15 @@ class Run:
         """
         self.steps -= 1
         if self.steps < 0:
-            raise EvaluationError(f"the run took more than {self.limit} steps; `alap` may never end")
+            spent(self, None)
 
-    def whole(self, action: Action, environment: Environment) -> bool | None:
+    def whole(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Run a step that leaves nothing behind if it fails."""
         savepoint, length = self.model.savepoint(), len(self.trace)
-        self._open.append(savepoint)
-        outcome = action(self, environment)
+        self.opened.append(savepoint)
+        outcome = function(self, *arguments)
         # Not in a `finally`: what an exception leaves open is closed by `abandon`, where the stack is not exhausted.
-        self._open.pop()
+        self.opened.pop()
         if outcome is None:
             self.model.rollback(savepoint)
             del self.trace[length:]
@@ -75,32 +94,113 @@ class Run:
 
     def abandon(self) -> None:
         """Take back what every open step has done, after an exception."""
-        while self._open:
-            self.model.rollback(self._open.pop())
+        while self.opened:
+            self.model.rollback(self.opened.pop())
 
 
-def apply_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequence[object]] | None:
+def firings(trace: Sequence[Any]) -> list[Firing]:
+    """The applications of a flat trace."""
+    items = iter(trace)
+    return [Firing(rule.name, row) for rule, row in zip(items, items, strict=True)]
+
+
+def _picker(rng: Randomness) -> Callable[[int], int]:
+    if isinstance(rng, Branches):
+        return rng.choose
+    random = rng.random
+    return lambda count: int(random() * count)
+
+
+def spent(run: Run, loop: str | None) -> NoReturn:
+    """The step limit is reached; `loop` is the loop that took the last step.
+
+    Raises:
+        EvaluationError: always.
+    """
+    where = f"; it was in {loop}" if loop else ""
+    raise EvaluationError(
+        f"the run took more than {run.limit} steps{where}: it may never end, or set `step_limit` of the engine"
+    )
+
+
+def note_refusal(run: Run, error: RuleError) -> None:
+    """The model has refused an application; anything else ends the run."""
+    if error.reason not in REFUSALS:
+        raise error
+    run.refusal = error
+
+
+# --- calls
+
+
+def fire_one(run: Run, rule: RuleRunner, rows: Sequence[Row]) -> tuple[Row, Sequence[Any]] | None:
     """Apply a rule at one of the rows, drawn uniformly; if that is refused, at one of the others."""
+    if not rows:
+        return None
+    number = run.pick(len(rows)) if len(rows) > 1 else 0
+    row = rows[number]
+    try:
+        result = rule.fire(row)
+    except RuleError as error:
+        return fire_another(run, rule, rows, number, error)
+    return row, result
+
+
+def fire_another(
+    run: Run, rule: RuleRunner, rows: Sequence[Row], number: int, error: RuleError
+) -> tuple[Row, Sequence[Any]] | None:
+    """The row of this number was refused: apply the rule at one of the others, drawn uniformly."""
     left = rows
-    while left:
-        number = draw(run.rng, len(left))
-        row = left[number]
+    while True:
+        note_refusal(run, error)
+        left = [*left[:number], *left[number + 1 :]]
+        if not left:
+            return None
+        number = run.pick(len(left)) if len(left) > 1 else 0
         try:
-            result = rule.fire(row)
-        except RuleError as error:
-            note_refusal(run, error)
-            left = [*left[:number], *left[number + 1 :]]
+            result = rule.fire(left[number])
+        except RuleError as other:
+            error = other
             continue
         run.refusal = None
-        run.trace.append(Firing(rule.name, row))
+        return left[number], result
+
+
+def fire_next(
+    run: Run, rule: RuleRunner, rows: Sequence[Row], number: int, error: RuleError
+) -> tuple[Row, Sequence[Any]] | None:
+    """The first row was refused: apply the rule at the next one that is not."""
+    note_refusal(run, error)
+    for row in list(rows)[number + 1 :]:
+        try:
+            result = rule.fire(row)
+        except RuleError as other:
+            note_refusal(run, other)
+            continue
+        run.refusal = None
         return row, result
     return None
 
 
-def note_refusal(run: Run, error: RuleError) -> None:
-    if error.reason not in REFUSALS:
-        raise error
-    run.refusal = error
+def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: str | None) -> bool | None:
+    """Apply a rule at each of the rows that still is a match when its turn comes and is not refused."""
+    changed = None
+    for row in rows:
+        run.steps -= 1
+        if run.steps < 0:
+            spent(run, site)
+        if rule.still_holds(row):
+            try:
+                rule.fire(row)
+            except RuleError as error:
+                note_refusal(run, error)
+                continue
+            run.put(rule)
+            run.put(row)
+            changed = True
+    if changed:
+        run.refusal = None
+    return changed
 
 
 def apply_one_of(run: Run, rules: Sequence[RuleRunner]) -> bool | None:
@@ -110,9 +210,47 @@ def apply_one_of(run: Run, rules: Sequence[RuleRunner]) -> bool | None:
     left = [rule for rule in rules if rule.exists()]
     while left:
         rule = left[draw_weighted(run.rng, [rule.weight for rule in left])]
-        if apply_one(run, rule, rule.live_rows()) is not None:
+        found = fire_one(run, rule, rule.live_rows())
+        if found is not None:
+            run.put(rule)
+            run.put(found[0])
             return True
         left = [other for other in left if other is not rule]
+    return None
+
+
+def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: str | None) -> bool | None:
+    """`fire_every` of each rule of a group, in order."""
+    changed = None
+    for rule in rules:
+        run.count()
+        run.refusal = None
+        changed = fire_every(run, rule, list(rule.all_rows()), site) or changed
+    return changed
+
+
+def rows_bound_by(rule: RuleRunner, names: Sequence[str], values: Sequence[Any]) -> Sequence[Row]:
+    """The matches that agree with those of the values that are set."""
+    given = {name: value for name, value in zip(names, values, strict=True) if value is not UNSET}
+    return rule.prepare(tuple(given))(*given.values())
+
+
+# --- choice
+
+Tier = tuple[tuple[Callable[..., Any], ...], tuple[float, ...]]
+"""Alternatives of one priority, and their weights."""
+
+
+def run_one_of(run: Run, tiers: Sequence[Tier], *arguments: Any) -> bool | None:
+    """Try alternatives until one succeeds, tier by tier, in a tier drawn by weight."""
+    for alternatives, weights in tiers:
+        left, heavy = list(alternatives), list(weights)
+        while left:
+            number = draw_weighted(run.rng, heavy) if len(left) > 1 else 0
+            outcome: bool | None = left[number](run, *arguments)
+            if outcome is not None:
+                return outcome
+            del left[number], heavy[number]
     return None
 
 

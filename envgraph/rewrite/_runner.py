@@ -99,10 +99,24 @@ class RuleRunner(ABC):
 
         Takes constant time where the rule is watched (`Engine.watch`).
         """
+        return (self._live or self.reader())()
+
+    def reader(self) -> Find:
+        """`live_rows` as the fastest function that there is."""
         if self._live is None:
             self._require(())
             self._live = self.matcher.lister(self.pattern)
-        return self._live()
+        return self._live
+
+    def rows_known(self, arguments: Mapping[str, Value]) -> Sequence[Row]:
+        """As `rows`, unchecked: names and types are right; an object that is gone has no match."""
+        if not arguments:
+            return self.live_rows()
+        shape = self.shape
+        for name, value in arguments.items():
+            if shape.is_object(shape.names.index(name)) and not self.model.alive(value):  # type: ignore[arg-type]
+                return ()
+        return self.prepare(tuple(arguments))(*arguments.values())
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
         """Whether there is a match that agrees with the arguments; raises like `rows`."""
@@ -143,11 +157,7 @@ class RuleRunner(ABC):
         """As `pick`, unchecked: names and types of the arguments are right; an object that is gone has no match."""
         if not arguments:
             return self.pick(rng)
-        shape = self.shape
-        for name, value in arguments.items():
-            if shape.is_object(shape.names.index(name)) and not self.model.alive(value):  # type: ignore[arg-type]
-                return None
-        rows = self.prepare(tuple(arguments))(*arguments.values())
+        rows = self.rows_known(arguments)
         return rows[draw(rng, len(rows))] if rows else None
 
     def once(self, rng: Randomness) -> Row | None:
@@ -161,7 +171,7 @@ class RuleRunner(ABC):
         Raises:
             RuleError: the rule is refused there; the model is as before.
         """
-        rows = self._live() if self._live is not None else self.live_rows()
+        rows = (self._live or self.reader())()
         if not rows:
             return None
         row = rows[int(rng.random() * len(rows))] if len(rows) > 1 else rows[0]
@@ -280,6 +290,10 @@ class ExactClassRule(GraphRule):
     def live_rows(self) -> Sequence[Row]:
         """All matches."""
         return self.all_rows()
+
+    def reader(self) -> Find:
+        """`live_rows`."""
+        return self.live_rows
 
     def once(self, rng: Randomness) -> Row | None:
         """Apply the rule at one of its matches."""

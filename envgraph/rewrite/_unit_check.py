@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, with_article
-from envgraph.metamodel import Metamodel
+from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (
     Alap,
     Atomic,
@@ -70,14 +70,14 @@ class CheckedUnit:
 
     Attributes:
         calls: what each call means, by the identity of the step; None where the name is unknown.
-        conditions: the condition of each `if` with `find`, by the identity of the step.
+        conditions: the conditions with `find` of each `if` and each call, by the identity of the step and their place.
         types: of the parameters.
     """
 
     unit: Unit
     problems: list[Diagnostic] = field(default_factory=list)
     calls: dict[int, Signature] = field(default_factory=dict)
-    conditions: dict[int, Condition] = field(default_factory=dict)
+    conditions: dict[tuple[int, int], Condition] = field(default_factory=dict)
     types: Scope = field(default_factory=dict)
 
     @property
@@ -214,7 +214,7 @@ class _Checker:
                 if otherwise is not None:
                     self._step(otherwise, dict(scope))
             case If():
-                self._condition(step, scope)
+                self._condition(step, 0, step.condition, scope)
                 self._step(step.then, dict(scope))
                 if step.otherwise is not None:
                     self._step(step.otherwise, dict(scope))
@@ -236,9 +236,54 @@ class _Checker:
         self.result.calls[id(call)] = callee
         if call.every and callee.kind == "unit":
             self._error("wrong-kind", f"`all` takes a rule, and `{call.name}` is a unit", span)
-        elif self._arity(call, callee):
+            return
+        if self._arity(call, callee):
             for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
                 self._argument(argument, parameter, callee, scope, call.every)
+        self._selection(call, callee, scope)
+
+    # --- the choice of matches
+
+    def _selection(self, call: Call, callee: Signature, scope: Scope) -> None:
+        """Check which matches a call is about, and in which order."""
+        self._shape_of_selection(call)
+        used = {"first": call.first, "top": call.limit is not None, "where": call.where, "by": call.by}
+        words = [word for word, given in used.items() if given]
+        if not words:
+            return
+        if callee.kind != "rule":
+            span = call.name_span or call.span
+            self._error(
+                "wrong-kind", f"`{words[0]}` takes a rule, and `{call.name}` is a {callee.kind}", span
+            )
+            return
+        if any(variable.type is None for variable in callee.variables) or not (
+            callee.variables or not callee.parameters
+        ):
+            return  # the rule has errors of its own
+        inside = {**scope, **{variable.name: variable.type for variable in callee.variables}}
+        for place, condition in enumerate(call.where):
+            self._condition(call, place, condition, inside)
+        if call.by is not None:
+            self._order(call.by, inside)
+
+    def _shape_of_selection(self, call: Call) -> None:
+        if call.limit is not None and call.limit < 1:
+            self._error("bad-bounds", "`top` takes at least 1", call.span)
+        ordered = call.limit is not None or call.by is not None
+        if (ordered and (call.by is None or not call.every or call.first)) or (call.first and call.every):
+            self._error(
+                "wrong-selection",
+                "a call is one of: at random, `first`, `all`, `all` with `by`, `top` with `by`",
+                call.span,
+            )
+
+    def _order(self, by: Expression, scope: Scope) -> None:
+        type_, problems = check_expression(by, scope, self.metamodel, bare_objects=False)
+        self.result.problems.extend(problems)
+        if type_ is not None and not problems and type_ not in (Scalar.INT, Scalar.FLOAT):
+            message = f"`by` takes a number, not {with_article(type_text(type_))}"
+            self._error("wrong-type", message, by.span)
 
     def _arity(self, call: Call, callee: Signature) -> bool:
         required = [parameter.name for parameter in callee.parameters if parameter.required]
@@ -280,8 +325,9 @@ class _Checker:
 
     # --- conditions
 
-    def _condition(self, step: If, scope: Scope) -> None:
-        condition = step.condition
+    def _condition(
+        self, step: Step, place: int, condition: PatternCall | Negation | Check, scope: Scope
+    ) -> None:
         unknown = list(self._unknown(condition, scope))
         for variable in unknown:
             hint = did_you_mean(variable.name, scope) or "write `_` for any"
@@ -299,7 +345,7 @@ class _Checker:
         lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
         problems = [p for p in left_problems(self.library, lowered.pattern) if p.severity is Severity.ERROR]
         self.result.problems.extend(problems)
-        self.result.conditions[id(step)] = lowered
+        self.result.conditions[id(step), place] = lowered
 
     def _unknown(self, condition: PatternCall | Negation | Check, scope: Scope) -> Iterator[Variable]:
         for variable in mentioned(condition):

@@ -37,7 +37,7 @@ def test_a_simple_name_of_two_definitions_is_ambiguous() -> None:
     assert made.count("a.r") == 1
     with pytest.raises(InvalidArgument, match=r"`r` is ambiguous: `a\.r`, `b\.r`"):
         made.matches("r")
-    assert made.run("u") is True  # a unit means the rule of its own package
+    assert made.run("u")  # a unit means the rule of its own package
 
 
 def test_unknown_names_get_a_suggestion() -> None:
