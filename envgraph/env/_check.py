@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import prod
 
 from envgraph.env._behaviour import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
@@ -11,7 +11,7 @@ from envgraph.env._check_calls import CallChecking
 from envgraph.env._check_views import ViewChecking
 from envgraph.env._clauses import condition_question, is_asked
 from envgraph.env._domains import MOST_VALUES, domain_count, domain_type
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, sort_diagnostics
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, sort_diagnostics
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Negation, Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
@@ -37,11 +37,13 @@ class _Checker(CallChecking, ViewChecking):
     def check(self, behaviour: Behaviour) -> None:
         """Collect everything."""
         scope = self._parameters(behaviour.parameters)
-        self._owner(behaviour, scope)
+        first: dict[str, Span | None] = {}
+        self._owner(behaviour, scope, first)
         for reset in behaviour.resets:
             self.call(reset.apply, scope)
         for agent in behaviour.agents:
-            self._agent(agent, scope)
+            self._agent(agent, scope, first)
+        self._apart(behaviour.agents)
         self._whole(behaviour)
         if behaviour.draw is not None:
             self.draw(behaviour.draw, scope)
@@ -51,19 +53,31 @@ class _Checker(CallChecking, ViewChecking):
     def _whole(self, behaviour: Behaviour) -> None:
         owners: Sequence[Behaviour | Agent] = (behaviour, *behaviour.agents)
         span = behaviour.span
-        if not any(owner.actions for owner in owners):
-            hint = "write `action name = rule(..)`"
-            self.report("no-actions", f"environment `{behaviour.name}` has no actions", span, hint)
+        agents = behaviour.agents or (None,)
+        for agent in agents:
+            if not (behaviour.actions or (agent and agent.actions)):
+                who, place = self._who(behaviour, agent)
+                hint = "write `action name = rule(..)`"
+                self.report("no-actions", f"{who} has no actions", place, hint)
         clauses = [effect for owner in owners for effect in owner.effects if isinstance(effect, OnFind)]
         if not any(clause.terminate == "success" for clause in clauses):
             message = f"environment `{behaviour.name}` never ends in success"
             hint = "write `on find .. terminate success`"
             self.report("no-success", message, span, hint, Severity.WARNING)
-        if not any(owner.observations for owner in owners):
-            message = f"the agent of `{behaviour.name}` observes nothing"
-            self.report("no-observation", message, span, "write `observe ..`", Severity.WARNING)
+        for agent in agents:
+            if not (behaviour.observations or (agent and agent.observations)):
+                who, place = self._who(behaviour, agent)
+                message = f"{who if agent else f'the agent of `{behaviour.name}`'} observes nothing"
+                self.report("no-observation", message, place, "write `observe ..`", Severity.WARNING)
         if behaviour.limit is not None and behaviour.limit < 1:
             self.report("empty-range", f"a limit of {behaviour.limit} steps", span, "at least 1 step")
+
+    @staticmethod
+    def _who(behaviour: Behaviour, agent: Agent | None) -> tuple[str, Span | None]:
+        """What an agent is called, and where it stands; None for a behaviour without `agent` blocks."""
+        if agent is None:
+            return f"environment `{behaviour.name}`", behaviour.span
+        return f"agent `{agent.variable}`", agent.span
 
     def _parameters(self, parameters: Iterable[Parameter]) -> Scope:
         scope: Scope = {}
@@ -76,17 +90,30 @@ class _Checker(CallChecking, ViewChecking):
             scope[parameter.name] = self.class_of(parameter)
         return scope
 
-    def _agent(self, agent: Agent, outer: Scope) -> None:
+    def _agent(self, agent: Agent, outer: Scope, shared: Mapping[str, Span | None]) -> None:
         scope = dict(outer)
         if agent.variable in scope:
             self.report("duplicate-definition", f"`{agent.variable}` is a parameter already", agent.span)
         scope[agent.variable] = self.known_class(agent.cls, agent.cls_span or agent.span)
-        message, hint = "this can be checked, but not run yet", "to run it, move the clauses out of the block"
-        self.report("no-agents", message, agent.span, hint, Severity.WARNING)
-        self._owner(agent, scope)
+        self._owner(agent, scope, dict(shared))
 
-    def _owner(self, owner: Behaviour | Agent, scope: Scope) -> None:
-        first: dict[str, Span | None] = {}
+    def _apart(self, agents: Sequence[Agent]) -> None:
+        """See that no object is the agent of two blocks."""
+        for position, agent in enumerate(agents):
+            for other in agents[:position]:
+                if agent.variable == other.variable:
+                    self.twice("agent", agent.variable, agent.span, other.span)
+                elif {agent.cls, other.cls} <= set(self.metamodel.classes) and self.metamodel.overlap(
+                    agent.cls, other.cls
+                ):
+                    message = f"an object of `{agent.cls}` may be `{other.variable}` already"
+                    notes = (Note("the first one is here", other.cls_span or other.span),)
+                    span = agent.cls_span or agent.span
+                    hint = "an object is one agent; put the clauses into one block"
+                    self.report("duplicate-agent", message, span, hint, notes=notes)
+
+    def _owner(self, owner: Behaviour | Agent, scope: Scope, first: dict[str, Span | None]) -> None:
+        """Check the clauses of a behaviour or agent; `first` has the actions that it has already, and gets its own."""
         total = 0
         for action in owner.actions:
             if action.name in first:

@@ -6,8 +6,8 @@ from envgraph.env._behaviour import Domain
 from envgraph.metamodel import EnumType, Metamodel, Scalar
 from envgraph.pattern import ObjectType, StaticType
 
-MOST_VALUES = 2**31 - 1
-"""Largest number of observations: indices are kept as int32."""
+MOST_VALUES = 2**63 - 1
+"""Largest number of observations: indices are int64."""
 
 
 def domain_type(domain: Domain, metamodel: Metamodel) -> StaticType | None:

@@ -7,6 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph.env._behaviour import Behaviour
 from envgraph.env._keys import KeyIndex
@@ -83,8 +84,8 @@ Walk = Generator[tuple[float, int, Outcome | None]]
 class _Search:
     """A depth-first walk: every move is made once, and taken back, so that no state needs to be stored.
 
-    A state is known by the hash of the model, and by whether the episode is over: a start state is not over even
-    where a step to it would have ended the episode.
+    A state is known by the hash of the model, by whose turn it is, and by whether the episode is over: a start state is
+    not over even where a step to it would have ended the episode.
 
     Attributes:
         number: of each state, in the order of the walk.
@@ -94,9 +95,10 @@ class _Search:
     simulator: Simulator
     limit: int
     painter: Painter | None
-    number: dict[tuple[int, bool], int] = field(default_factory=dict)
+    number: dict[tuple[int, int, bool], int] = field(default_factory=dict)
     rows: list[Row | None] = field(default_factory=list)
     observations: list[int] = field(default_factory=list)
+    turns: list[int] = field(default_factory=list)
     scenes: list[Scene] = field(default_factory=list)
     starts: list[tuple[float, int]] = field(default_factory=list)
     _drawn: dict[Scene, Scene] = field(default_factory=dict)
@@ -139,7 +141,7 @@ class _Search:
 
     def _enter(self, outcome: Outcome | None) -> tuple[int, bool]:
         """Number of the present state, and whether it is new."""
-        key = self.simulator.engine.model.state_hash(), bool(outcome and outcome.terminated)
+        key = *self.simulator.state_key(), bool(outcome and outcome.terminated)
         found = self.number.get(key)
         if found is not None:
             return found, False
@@ -151,6 +153,7 @@ class _Search:
         self.number[key] = len(self.rows)
         self.rows.append(None)
         self.observations.append(self.simulator.observe() if outcome is None else outcome.observation)
+        self.turns.append(self.simulator.turn)
         if self.painter is not None:
             scene = self.painter.scene()
             self.scenes.append(self._drawn.setdefault(scene, scene))
@@ -180,14 +183,19 @@ class _Search:
             probability=probability,
             reward=reward,
             terminated=terminated,
-            observation=np.array([self.observations[state] for state in order], dtype=np.int32),
+            observation=np.array([self.observations[state] for state in order], dtype=np.int64),
             start_states=np.array(list(starts), dtype=np.int32),
             start_probability=np.array(list(starts.values())),
             n_observations=simulator.n_observations,
             observation_shape=simulator.observation_shape,
             action_names=simulator.action_names,
+            agent_names=simulator.agent_names,
+            turn=self._turns(order) if simulator.agent_names else None,
         )
         return Explored(tabular, tuple(self.scenes[state] for state in order) if self.scenes else ())
+
+    def _turns(self, order: list[int]) -> NDArray[np.int32]:
+        return np.array([self.turns[state] for state in order], dtype=np.int32)
 
     def _breadth_first(self) -> list[int]:
         order = list(dict.fromkeys(state for _, state in self.starts))

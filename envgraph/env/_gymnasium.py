@@ -108,8 +108,9 @@ class EnvgraphEnv(_Environment):
     """An environment that steps through a table of its states.
 
     Observations are indices (`Discrete`), or with `observation="multi"` their components (`MultiDiscrete`). The info
-    has `state` (number of the state), `step` (steps since the reset) and `success`. Time limits are Gymnasium's own:
-    registered, or `gymnasium.wrappers.TimeLimit`. Stepping on after the end of an episode is an error.
+    has `state` (number of the state), `step` (steps since the reset), `success`, and where several agents take turns
+    `agent`, the one that acts next. Time limits are Gymnasium's own: registered, or `gymnasium.wrappers.TimeLimit`.
+    Stepping on after the end of an episode is an error.
 
     `reset(options={"state": s})` begins in state s.
 
@@ -181,7 +182,9 @@ class EnvgraphEnv(_Environment):
         return observed, flat.reward[place], ended > 0, False, self._info(success=ended == SUCCESS)
 
     def _info(self, success: bool) -> dict[str, Any]:
-        return {"state": self._state, "step": self._steps, "success": success}
+        info = {"state": self._state, "step": self._steps, "success": success}
+        turn, names = self.tabular.turn, self.tabular.agent_names
+        return info if turn is None else {**info, "agent": names[turn[self._state]]}
 
     def _scene(self) -> Scene:
         return self._pictures[self._state]
@@ -249,16 +252,21 @@ class EnvgraphLiveEnv(_Environment):
         super().reset(seed=seed)
         index = self.simulator.reset(self.np_random)
         self._begin()
-        return self._observed(index), {"step": 0, "success": False}
+        return self._observed(index), self._info(success=False)
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
         outcome = self.simulator.step(self._check_step(action), self.np_random)
         self._steps += 1
         self._running = not outcome.terminated
-        info = {"step": self._steps, "success": outcome.terminated == SUCCESS}
+        info = self._info(success=outcome.terminated == SUCCESS)
         observed = self._observed(outcome.observation)
         return observed, outcome.reward, outcome.terminated > 0, False, info
+
+    def _info(self, success: bool) -> dict[str, Any]:
+        info: dict[str, Any] = {"step": self._steps, "success": success}
+        names = self.simulator.agent_names
+        return {**info, "agent": names[self.simulator.turn]} if names else info
 
     def _scene(self) -> Scene:
         assert self._painter is not None

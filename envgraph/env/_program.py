@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
-from math import prod
+from typing import TypeVar
 
 from envgraph.env._behaviour import (
     Action,
+    Agent,
     Behaviour,
     Branch,
     Domain,
     EachStep,
+    Effect,
     Observation,
     ObserveAttribute,
     ObserveFind,
     ObserveObject,
     ObserveRange,
-    OnFind,
     RuleCall,
 )
 from envgraph.env._binding import Reader, bind_parameters, reader
 from envgraph.env._clauses import Question, condition_question, count_question
-from envgraph.env._domains import MOST_VALUES, domain_type
+from envgraph.env._domains import domain_type
 from envgraph.env._keys import KeyIndex
 from envgraph.env._observing import KeyedObjects, literal_index, object_index, observer, range_index
 from envgraph.env._prepared import (
@@ -53,23 +54,35 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite import Engine
 
+Clause = TypeVar("Clause", bound=Action | Effect | Observation)
+
+Types = Mapping[str, str]
+"""Names that a clause knows, and the classes of their objects."""
+
 ENDS = {None: 0, "success": 1, "failure": 2}
 
 
 class Program:
-    """A behaviour on one engine.
+    """A behaviour on one engine, as one agent has it.
 
     Args:
         behaviour: checked, without errors.
         engine: its model is the initial state. Helper patterns are added to it.
         keys: the indices of objects over the family.
+        agent: the block of the agent, whose clauses are added to those that are shared, and its object; None for a
+            behaviour without agents.
 
     Raises:
         ResolutionError: a parameter has no object.
-        EvaluationError: too many observations.
     """
 
-    def __init__(self, behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
+    def __init__(
+        self,
+        behaviour: Behaviour,
+        engine: Engine,
+        keys: KeyIndex,
+        agent: tuple[Agent, int] | None = None,
+    ) -> None:
         self.engine = engine
         self.model: Model = engine.model
         self._keys = keys
@@ -77,24 +90,26 @@ class Program:
         self._read: Reader = reader(self.model)
         self.bound: dict[str, Value | None] = {}
         self.bound.update(bind_parameters(self.model, behaviour.parameters))
-        self._types = {parameter.name: parameter.type or "" for parameter in behaviour.parameters}
+        shared = {parameter.name: parameter.type or "" for parameter in behaviour.parameters}
+        own, block = shared, Agent("", "")
+        if agent is not None:
+            block, self.bound[agent[0].variable] = agent
+            own = {**shared, block.variable: block.cls}
         self._objects: dict[str, KeyedObjects] = {}
-        self.actions = [
-            prepared for action in behaviour.actions for prepared in self._actions(action, behaviour)
-        ]
-        self.effects = [self._effect(effect) for effect in behaviour.effects]
+        effects = _together(block.effects, own, behaviour.effects, shared)
+        actions = _together(block.actions, own, behaviour.actions, shared)
+        seen = _together(block.observations, own, behaviour.observations, shared)
+        self.actions = [one for action, _ in actions for one in self._actions(action, effects)]
+        self.effects = [self._effect(effect, types) for effect, types in effects]
         self.resets = [self._call(reset.apply) for reset in behaviour.resets]
-        self.components = [part for seen in behaviour.observations for part in self._components(seen)]
-        size = prod(component.size for component in self.components)
-        if size > MOST_VALUES:
-            raise EvaluationError(f"{size} observations, at most {MOST_VALUES} are possible: observe less")
+        self.components = [part for clause, types in seen for part in self._components(clause, types)]
 
     # --- actions
 
-    def _actions(self, action: Action, behaviour: Behaviour) -> Iterator[PreparedAction]:
+    def _actions(self, action: Action, effects: Sequence[tuple[Effect, Types]]) -> Iterator[PreparedAction]:
         branches = self._alternatives(action.branches)
         reward, else_reward = self._reward(action.reward), self._reward(action.else_reward)
-        before = sum(1 for effect in behaviour.effects if _stands_before(effect, action))
+        before = sum(1 for effect, _ in effects if _stands_before(effect, action))
         domains = [self._values(domain) for _, domain in action.parameters]
         for values in product(*domains):
             shown = ", ".join(text for text, _ in values)
@@ -169,11 +184,11 @@ class Program:
 
     # --- effects
 
-    def _effect(self, effect: EachStep | OnFind) -> PreparedEach | PreparedClause:
+    def _effect(self, effect: Effect, types: Types) -> PreparedEach | PreparedClause:
         if isinstance(effect, EachStep):
             apply = self._alternatives(effect.apply) if effect.apply else None
             return PreparedEach(self._reward(effect.reward), apply)
-        question = self._ask(effect.condition)
+        question = self._ask(effect.condition, types)
         matches, holds = self._matches(question)
         return PreparedClause(
             matches,
@@ -184,8 +199,8 @@ class Program:
             self._call(effect.apply) if effect.apply else None,
         )
 
-    def _ask(self, condition: PatternCall | Negation) -> Question:
-        return self._added(lambda name: condition_question(name, condition, self._types))
+    def _ask(self, condition: PatternCall | Negation, types: Types) -> Question:
+        return self._added(lambda name: condition_question(name, condition, types))
 
     def _added(self, make: Callable[[str], Question]) -> Question:
         """A helper pattern under a name that is free, or under which the same pattern stands already."""
@@ -224,11 +239,11 @@ class Program:
 
     # --- observations
 
-    def _components(self, observation: Observation) -> Iterator[Component]:
+    def _components(self, observation: Observation, types: Types) -> Iterator[Component]:
         if isinstance(observation, ObserveFind):
-            yield self._found(observation)
+            yield self._found(observation, types)
             return
-        size, index, padding = self._meaning(observation)
+        size, index, padding = self._meaning(observation, types)
         path, read = observation.path, self._read
         for value in self._owners(observation.each):
             yield Component(size, observer(path, value, read, index, padding, self.bound))
@@ -243,7 +258,7 @@ class Program:
         yield from ((each.name, _item(objects, i)) for i in range(len(objects.keys)))
 
     def _meaning(
-        self, observation: ObserveObject | ObserveRange | ObserveAttribute
+        self, observation: ObserveObject | ObserveRange | ObserveAttribute, types: Types
     ) -> tuple[int, Callable[[Value | None], int], int]:
         """Number of values, the index of what a path leads to, and the index where an object is missing."""
         match observation:
@@ -257,22 +272,22 @@ class Program:
             case ObserveRange(low=low, high=high):
                 return high - low + 1, range_index(low, high), 0
             case ObserveAttribute():
-                type_ = self._static_type(observation)
+                type_ = self._static_type(observation, types)
                 literals = type_.literals if isinstance(type_, EnumType) else (False, True)
                 return len(literals), literal_index(literals), 0
 
-    def _static_type(self, observation: ObserveAttribute) -> object:
-        scope = {name: ObjectType(cls) for name, cls in self._types.items()}
+    def _static_type(self, observation: ObserveAttribute, types: Types) -> object:
+        scope = {name: ObjectType(cls) for name, cls in types.items()}
         if observation.each is not None and observation.each.type is not None:
             scope[observation.each.name] = ObjectType(observation.each.type)
         return check_expression(observation.path, scope, self.model.metamodel)[0]
 
-    def _found(self, observation: ObserveFind) -> Component:
+    def _found(self, observation: ObserveFind, types: Types) -> Component:
         if observation.up_to is None:
-            matches, _ = self._matches(self._ask(observation.call))
+            matches, _ = self._matches(self._ask(observation.call, types))
             return Component(2, lambda: 1 if matches() else 0)
         call, limit = observation.call, observation.up_to
-        counting = self._added(lambda name: count_question(name, call, self._types))
+        counting = self._added(lambda name: count_question(name, call, types))
         counted, _ = self._matches(counting)
 
         def count() -> int:
@@ -301,7 +316,18 @@ def _number(reward: Expression, value: Value | None) -> float:
     return float(value)
 
 
-def _stands_before(effect: EachStep | OnFind, action: Action) -> bool:
+def _together(
+    own: Sequence[Clause], own_types: Types, shared: Sequence[Clause], shared_types: Types
+) -> list[tuple[Clause, Types]]:
+    """Clauses with the names that they know, in the order of the text; an agent's own first where there is no text."""
+    both = [*((clause, own_types) for clause in own), *((clause, shared_types) for clause in shared)]
+    starts = [clause.span.start for clause, _ in both if clause.span is not None]
+    if len(starts) < len(both):
+        return both
+    return [both[place] for place in sorted(range(len(both)), key=starts.__getitem__)]
+
+
+def _stands_before(effect: Effect, action: Action) -> bool:
     if effect.span is None or action.span is None or effect.span.source is not action.span.source:
         return False
     return effect.span.start < action.span.start

@@ -8,14 +8,15 @@ from math import fsum, prod
 
 import numpy as np
 
-from envgraph.env._behaviour import Agent, Behaviour
+from envgraph.env._agents import Agents
+from envgraph.env._behaviour import Behaviour
 from envgraph.env._check import check_behaviour
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
 from envgraph.env._sampling import Draw
 from envgraph.env._scene import Painter
-from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity
+from envgraph.errors import InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Savepoint
 from envgraph.match import Row
 from envgraph.rewrite import Engine
@@ -52,28 +53,37 @@ class Simulator:
     `reward` of an action counts when its rule was applied or the branch `nothing()` was drawn, `else reward` when there
     was no match, or when the probability that is missing to 1 was drawn.
 
+    With `agent` blocks a step is the turn of one agent: it does what its block and the shared clauses say, the reward
+    is that of its turn, and then the next agent observes. Agents take turns block by block, in a block by key; one that
+    is gone is passed over.
+
     Args:
         engine: with the model, its patterns and rules.
         behaviour: what the environment does.
         keys: indices of objects over a family; those of the engine's model alone if None.
 
     Raises:
-        ResolutionError: the behaviour has errors, or parts that cannot be run.
+        ResolutionError: the behaviour has errors, or the model has no object for a parameter, or no agent.
+
+    Attributes:
+        agent_names: of the agents, in the order of their turns; () for a behaviour without `agent` blocks.
+        turn: number of the agent that acts next.
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
         problems = [p for p in check_behaviour(behaviour, engine) if p.severity is Severity.ERROR]
-        problems += [_refused(agent) for agent in behaviour.agents]
         if problems:
             raise ResolutionError(problems)
         self.engine = engine
         self.behaviour = behaviour
         self.keys = keys or KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-        self._program = Program(behaviour, engine, self.keys)
+        self._agents = Agents(behaviour, engine, self.keys)
         self._model = engine.model
         self._start: Savepoint | None = None
-        self.action_names = tuple(action.name for action in self._program.actions)
-        self.observation_shape = tuple(component.size for component in self._program.components)
+        self.turn = self._first = self._agents.after(-1)
+        self.agent_names = tuple(seat.name for seat in self._agents.seats if seat.node is not None)
+        self.action_names = self._agents.action_names
+        self.observation_shape = self._agents.shape
         self.n_observations = prod(self.observation_shape)
 
     # --- live
@@ -102,14 +112,15 @@ class Simulator:
         if self._start is not None:
             self._model.rollback(self._start)
             self._start = None
+            self.turn = self._first
 
     def observe(self) -> int:
-        """The index of what the agent sees of the present state; the first component varies fastest."""
-        index, weight = 0, 1
-        for component in self._program.components:
-            index += component.read() * weight
-            weight *= component.size
-        return index
+        """The index of what the agent that acts next sees of the present state; the first component varies fastest."""
+        return self._agents.observation(self._agents.seats[self.turn])
+
+    def state_key(self) -> tuple[int, int]:
+        """What tells states apart: the model, and whose turn it is."""
+        return self._model.state_hash(), self.turn
 
     def painter(self) -> Painter:
         """Draws the states of this simulator.
@@ -133,6 +144,7 @@ class Simulator:
                 yield choices.probability
             finally:
                 self._model.rollback(savepoint)
+                self.turn = self._first
 
     def outcomes(self, action: int) -> Generator[tuple[float, Outcome]]:
         """Probability and outcome of an action in the present state, in the order of the choices.
@@ -140,7 +152,7 @@ class Simulator:
         While the caller looks at an outcome the model is in the successor state; afterwards it is as before. Outcomes
         that are the same are not put together.
         """
-        prepared = self._action(action)
+        prepared, turn = self._action(action), self.turn
         for choices in _all_choices():
             savepoint = self._model.savepoint()
             try:
@@ -148,22 +160,25 @@ class Simulator:
                 yield choices.probability, outcome
             finally:
                 self._model.rollback(savepoint)
+                self.turn = turn
 
     # --- the step
 
     def _action(self, number: int) -> PreparedAction:
-        actions = self._program.actions
+        actions = self._agents.seats[self.turn].actions
         if not 0 <= number < len(actions):
             raise InvalidArgument(f"action {number} is not in 0..{len(actions) - 1}")
         return actions[number]
 
     def _begin(self, choices: Choices) -> None:
-        for call in self._program.resets:
+        shared = self._agents.seats[0].program
+        for call in shared.resets:
             if call is not None:
-                call.run(self._program.bound, choices, self._model)
+                call.run(shared.bound, choices, self._model)
+        self.turn = self._agents.after(-1)
 
     def _step(self, action: PreparedAction, choices: Choices) -> Outcome:
-        program, model = self._program, self._model
+        program, model = self._agents.seats[self.turn].program, self._model
         scope: Scope = program.bound
         if action.values:
             scope = {**scope, **{name: value() for name, value in action.values}}
@@ -171,15 +186,16 @@ class Simulator:
         for effect in program.effects:
             if isinstance(effect, PreparedEach) and effect.apply is not None:
                 effect.apply.run(program.bound, choices, model)
-        reward, terminated, pending = self._judge(action, scope, done)
-        self._apply(pending, choices)
+        reward, terminated, pending = self._judge(program, action, scope, done)
+        self._apply(program, pending, choices)
+        self.turn = self._agents.after(self.turn)
         return Outcome(reward, terminated, self.observe())
 
     def _judge(
-        self, action: PreparedAction, scope: Scope, done: Scope | None
+        self, program: Program, action: PreparedAction, scope: Scope, done: Scope | None
     ) -> tuple[float, int, list[tuple[PreparedClause, Row]]]:
         """Reward and end of a step on the present state, and the matches whose `apply` is to run."""
-        effects = self._program.effects
+        effects = program.effects
         total, terminated = 0.0, GOES_ON
         pending: list[tuple[PreparedClause, Row]] = []
         for position in range(len(effects) + 1):
@@ -190,23 +206,26 @@ class Simulator:
                 break
             effect = effects[position]
             if isinstance(effect, PreparedEach):
-                total += effect.reward(self._program.bound) if effect.reward else 0.0
+                total += effect.reward(program.bound) if effect.reward else 0.0
                 continue
             for row in effect.matches():
-                total += effect.reward(self._matched(effect, row)) if effect.reward else 0.0
+                total += effect.reward(_matched(program, effect, row)) if effect.reward else 0.0
                 terminated = max(terminated, effect.ends)
                 if effect.apply is not None:
                     pending.append((effect, row))
         return total, terminated, pending
 
-    def _matched(self, clause: PreparedClause, row: Row) -> Scope:
-        return {**self._program.bound, **dict(zip(clause.names, row, strict=True))}
-
-    def _apply(self, pending: Sequence[tuple[PreparedClause, Row]], choices: Choices) -> None:
+    def _apply(
+        self, program: Program, pending: Sequence[tuple[PreparedClause, Row]], choices: Choices
+    ) -> None:
         for position, (clause, row) in enumerate(pending):
             assert clause.apply is not None
             if position == 0 or clause.holds(row):  # nothing can have changed before the first
-                clause.apply.run(self._matched(clause, row), choices, self._model)
+                clause.apply.run(_matched(program, clause, row), choices, self._model)
+
+
+def _matched(program: Program, clause: PreparedClause, row: Row) -> Scope:
+    return {**program.bound, **dict(zip(clause.names, row, strict=True))}
 
 
 class _Recorded:
@@ -258,10 +277,3 @@ def _all_choices() -> Iterator[_Recorded]:
         if not script:
             return
         script[-1] += 1
-
-
-def _refused(agent: Agent) -> Diagnostic:
-    message = "environments with several agents cannot be run yet"
-    return Diagnostic(
-        "no-agents", message, agent.cls_span or agent.span, "move the clauses of the block out of it"
-    )

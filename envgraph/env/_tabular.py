@@ -27,24 +27,28 @@ class Tabular:
         probability: float64 [S, A, K]; sums to 1 over K.
         reward: float64 [S, A, K], in the units of the behaviour's `reward` clauses.
         terminated: int8 [S, A, K]; the outcome goes on (0), ends the episode in success (1) or in failure (2).
-        observation: int32 [S]; what the agent sees of a state, an index from 0. States may look alike.
+        observation: int64 [S]; what the agent sees of a state, an index from 0. States may look alike.
         start_states: int32 [N], different states.
         start_probability: float64 [N]; sums to 1.
         n_observations: how many observations there are, the same for all members of a family.
         observation_shape: sizes of the components of an observation; the first varies fastest in the index.
         action_names: one name an action, in the order of the indices.
+        agent_names: of the agents that take turns, in the order in which they act; () where there is only one.
+        turn: int32 [S], which of them acts in a state; None where there is only one.
     """
 
     next_state: NDArray[np.int32]
     probability: NDArray[np.float64]
     reward: NDArray[np.float64]
     terminated: NDArray[np.int8]
-    observation: NDArray[np.int32]
+    observation: NDArray[np.int64]
     start_states: NDArray[np.int32]
     start_probability: NDArray[np.float64]
     n_observations: int
     observation_shape: tuple[int, ...]
     action_names: tuple[str, ...]
+    agent_names: tuple[str, ...] = ()
+    turn: NDArray[np.int32] | None = None
 
     @property
     def n_states(self) -> int:
@@ -89,6 +93,9 @@ class Tabular:
         _require(len(set(self.action_names)) == self.n_actions, "`action_names` has a name twice")
         size = prod(self.observation_shape)
         _require(size == self.n_observations, f"`observation_shape` spans {size}, not {self.n_observations}")
+        _require((self.turn is None) == (not self.agent_names), "`turn` is there if there are agents")
+        if self.turn is not None:
+            _require(self.turn.shape == (self.n_states,), "`turn` needs one agent a state")
 
     def _check_indices(self) -> None:
         _require(_within(self.next_state, self.n_states), "`next_state` names a state that is not there")
@@ -98,6 +105,8 @@ class Tabular:
         )
         _require(_within(self.observation, self.n_observations), "`observation` is outside its range")
         _require(_within(self.terminated, 3), "`terminated` is 0, 1 or 2")
+        if self.turn is not None:
+            _require(_within(self.turn, len(self.agent_names)), "`turn` names an agent that is not there")
 
     @staticmethod
     def _check_distribution(name: str, values: NDArray[np.float64]) -> None:
@@ -106,7 +115,7 @@ class Tabular:
         _require(bool(close.all()), f"`{name}` does not sum to 1")
 
 
-def _within(values: NDArray[np.int32] | NDArray[np.int8], size: int) -> bool:
+def _within(values: NDArray[np.int32] | NDArray[np.int64] | NDArray[np.int8], size: int) -> bool:
     return bool(((values >= 0) & (values < size)).all())
 
 

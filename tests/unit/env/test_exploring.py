@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from envgraph.env import Simulator, enumerate_states, explore
-from envgraph.errors import EvaluationError, ResolutionError, RuleError
+from envgraph.env import enumerate_states, explore
+from envgraph.errors import EvaluationError, RuleError
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded, table
 
@@ -77,13 +77,6 @@ def test_a_model_is_left_to_its_versions_while_it_is_explored() -> None:
     engine.checkout(second)
     assert (burning.n_states, green.n_states) == (2, 3)
     assert (enumerate_states(engine, behaviour).reward == burning.reward).all()
-
-
-def test_blocks_for_several_agents_are_refused() -> None:
-    text = "agent coin : Coin { action lose = lose(coin) observe coin.side }\non find up(_) terminate success"
-    engine, behaviour = loaded(text)
-    with pytest.raises(ResolutionError, match="several agents cannot be run yet"):
-        Simulator(engine, behaviour)
 
 
 def test_rewards_are_summed_in_the_order_of_the_file() -> None:

@@ -1,0 +1,155 @@
+"""The agents of a behaviour, and whose turn it is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from math import prod
+
+from envgraph.env._behaviour import Agent, Behaviour
+from envgraph.env._domains import MOST_VALUES
+from envgraph.env._keys import KeyIndex, key_attributes
+from envgraph.env._prepared import Alternatives, PreparedAction
+from envgraph.env._program import Program
+from envgraph.errors import Diagnostic, EvaluationError, ResolutionError
+from envgraph.graph import Model
+from envgraph.rewrite import Engine
+
+
+@dataclass(frozen=True, slots=True)
+class Seat:
+    """One agent, with the behaviour as it is for that agent.
+
+    Attributes:
+        name: of the agent: the key of its object. "" where a behaviour has no agents, and somebody from outside acts.
+        node: its object; None where a behaviour has no agents.
+        block: number of its `agent` block.
+        actions: one for each of the environment's actions; those that the agent does not have do nothing.
+    """
+
+    name: str
+    node: int | None
+    block: int
+    program: Program
+    actions: tuple[PreparedAction, ...]
+
+
+class Agents:
+    """The agents of one model in the order in which they act: block by block, in a block by key.
+
+    An agent whose object is gone, or no longer of the class, is passed over.
+
+    Args:
+        behaviour: checked, without errors.
+        engine: its model is the initial state.
+        keys: the indices of objects over the family.
+
+    Raises:
+        ResolutionError: a parameter has no object, or no `agent` block has one.
+        EvaluationError: too many observations.
+
+    Attributes:
+        seats: the agents.
+        action_names: of all actions; the same number is the same name for everybody.
+        shape: sizes of the components of an observation, the same for everybody. With several blocks the first
+            component says whose turn it is, by block.
+    """
+
+    def __init__(self, behaviour: Behaviour, engine: Engine, keys: KeyIndex) -> None:
+        self._model: Model = engine.model
+        programs = list(_programs(behaviour, engine, keys))
+        if not programs:
+            raise ResolutionError([_nobody(agent) for agent in behaviour.agents])
+        own = [{action.name: action for action in program.actions} for _, _, _, program in programs]
+        self.action_names = tuple(dict.fromkeys(name for actions in own for name in actions))
+        self.seats = tuple(
+            Seat(
+                name,
+                node,
+                block,
+                program,
+                tuple(actions.get(each, _idle(each)) for each in self.action_names),
+            )
+            for (name, node, block, program), actions in zip(programs, own, strict=True)
+        )
+        self._classes = tuple(agent.cls for agent in behaviour.agents)
+        shapes = [[part.size for part in seat.program.components] for seat in self.seats]
+        lead = (len(behaviour.agents),) if len(behaviour.agents) > 1 else ()
+        self.shape = (*lead, *(max(sizes) for sizes in zip_longest(*shapes, fillvalue=1)))
+        size = prod(self.shape)
+        if size > MOST_VALUES:
+            raise EvaluationError(f"{size} observations, at most {MOST_VALUES} are possible: observe less")
+
+    def present(self, seat: Seat) -> bool:
+        """Whether an agent can act in the present state of the model."""
+        if seat.node is None:
+            return True
+        model = self._model
+        return model.alive(seat.node) and model.metamodel.is_a(
+            model.class_of(seat.node), self._classes[seat.block]
+        )
+
+    def after(self, turn: int) -> int:
+        """Number of the agent that acts after another one; the same one where nobody else can.
+
+        `after(-1)` is the first one.
+        """
+        count = len(self.seats)
+        for step in range(1, count + 1):
+            number = (turn + step) % count
+            if self.present(self.seats[number]):
+                return number
+        return max(turn, 0)
+
+    def observation(self, seat: Seat) -> int:
+        """What an agent sees of the present state, as an index; 0 for one that is gone."""
+        if not self.present(seat):
+            return 0
+        index, weight, sizes = 0, 1, iter(self.shape)
+        if len(self._classes) > 1:
+            index, weight = seat.block, next(sizes)
+        for component, size in zip(seat.program.components, sizes, strict=False):
+            index += component.read() * weight
+            weight *= size
+        return index
+
+
+def _programs(
+    behaviour: Behaviour, engine: Engine, keys: KeyIndex
+) -> Sequence[tuple[str, int | None, int, Program]]:
+    if not behaviour.agents:
+        return [("", None, 0, Program(behaviour, engine, keys))]
+    found: list[tuple[str, int, int, str]] = []
+    for block, agent in enumerate(behaviour.agents):
+        for name, node in _named(engine.model, agent, keys):
+            found.append((name, node, block, agent.variable))
+    often = Counter(name for name, _, _, _ in found)
+    result = []
+    for name, node, block, variable in found:
+        agent = behaviour.agents[block]
+        program = Program(behaviour, engine, keys, (agent, node))
+        result.append((name if often[name] == 1 else f"{variable} {name}", node, block, program))
+    return result
+
+
+def _named(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[str, int]]:
+    """Name and object of each agent of a block that this member of the family has, by index."""
+    has_key = bool(key_attributes(model.metamodel, agent.cls))
+    objects = zip(keys.of_class(agent.cls), keys.objects(model, agent.cls), strict=True)
+    return [
+        (", ".join(map(str, key)) if has_key else f"{agent.variable} {position}", node)
+        for position, (key, node) in enumerate(objects)
+        if node is not None
+    ]
+
+
+def _idle(name: str) -> PreparedAction:
+    """An action that only other agents have."""
+    return PreparedAction(name, (), Alternatives((), ()), None, None, 0)
+
+
+def _nobody(agent: Agent) -> Diagnostic:
+    message = f"nobody can act: the model has no `{agent.cls}`"
+    return Diagnostic("unbound-agent", message, agent.cls_span or agent.span, "add one to the model")
