@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from copy import deepcopy
+from math import isfinite
 from random import Random
 from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeVar, cast
 
@@ -20,10 +21,18 @@ from envgraph.graph import Model, Node, Savepoint, Version
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.metamodel import Value
 from envgraph.pattern import Derivation, ObjectType, Pattern, Rule, Unit
+from envgraph.rewrite._derive import derived_rules
 from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
 from envgraph.rewrite._exploration import Exploration
 from envgraph.rewrite._explore import Sameness, Search, Strategy, movers
 from envgraph.rewrite._jobs import Event, Job, bind_job, job_name
+from envgraph.rewrite._listening import (
+    Listener,
+    UpdateListener,
+    check_functions,
+    told_matches,
+    told_updates,
+)
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._questions import Questions
@@ -142,6 +151,7 @@ class Engine(Questions):
 
         Raises:
             ResolutionError: at least one has an error; all errors together. Nothing is added.
+            InvalidArgument: something that is no definition.
         """
         registration = self._registration(definitions)
         if has_errors(registration.problems):
@@ -176,10 +186,16 @@ class Engine(Questions):
         self._named.clear()
 
     def _registration(self, definitions: Sequence[Definition]) -> Registration:
+        strange: list[object] = [
+            one for one in definitions if not isinstance(one, Pattern | Rule | Unit | Derivation)
+        ]
+        if strange:
+            hint = ": `envgraph.lang.from_text` reads definitions" if isinstance(strange[0], str) else ""
+            raise InvalidArgument(f"a pattern, rule, unit or derivation is added, not {strange[0]!r}{hint}")
         return Registration(definitions, self.library, self._directory)
 
     def rule(
-        self, when: str, *, name: str | None = None, weight: float = 1.0, priority: int = 0
+        self, when: str | Pattern, *, name: str | None = None, weight: float = 1.0, priority: int = 0
     ) -> Callable[[Function], Function]:
         """Register a Python function as a rule that applies at the matches of a pattern.
 
@@ -187,21 +203,20 @@ class Engine(Questions):
         `engine`; it edits the model through the nodes. If it raises, what it did is taken back.
 
         Args:
-            when: name of a registered pattern.
+            when: name of a registered pattern, or a pattern, which is registered too.
             name: name of the rule; else that of the function.
             weight, priority: as `@weight` and `@priority`.
 
         Raises:
             InvalidArgument: an unknown pattern, a name that is taken, a parameter that is no variable of the pattern.
+            ResolutionError: the pattern has errors.
         """
-        pattern = self._pattern(when)
+        if isinstance(when, Pattern) and when not in self.library.patterns:
+            self.add(when)
+        pattern = self._pattern(when.qualified_name if isinstance(when, Pattern) else when)
 
         def register(function: Function) -> Function:
-            own = name or function.__name__
-            if not weight > 0:
-                raise InvalidArgument(f"a weight is a number above 0, not {weight}")
-            if own in self._directory.signatures or own in self.library.names():
-                raise InvalidArgument(f"`{own}` is defined already")
+            own = self._free_name(function, name, weight)
             shape = Shape(own, self._shape(pattern).names, self._shape(pattern).types)
             runner = PythonRule(
                 function,
@@ -224,6 +239,21 @@ class Engine(Questions):
             return function
 
         return register
+
+    def _free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
+        """What a function is registered as.
+
+        Raises:
+            InvalidArgument: it is no function, the name is taken, or the weight is none.
+        """
+        if not callable(function):
+            raise InvalidArgument(f"a function is registered, not {function!r}")
+        if not (weight > 0 and isfinite(weight)):
+            raise InvalidArgument(f"a weight is a number above 0, not {weight}")
+        own = name or job_name(function)
+        if own in self._directory.signatures or own in self.library.names():
+            raise InvalidArgument(f"`{own}` is defined already")
+        return own
 
     @property
     def rules(self) -> tuple[str, ...]:
@@ -251,6 +281,24 @@ class Engine(Questions):
         patterns = [pattern for pattern in self.library.patterns if "#" not in pattern.name]
         return (*patterns, *self._definitions.values())
 
+    def definition(self, name: str) -> Definition:
+        """A pattern, rule, unit or derivation as it was added, for `to_text`; of a derived rule, what it is.
+
+        Raises:
+            InvalidArgument: an unknown name, or a Python function, of which there is no data.
+        """
+        qualified = self._directory_with_patterns().resolve(name, "pattern, rule, unit or group")
+        if qualified in self._definitions:
+            return self._definitions[qualified]
+        group = next((group for group, members in self._groups.items() if qualified in members), None)
+        if group is not None:
+            derivation = cast("Derivation", self._definitions[group])
+            rules = derived_rules(derivation, self.model.metamodel)
+            return next(rule for rule in rules if rule.qualified_name == qualified)
+        if qualified in self._rules or qualified in self._units:
+            raise InvalidArgument(f"`{name}` is a Python function, of which there is no data")
+        return self.library.get(qualified)
+
     def group(self, name: str) -> tuple[str, ...]:
         """Qualified names of the rules of a derivation; of the rule itself, for a rule; of the unit, for a unit."""
         qualified = self._directory.resolve(name)
@@ -277,8 +325,11 @@ class Engine(Questions):
     def listen(
         self,
         name: str,
-        changed: Callable[[list[Match], list[Match]], object],
-        restored: Callable[[list[Match], list[Match]], object] | None = None,
+        changed: Listener,
+        restored: Listener | None = None,
+        *,
+        updated: UpdateListener | None = None,
+        key: Iterable[str] | None = None,
     ) -> Subscription:
         """Be told the net changes of the matches of a pattern, which is watched from now on.
 
@@ -289,29 +340,28 @@ class Engine(Questions):
             name: of the pattern or rule.
             changed: called with the matches that have appeared, and those that have disappeared, since it was last
                 called.
-            restored: called instead with what a checkout has changed; `changed`, if None.
+            restored: called instead with what a checkout has changed; else the others are called.
+            updated: called first with the matches that were replaced by one with the same key, each with the one that
+                is there now. `changed` is called with the rest, if there is any.
+            key: variables, as for `on`.
 
         Returns:
             For `unlisten`.
 
         Raises:
-            InvalidArgument, TransactionError: as `watch`.
+            InvalidArgument, TransactionError: as `watch`; `key` without `updated`, and an impossible key.
         """
         shape, pattern = self._asked(name)
-        if not callable(changed) or not (restored is None or callable(restored)):
-            raise InvalidArgument(
-                f"a listener is a function, not {changed if restored is None else restored!r}"
-            )
-
-        def matches(rows: list[Row]) -> list[Match]:
-            return [Match(self.model, shape, row) for row in rows]
-
-        def told(
-            call: Callable[[list[Match], list[Match]], object],
-        ) -> Callable[[list[Row], list[Row]], object]:
-            return lambda appeared, disappeared: call(matches(appeared), matches(disappeared))
-
-        return self._views.listen(pattern, told(changed), restored and told(restored))
+        check_functions(changed, *(one for one in (restored, updated) if one is not None))
+        if updated is not None:
+            places = update_key(self.library.get(pattern), shape, key)
+            call = told_updates(self.model, shape, changed, updated, places)
+        elif key is None:
+            call = told_matches(self.model, shape, changed)
+        else:
+            raise InvalidArgument("`key` says which matches are `updated`: give a function for these")
+        later = None if restored is None else told_matches(self.model, shape, restored)
+        return self._views.listen(pattern, call, later)
 
     def unlisten(self, subscription: Subscription) -> None:
         """Take back a `listen`.
@@ -784,9 +834,12 @@ class Engine(Questions):
         """Put the model into a committed state, exactly as it was then.
 
         Raises:
+            InvalidArgument: that is no version.
             TransactionError: inside a transaction, a version of another model, or uncommitted changes that are not
                 to be discarded.
         """
+        if not isinstance(version, Version):
+            raise InvalidArgument(f"a version is what `commit` gives, not {version!r}")
         self.model.checkout(version, discard=discard)
 
 

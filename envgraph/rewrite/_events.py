@@ -132,25 +132,9 @@ class EventRule:
     def _paired(
         self, appeared: Sequence[Row], disappeared: Sequence[Row]
     ) -> tuple[list[tuple[Row, Row]], Sequence[Row], Sequence[Row]]:
-        """Updates, what merely came, what merely went. Of several with one key, the first meets the first."""
-        if "update" not in self.jobs or not appeared or not disappeared:
+        if "update" not in self.jobs:
             return [], appeared, disappeared
-        waiting: dict[Hashable, list[Row]] = {}
-        for row in reversed(disappeared):
-            waiting.setdefault(self._key_of(row), []).append(row)
-        pairs: list[tuple[Row, Row]] = []
-        new: list[Row] = []
-        for row in appeared:
-            found = waiting.get(self._key_of(row))
-            if found:
-                pairs.append((found.pop(), row))
-            else:
-                new.append(row)
-        paired = {before for before, _ in pairs}
-        return pairs, new, [row for row in disappeared if row not in paired]
-
-    def _key_of(self, row: Row) -> Hashable:
-        return tuple(row[place] for place in self._key)
+        return paired(appeared, disappeared, self._key)
 
     def came(self, row: Row) -> None:
         """A match that was not there."""
@@ -228,6 +212,33 @@ class EventRule:
             pending.clear()
         self._moved.clear()
         self._failed.clear()
+
+
+def paired(
+    appeared: Sequence[Row], disappeared: Sequence[Row], key: Sequence[int]
+) -> tuple[list[tuple[Row, Row]], Sequence[Row], Sequence[Row]]:
+    """Updates as matches before and after, what merely came, what merely went.
+
+    Of several matches with one key, the first to go meets the first to come.
+
+    >>> paired([("a", 2), ("c", 1)], [("a", 1), ("b", 1)], [0])
+    ([(('a', 1), ('a', 2))], [('c', 1)], [('b', 1)])
+    """
+    if not appeared or not disappeared:
+        return [], appeared, disappeared
+    waiting: dict[Hashable, list[Row]] = {}
+    for row in reversed(disappeared):
+        waiting.setdefault(tuple([row[place] for place in key]), []).append(row)
+    pairs: list[tuple[Row, Row]] = []
+    new: list[Row] = []
+    for row in appeared:
+        found = waiting.get(tuple([row[place] for place in key]))
+        if found:
+            pairs.append((found.pop(), row))
+        else:
+            new.append(row)
+    before = {one for one, _ in pairs}
+    return pairs, new, [row for row in disappeared if row not in before]
 
 
 class Events:
