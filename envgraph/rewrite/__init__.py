@@ -23,6 +23,7 @@ What the steps of a unit mean is said in `_units`.
 
 from envgraph.rewrite._check import check_rule
 from envgraph.rewrite._derive import check_derivation, derived, derived_rules
+from envgraph.rewrite._described import Steps
 from envgraph.rewrite._engine import Engine
 from envgraph.rewrite._events import Activation, Agenda, EventRule
 from envgraph.rewrite._exploration import Exploration, State, Statistics, Transition
@@ -50,6 +51,7 @@ __all__ = [
     "Signature",
     "State",
     "Statistics",
+    "Steps",
     "Taken",
     "Transition",
     "check_derivation",

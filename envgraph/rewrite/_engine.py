@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from copy import deepcopy
 from math import isfinite
 from random import Random
-from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeVar, cast, overload
 
 from envgraph.errors import (
     Diagnostic,
@@ -22,9 +22,11 @@ from envgraph.match import Subscription, ViewMatcher
 from envgraph.metamodel import Value
 from envgraph.pattern import Derivation, ObjectType, Pattern, Rule, Unit
 from envgraph.rewrite._derive import derived_rules
+from envgraph.rewrite._described import described, describes
 from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
 from envgraph.rewrite._exploration import Exploration
 from envgraph.rewrite._explore import Sameness, Search, Strategy, movers
+from envgraph.rewrite._functions import PythonUnit, unit_signature_of
 from envgraph.rewrite._jobs import Event, Job, bind_job, job_name
 from envgraph.rewrite._listening import (
     Listener,
@@ -239,6 +241,66 @@ class Engine(Questions):
             return function
 
         return register
+
+    @overload
+    def unit(self, function: Function, /) -> Function: ...
+    @overload
+    def unit(
+        self, /, *, name: str | None = None, weight: float = 1.0, priority: int = 0
+    ) -> Callable[[Function], Function]: ...
+    def unit(
+        self,
+        function: Function | None = None,
+        /,
+        *,
+        name: str | None = None,
+        weight: float = 1.0,
+        priority: int = 0,
+    ) -> Function | Callable[[Function], Function]:
+        """Register a Python function as a unit: a decorator, with or without brackets.
+
+        The annotations of its parameters are their types: names of classes and enums, or `int`, `float`, `bool`, `str`.
+
+        A function with a parameter `steps` *describes* a unit. It is called now, once, with `Steps` and a variable for
+        each parameter; what it says becomes a `Unit`, which is added like any other: see `definition` and `to_text`.
+
+        Any other function *is* the unit. It is called whenever the unit runs, with `Node`s and values, and with the
+        engine if it has a parameter `engine`. What it applies by name is part of the run and of recordings; what it
+        edits by itself is in no recording. It fails by returning False. It also fails by an application that is
+        refused; then what it did is taken back, as after any exception.
+
+        Args:
+            function: the function.
+            name: name of the unit; else that of the function.
+            weight, priority: as `@weight` and `@priority`.
+
+        Raises:
+            InvalidArgument: a name that is taken, a parameter without a type, or one that a unit cannot have.
+            ResolutionError: what a function describes has errors.
+        """
+
+        def register(given: Function) -> Function:
+            own = self._free_name(given, name, weight)
+            if describes(given):
+                self.add(described(given, own, float(weight), priority))
+                return given
+            signature = unit_signature_of(given, own, self, float(weight), priority)
+            self._directory.add(signature)
+            self._units[own] = PythonUnit(given, signature, self)
+            self._forget()
+            return given
+
+        return register if function is None else register(function)
+
+    @contextmanager
+    def lent(self, rng: Randomness) -> Iterator[list[Firing]]:
+        """Inside the block random choices are made by another generator, and what is applied is only noted here."""
+        recorders, own, trace = self._recorders, self._rng, list[Firing]()
+        self._recorders, self._rng = [trace], cast("numpy.random.Generator", rng)
+        try:
+            yield trace
+        finally:
+            self._recorders, self._rng = recorders, own
 
     def _free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
         """What a function is registered as.

@@ -1,0 +1,261 @@
+"""Units that a Python function describes: it is called once, and what it says becomes the data of a unit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from inspect import Parameter as Argument
+from inspect import signature
+from types import EllipsisType
+from typing import Final
+
+from envgraph.errors import InvalidArgument
+from envgraph.metamodel import Value
+from envgraph.pattern import (
+    Alap,
+    Atomic,
+    Binary,
+    Call,
+    Check,
+    Choice,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Evaluation,
+    Expression,
+    FunctionCall,
+    If,
+    Navigation,
+    Negation,
+    Parameter,
+    PatternCall,
+    Repeat,
+    Sequence,
+    Step,
+    Term,
+    Try,
+    Unary,
+    Unit,
+    Variable,
+)
+
+STEPS: Final = "steps"
+"""The parameter by which a function says that it describes a unit."""
+
+_SCALARS: Final = {"str": "string"}
+_EXPRESSIONS: Final = (
+    *(Variable, Constant, EnumLiteral, Navigation, FunctionCall),
+    *(Unary, Binary, Conditional),
+)
+
+Condition = PatternCall | Negation | Check
+
+Given = Expression | Value | EllipsisType
+"""An argument of a call: a parameter of the unit, an expression, a plain value, or `...` for any."""
+
+
+class Steps:
+    """What the function of a described unit says the unit does; each method is a step.
+
+    Arguments of calls are parameters of the unit, expressions, plain values, or `...` where the text has `_`.
+
+    >>> steps = Steps()
+    >>> steps.call("walk", Variable("hedgehog"))
+    >>> with steps.repeat(1, 3):
+    ...     steps.choose("water", "ground")
+    >>> len(steps.body.steps)
+    2
+    """
+
+    def __init__(self) -> None:
+        self._open: list[list[Step]] = [[]]
+
+    @property
+    def body(self) -> Sequence:
+        """What has been said so far; not inside of a block.
+
+        Raises:
+            InvalidArgument: a block is still open.
+        """
+        if len(self._open) > 1:
+            raise InvalidArgument("a block of the unit is still open: use `with`")
+        return Sequence(tuple(self._open[0]))
+
+    def call(
+        self, name: str, *arguments: Given, first: bool = False, where: Iterable[Condition] = ()
+    ) -> None:
+        """`name(arguments);`: a rule, group or unit; `first`: a rule at its first match, not one drawn at random.
+
+        `where`: conditions that the match of a rule has to meet.
+        """
+        self._add(replace(_call(name, arguments), first=first, where=tuple(where)))
+
+    def every(
+        self,
+        name: str,
+        *arguments: Given,
+        by: Given | None = None,
+        top: int | None = None,
+        where: Iterable[Condition] = (),
+    ) -> None:
+        """`all name(arguments);`: a rule at each of its matches of then; `by` orders them, `top` takes so many."""
+        order = None if by is None else _expression(by)
+        self._add(replace(_call(name, arguments), every=True, by=order, limit=top, where=tuple(where)))
+
+    def choose(self, *alternatives: str | Call) -> None:
+        """`a | b;`: names, or `Call`s where there are arguments."""
+        if not alternatives:
+            raise InvalidArgument("`choose` takes at least one rule or unit")
+        self._add(Choice(tuple(one if isinstance(one, Call) else _call(one, ()) for one in alternatives)))
+
+    @contextmanager
+    def alap(self) -> Iterator[None]:
+        """`alap { .. }`: as long as possible."""
+        with self._block() as body:
+            yield
+        self._add(Alap(_sequence(body)))
+
+    @contextmanager
+    def repeat(self, lower: int, upper: int | None = None) -> Iterator[None]:
+        """`repeat lower..upper { .. }`; without an upper bound, exactly so often."""
+        with self._block() as body:
+            yield
+        self._add(Repeat(lower, lower if upper is None else upper, _sequence(body)))
+
+    @contextmanager
+    def atomic(self) -> Iterator[None]:
+        """`atomic { .. }`: all or nothing."""
+        with self._block() as body:
+            yield
+        self._add(Atomic(_sequence(body)))
+
+    @contextmanager
+    def attempt(self) -> Iterator[None]:
+        """`try { .. }`; `otherwise` may follow."""
+        with self._block() as body:
+            yield
+        self._add(Try(_sequence(body)))
+
+    @contextmanager
+    def when(self, condition: str | Condition, *arguments: Given) -> Iterator[None]:
+        """`if find condition(arguments) { .. }`, or another condition as data; `otherwise` may follow."""
+        test = PatternCall(condition, _terms(arguments)) if isinstance(condition, str) else condition
+        with self._block() as body:
+            yield
+        self._add(If(test, _sequence(body)))
+
+    @contextmanager
+    def unless(self, pattern: str, *arguments: Given) -> Iterator[None]:
+        """`if neg find pattern(arguments) { .. }`; `otherwise` may follow."""
+        with self.when(Negation(PatternCall(pattern, _terms(arguments)))):
+            yield
+
+    @contextmanager
+    def otherwise(self) -> Iterator[None]:
+        """`else { .. }` of the `attempt`, `when` or `unless` right before.
+
+        Raises:
+            InvalidArgument: there is none.
+        """
+        last = self._open[-1][-1] if self._open[-1] else None
+        if not isinstance(last, Try | If) or last.otherwise is not None:
+            raise InvalidArgument("`otherwise` comes right after `attempt`, `when` or `unless`")
+        with self._block() as body:
+            yield
+        self._open[-1][-1] = replace(last, otherwise=_sequence(body))
+
+    def _add(self, step: Step) -> None:
+        self._open[-1].append(step)
+
+    @contextmanager
+    def _block(self) -> Iterator[list[Step]]:
+        self._open.append([])
+        yield self._open[-1]
+        self._open.pop()
+
+
+def _sequence(steps: list[Step]) -> Sequence:
+    return Sequence(tuple(steps))
+
+
+def _call(name: str, arguments: tuple[Given, ...]) -> Call:
+    if not isinstance(name, str):
+        raise InvalidArgument(f"a rule or unit is called by its name, not by {name!r}")
+    return Call(name, _given(arguments))
+
+
+def _given(arguments: tuple[Given, ...]) -> tuple[Expression, ...]:
+    return tuple(map(_expression, arguments))
+
+
+def _terms(arguments: tuple[Given, ...]) -> tuple[Term, ...]:
+    found = _given(arguments)
+    return tuple(
+        one if isinstance(one, Variable | Constant | EnumLiteral) else Evaluation(one) for one in found
+    )
+
+
+def _expression(given: Given) -> Expression:
+    if isinstance(given, _EXPRESSIONS):
+        return given
+    if given is ...:
+        return Variable("_")
+    if isinstance(given, str | int | float):
+        return Constant(given)
+    raise InvalidArgument(f"an argument is a parameter, an expression, a plain value or `...`, not {given!r}")
+
+
+# --- functions
+
+
+def describes(function: Callable[..., object]) -> bool:
+    """Whether a function describes a unit."""
+    return STEPS in signature(function).parameters
+
+
+def described(function: Callable[..., object], name: str, weight: float, priority: int) -> Unit:
+    """The unit that a function describes.
+
+    Raises:
+        InvalidArgument: a parameter without a type, or one that a unit cannot have.
+    """
+    parameters = unit_parameters(function, name, (STEPS,))
+    steps = Steps()
+    function(**{STEPS: steps}, **{one.name: Variable(one.name) for one in parameters})
+    doc = function.__doc__.strip() if function.__doc__ else None
+    return Unit(name, parameters, steps.body, weight=weight, priority=priority, doc=doc)
+
+
+def unit_parameters(
+    function: Callable[..., object], name: str, others: tuple[str, ...]
+) -> tuple[Parameter, ...]:
+    """The parameters of a unit, which are those of a function without some; annotations are the types.
+
+    Raises:
+        InvalidArgument: a parameter without a type, or one that a unit cannot have.
+    """
+    found: list[Parameter] = []
+    for argument in signature(function).parameters.values():
+        if argument.kind not in (Argument.POSITIONAL_OR_KEYWORD, Argument.KEYWORD_ONLY):
+            raise InvalidArgument(f"unit `{name}` takes its arguments by name, not as `{argument}`")
+        if argument.name in others:
+            continue
+        if argument.default is not Argument.empty:
+            raise InvalidArgument(f"parameter `{argument.name}` of unit `{name}` cannot have a default")
+        found.append(Parameter(argument.name, _type(argument, name)))
+    return tuple(found)
+
+
+def _type(argument: Argument, name: str) -> str:
+    """The type by its name in the metamodel: `"Hedgehog"`, `int`, `str`."""
+    given = argument.annotation
+    if isinstance(given, type) and given in (int, float, bool, str):
+        given = given.__name__
+    if not isinstance(given, str):
+        raise InvalidArgument(
+            f"parameter `{argument.name}` of unit `{name}` has no type: "
+            f'write `{argument.name}: "Class"`, or a data type such as `int`'
+        )
+    plain = given.strip("'\"")  # quoted, in a module with postponed annotations
+    return _SCALARS.get(plain, plain)
