@@ -71,6 +71,7 @@ from envgraph.pattern import (
 from envgraph.rewrite import Engine
 from tests.oracle.worlds import World, worlds
 from tests.property.test_rewrite_oracle import Graph, Sketch, as_model, as_rule, graphs, sketches
+from tests.unit.rewrite.graphs import chain
 
 # --- any data that has a text, sense or nonsense
 
@@ -221,15 +222,21 @@ RULES = st.builds(
     DOCS,
 )
 
-CALLS = st.builds(Call, QUALIFIED, st.lists(EXPRESSIONS, max_size=2).map(tuple), st.booleans())
+ARGUMENTS = st.lists(EXPRESSIONS, max_size=2).map(tuple)
+TESTS = st.one_of(
+    st.builds(PatternCall, QUALIFIED, st.lists(VARIABLES, max_size=2).map(tuple)),
+    st.builds(Negation, RELATIONS),
+    st.builds(Check, EXPRESSIONS),
+)
+WHERE = st.lists(TESTS, max_size=2).map(tuple)
+CALLS = st.one_of(
+    st.builds(Call, QUALIFIED, ARGUMENTS, st.booleans(), where=WHERE),
+    st.builds(Call, QUALIFIED, ARGUMENTS, first=st.just(True), where=WHERE),
+    st.builds(Call, QUALIFIED, ARGUMENTS, st.just(True), limit=st.none() | st.integers(1, 9), by=EXPRESSIONS),
+)
 
 
 def steps(inner: st.SearchStrategy) -> st.SearchStrategy:
-    test = st.one_of(
-        st.builds(PatternCall, QUALIFIED, st.lists(VARIABLES, max_size=2).map(tuple)),
-        st.builds(Negation, RELATIONS),
-        st.builds(Check, EXPRESSIONS),
-    )
     return st.one_of(
         st.builds(Sequence, st.lists(inner, max_size=3).map(tuple)),
         st.builds(Choice, st.lists(CALLS, min_size=1, max_size=3).map(tuple)),
@@ -239,7 +246,7 @@ def steps(inner: st.SearchStrategy) -> st.SearchStrategy:
             lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 3), st.integers(0, 3), inner
         ),
         st.builds(Try, inner, st.none() | inner),
-        st.builds(If, test, inner, st.none() | inner),
+        st.builds(If, TESTS, inner, st.none() | inner),
     )
 
 
@@ -393,4 +400,59 @@ def test_a_rule_and_its_text_do_the_same(graph: Graph, sketch: Sketch, modify: b
             except RuleError as error:
                 said.append(error.reason)
         states.append((said, engine.model.state_hash()))
+    assert states[0] == states[1]
+
+
+RULES_TO_CALL = """
+rule grow { lhs { x : Item; check x.n < 3; } modify { set x.n += 1; } }
+rule cut(x : Item) { lhs { x -next-> y : Item; } modify { delete x -next-> y; } }
+@priority(1) rule drop { lhs { x : Item; } modify { delete x; } }
+@weight(3.0) rule join { lhs { x : Item; y : Item; } modify { create x -next-> y; } }
+derive kinds = retype among { Item, Special };
+"""
+
+
+def runnable(inner: st.SearchStrategy) -> st.SearchStrategy:
+    test = st.sampled_from(
+        [Negation(PathConstraint("Item", ("next",), Variable("_"), Variable("_"))), TRUE, FALSE]
+    )
+    return st.one_of(
+        st.builds(Sequence, st.lists(inner, min_size=1, max_size=3).map(tuple)),
+        st.builds(Choice, st.lists(RUNNABLE_CALLS, min_size=1, max_size=3).map(tuple)),
+        st.builds(Atomic, inner),
+        st.builds(
+            lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 2), st.integers(0, 2), inner
+        ),
+        st.builds(Try, inner, st.none() | inner),
+        st.builds(If, test, inner, st.none() | inner),
+    )
+
+
+TRUE, FALSE = (Check(Binary("==", Constant(1), Constant(number))) for number in (1, 2))
+RUNNABLE_CALLS = st.one_of(
+    st.builds(Call, st.sampled_from(["grow", "cut", "drop", "join", "kinds"])),
+    st.builds(Call, st.sampled_from(["grow", "drop", "join"]), every=st.just(True)),
+    st.builds(Call, st.just("cut"), first=st.just(True)),
+    st.builds(
+        Call,
+        st.just("grow"),
+        every=st.just(True),
+        limit=st.integers(1, 2),
+        by=st.just(Unary("-", Navigation(Variable("x"), "n"))),
+        where=st.just((Check(Binary("!=", Navigation(Variable("x"), "n"), Constant(1))),)),
+    ),
+)
+
+
+@settings(max_examples=80)
+@given(st.recursive(RUNNABLE_CALLS, runnable, max_leaves=6), st.integers(0, 99))
+def test_a_unit_and_its_text_do_the_same(body: Step, seed: int) -> None:
+    unit = Unit("u", (), body)
+    (read,) = rules_of(to_text(unit))
+    states = []
+    for one in (unit, read):
+        made = Engine(chain(3), seed=seed)
+        made.add(*rules_of(RULES_TO_CALL), one)
+        said = [(result.firings, bool(result)) for result in (made.run("u") for _ in range(3))]
+        states.append((said, made.model.state_hash()))
     assert states[0] == states[1]
