@@ -12,7 +12,7 @@ from typing import Any, Final
 from envgraph.graph import Model
 from envgraph.match._aggregates import least, mean, most, total
 from envgraph.match._calls import CallGraph
-from envgraph.match._closures import ClosureView, Meeting, Search
+from envgraph.match._closures import ClosureView, Meeting, Search, Spreading
 from envgraph.match._explain import explain_view
 from envgraph.match._generate import reach_source, view_source
 from envgraph.match._live import LiveSizes
@@ -50,6 +50,9 @@ MOST_PATHS: Final = 64
 """Ways down from a called pattern above which its answers are remembered for as long as the model does not change."""
 MOST_REMEMBERED: Final = 10_000
 """Calls of one pattern that are remembered at a time."""
+
+MOST_WORSE: Final = 8
+"""How many times the work of one direction of a closure the other may take for both to be of use."""
 
 Function = Callable[..., Any]
 Place = tuple[ViewKey, Mode, frozenset[str]]
@@ -320,13 +323,21 @@ class CompiledMatcher:
         view = self._closures[place]
         match question:
             case Reach.FORWARD:
-                return view.forward()
+                return view.search(forward=True)
             case Reach.BACKWARD:
-                return view.backward()
+                return view.search(forward=False)
             case Reach.HOLDS:
                 return view.holds()
             case Reach.PAIRS:
                 return view.pairs()
+            case Reach.SPREAD | Reach.SPREAD_BACK:
+                return view.spreading(question is Reach.SPREAD)
+            case Reach.JOIN | Reach.JOIN_BACK:
+                return view.joined()
+            case Reach.ALIKE | Reach.ALIKE_BACK:
+                return view.alike(question is Reach.ALIKE)
+            case Reach.SIZE | Reach.SIZE_BACK:
+                return view.size(question is Reach.SIZE)
 
 
 class _Steps:
@@ -337,7 +348,7 @@ class _Steps:
         self._planner = matcher._planner
         self._step = step
         self._reflexive = reflexive
-        self._built: dict[tuple[bool, bool], Function] = {}
+        self._built: dict[tuple[bool, Reach], Function] = {}
         source_type = matcher.library.parameter_types(step)[0]
         self._source_class = source_type.cls if isinstance(source_type, ObjectType) else None
         self._table = matcher._class_table(self._source_class) if self._source_class else ()
@@ -345,6 +356,11 @@ class _Steps:
     @cached_property
     def backward_is_better(self) -> bool:
         return self._cost((1,), (0,)) < self._cost((0,), (1,))
+
+    @cached_property
+    def both_ways(self) -> bool:
+        one, other = sorted((self._cost((1,), (0,)), self._cost((0,), (1,))))
+        return other <= MOST_WORSE * (one + 1)
 
     def _cost(self, bound: tuple[int, ...], outputs: tuple[int, ...]) -> float:
         if self._planner.calls.recursive(self._step):
@@ -355,16 +371,29 @@ class _Steps:
             return inf
 
     def search(self, forward: bool) -> Search:
-        return self._search(forward, goal=False)
+        return self._search(forward, Reach.FORWARD)
 
     def meeting(self, forward: bool) -> Meeting:
-        return self._search(forward, goal=True)
+        return self._search(forward, Reach.HOLDS)
 
-    def _search(self, forward: bool, goal: bool) -> Function:
-        if (forward, goal) not in self._built:
-            source = reach_source(self._planner, self._step, forward, goal)
-            self._built[forward, goal] = self._matcher._build(source, _NOWHERE)
-        return self._built[forward, goal]
+    def spreading(self, forward: bool) -> Spreading:
+        return self._search(forward, Reach.SPREAD)
+
+    def _search(self, forward: bool, question: Reach) -> Function:
+        if (forward, question) not in self._built:
+            source = reach_source(self._planner, self._step, forward, question)
+            self._built[forward, question] = self._matcher._build(source, _NOWHERE)
+        return self._built[forward, question]
+
+    def following(self, forward: bool) -> Callable[[Any], Iterable[Any]]:
+        near, far = (0, 1) if forward else (1, 0)
+        if self._planner.calls.recursive(self._step):
+            rows = self._matcher._solver(self._step, (near,))
+            return lambda node: [row[far] for row in rows(node)]
+        return self._matcher._function(ViewKey(self._step, (near,), (far,)), Mode.VALUES, _NOWHERE)
+
+    def nodes(self) -> int:
+        return len(self._matcher.model.extent(self._source_class)) if self._source_class else 0
 
     def is_source(self, value: Any) -> bool:
         """Whether `*` relates a value to itself."""

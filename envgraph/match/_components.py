@@ -45,19 +45,24 @@ def components(
     order: dict[Any, int] = {}
     lowest: dict[Any, int] = {}
     waiting: dict[Any, None] = {}
+    leads: dict[Any, list[Any]] = {}
+    """Where the nodes lead whose component is not known yet: `following` may be a search, and is asked once."""
+
+    def begun(node: Any) -> Iterator[Any]:
+        order[node] = lowest[node] = len(order)
+        waiting[node] = None
+        leads[node] = list(following(node))
+        return iter(leads[node])
+
     for root in starts:
         if root in order:
             continue
-        order[root] = lowest[root] = len(order)
-        waiting[root] = None
-        path = [(root, iter(list(following(root))))]
+        path = [(root, begun(root))]
         while path:
             node, rest = path[-1]
             for other in rest:
                 if other not in order:
-                    order[other] = lowest[other] = len(order)
-                    waiting[other] = None
-                    path.append((other, iter(list(following(other)))))
+                    path.append((other, begun(other)))
                     break
                 if other in waiting:
                     lowest[node] = min(lowest[node], order[other])
@@ -73,4 +78,4 @@ def components(
                         component.append(member)
                         if member == node:
                             break
-                    yield component, dict.fromkeys(o for member in component for o in following(member))
+                    yield component, dict.fromkeys(o for member in component for o in leads.pop(member))

@@ -6,7 +6,7 @@ no text of the user's: variables are numbered, constants and columns are paramet
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 
 from envgraph.match._options import call_key
 from envgraph.match._plan import (
@@ -19,9 +19,9 @@ from envgraph.match._plan import (
     Valuation,
     ViewKey,
     arguments,
-    variables,
 )
 from envgraph.match._planner import Planner
+from envgraph.match._sharing import alike_by, join_of, mentioned, only_search, shared_searches
 from envgraph.match._sinks import COUNT, EXISTENCE, Sink, gathering, view_sink, visiting
 from envgraph.match._symbols import (
     Backward,
@@ -62,6 +62,12 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     module, block = Module(), Block()
     given = {position: f"v{position}" for position in key.bound}
     frame = view_sink(mode, view.distinct, ())
+    if mode is Mode.COUNT and (search := only_search(view)):
+        question = Reach.SIZE if search.source not in view.bodies[0].plan.steps[0].binds else Reach.SIZE_BACK
+        size = module.name(Closed(search.step, search.closure is Closure.STAR, question))
+        block.raw([f"return {size}({', '.join(given.values())})"])
+        module.function("view", list(given.values()), block)
+        return module.source("view")
     block.raw(frame.head)
     for body in view.bodies:
         conjunction = body.conjunction
@@ -73,15 +79,16 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     return module.source("view")
 
 
-def reach_source(planner: Planner, step: str, forward: bool, goal: bool) -> Source:
+def reach_source(planner: Planner, step: str, forward: bool, question: Reach) -> Source:
     """The source of a breadth-first search along a binary pattern.
 
-    `search(start)` returns what is reached by one or more steps, nearest first; with `goal`, `search(start, goal)`
-    tells whether that is among it.
+    `search(start)` returns what is reached by one or more steps, nearest first. For `SPREAD`, `search(start, seen)`
+    leaves out what has been seen, and adds to it. For `HOLDS`, `search(start, goal, todo)` tells whether the goal is
+    among what is reached; `todo`, which is `[start]`, gets all that is visited.
     """
     module, block = Module(), Block()
     near, far = (0, 1) if forward else (1, 0)
-    frame = visiting(far, goal)
+    frame = visiting(far, question)
     block.raw(frame.head)
     block.loop("node", "todo")
     if planner.calls.recursive(step):
@@ -93,10 +100,11 @@ def reach_source(planner: Planner, step: str, forward: bool, goal: bool) -> Sour
         block.write([] if bodies else ["pass"])
         for body in bodies:
             conjunction = body.conjunction
-            sink = visiting(conjunction.parameters[far], goal)
+            sink = visiting(conjunction.parameters[far], question)
             Translation(planner, module, conjunction, block, {near: "node"}).body(body.plan, sink)
     block.raw(frame.tail)
-    module.function("search", ["start", "goal"] if goal else ["start"], block)
+    more = {Reach.SPREAD: ["seen"], Reach.HOLDS: ["goal", "todo"]}.get(question, [])
+    module.function("search", ["start", *more], block)
     return module.source("search")
 
 
@@ -121,10 +129,15 @@ class Translation:
         self._constants = dict(conjunction.constants)
         self._block = block
         self._names: dict[int, str] = {}
+        self._seen: dict[int, str] = {}
         self._given = given
 
     _deepens = False
     """Whether a test, too, makes what follows deeper."""
+    _shares = True
+    """Whether searches along closures share their work."""
+    _joins = True
+    """Whether a question of existence may become a `Join`; not inside one, where that would go on and on."""
 
     def body(self, plan: Plan, sink: Sink) -> None:
         """Write the steps, and what is done with each solution."""
@@ -136,7 +149,12 @@ class Translation:
                 block.test(f"{self._source(variable)} == {source}")
             else:
                 self._names[variable] = source
-        self._steps(plan.steps, sink)
+        joined = self._join(plan) if sink is EXISTENCE else None
+        if joined is None:
+            self._steps(plan.steps, sink)
+        else:
+            block.test(joined)
+            block.write(sink.each(self._source))
         block.depth, block.loops = depth, loops
 
     def _source(self, variable: int) -> str:
@@ -150,6 +168,8 @@ class Translation:
     # --- steps
 
     def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
+        shared = shared_searches(steps, sink) if self._shares else {}
+        self._begin_searches(-1, steps, shared)
         for number, step in enumerate(steps):
             if self._block.full and (step.kind in (Kind.LOOP, Kind.BIND) or self._deepens):
                 self._continue(steps[number:], sink)
@@ -161,7 +181,15 @@ class Translation:
             else:
                 self._block.test(self._test(step))
             self._after(step)
+            self._begin_searches(number, steps, shared)
         self._block.write(sink.each(self._source))
+
+    def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:
+        """Before the searches whose results do not depend on what the steps after this one find."""
+        for search, last in shared.items():
+            if last == number:
+                name = self._seen[id(steps[search])] = self._module.fresh("s")
+                self._block.line(f"{name} = set()")
 
     def _after(self, step: Step) -> None:
         """Hook: what to write after a step."""
@@ -187,21 +215,29 @@ class Translation:
 
     def _function(self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False) -> str:
         """A function for some steps, and the source of its call."""
+        name, arguments_ = self._defined(prefix, steps, sink, continuation)
+        return f"{name}({', '.join(arguments_)})"
+
+    def _defined(
+        self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
+    ) -> tuple[str, list[str]]:
+        """The name of a function for some steps, and the arguments of its call."""
         shared = sink.shared if continuation else ()
         inputs = self._inputs(steps, sink)
         inner = self._fork(Block(), continuation)
         inner._names = {v: f"v{v}" for v in inputs}
+        inner._joins = self._joins
         inner._block.raw(() if shared else sink.head)
         inner._steps(steps, sink)
         inner._block.raw(() if shared and not sink.relay else sink.tail)
         name = self._module.fresh(prefix)
         self._module.function(name, [*shared, *(f"v{v}" for v in inputs)], inner._block)
-        return f"{name}({', '.join([*shared, *(self._source(v) for v in inputs)])})"
+        return name, [*shared, *(self._source(v) for v in inputs)]
 
     def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
         """The variables with a value that some steps and a sink read; constants are known everywhere."""
-        mentioned = {*sink.variables, *(v for step in steps for v in _mentioned(step))}
-        return sorted(v for v in mentioned if v in self._names and v not in self._constants)
+        read = {*sink.variables, *(v for step in steps for v in mentioned(step))}
+        return sorted(v for v in read if v in self._names and v not in self._constants)
 
     # --- loops
 
@@ -213,7 +249,9 @@ class Translation:
             case LinkAtom():
                 self._each(step.binds, self._ends(goal))
             case ClosureAtom(_, _, source, target):
-                self._each([v for v in (source, target) if not self._known(v)], self._closure(goal))
+                ends = [v for v in (source, target) if not self._known(v)]
+                seen = self._seen.get(id(step))
+                self._each(ends, self._closure(goal) if seen is None else self._spread(goal, seen))
             case CallAtom() if self._planner.calls.recursive(goal.pattern):
                 columns = [None if self._known(v) else v for v in goal.arguments]
                 self._each(columns, self._rows(goal), tuples=True)
@@ -271,13 +309,34 @@ class Translation:
         return self._module.expression(expression, names, types)
 
     def _aggregate(self, goal: AggregateAtom, plan: Plan) -> str:
+        return (
+            self._alike(goal, plan)
+            or (self._count(goal) if goal.function == "count" else None)
+            or (self._function("g", plan.steps, self._folding(goal)))
+        )
+
+    def _folding(self, goal: AggregateAtom) -> Sink:
         if goal.function == "count":
-            return self._count(goal) or self._function("g", plan.steps, COUNT)
+            return COUNT
         assert goal.column is not None
         column = goal.column
         fold = self._module.name(Builtin(_FOLDS[goal.function]))
-        sink = gathering((column,), lambda names: names(column), f"return {fold}(out)")
-        return self._function("g", plan.steps, sink)
+        return gathering((column,), lambda names: names(column), f"return {fold}(out)")
+
+    def _alike(self, goal: AggregateAtom, plan: Plan) -> str | None:
+        """An aggregate that has the same value for all starts from which a closure reaches the same."""
+        if not self._shares:
+            return None
+        assert isinstance(self._planner, Planner)
+        found = alike_by(self._planner, goal, frozenset(self._names) - self._constants.keys())
+        if found is None:
+            return None
+        start, closure, forward = found
+        name, given = self._defined("g", plan.steps, self._folding(goal))
+        others = [source for source in given if source != self._source(start)]
+        question = Reach.ALIKE if forward else Reach.ALIKE_BACK
+        alike = self._module.name(Closed(closure.step, closure.closure is Closure.STAR, question))
+        return f"{alike}({self._source(start)}, {name}, {_tuple(given)}, {_tuple(others)})"
 
     def _count(self, goal: AggregateAtom) -> str | None:
         """The number of tuples, where it can be had without a loop of our own."""
@@ -328,7 +387,7 @@ class Translation:
     def _existence(self, plan: Plan) -> str:
         """Whether a plan has a solution: an expression, or the call of a function if there are loops."""
         if any(step.kind is Kind.LOOP for step in plan.steps):
-            return self._function("g", plan.steps, EXISTENCE)
+            return self._join(plan) or self._function("g", plan.steps, EXISTENCE)
         inner = Translation(self._planner, self._module, self._conjunction, Block(), {})
         inner._names = dict(self._names)
         for step in plan.steps:
@@ -337,6 +396,40 @@ class Translation:
             else:
                 inner._block.test(inner._test(step))
         return _joined(" and ", inner._block.conditions, "True")
+
+    def _join(self, plan: Plan) -> str | None:
+        """Whether a plan has a solution, where that is whether a search meets what does not depend on its start."""
+        if not (self._shares and self._joins):
+            return None
+        assert isinstance(self._planner, Planner)
+        known = frozenset(self._names) - self._constants.keys()
+        join = join_of(self._planner, self._conjunction, plan, known)
+        if join is None:
+            return None
+        from_source = join.near == join.closure.source
+        star = join.closure.closure is Closure.STAR
+        spread = self._module.name(
+            Closed(join.closure.step, star, Reach.SPREAD_BACK if from_source else Reach.SPREAD)
+        )
+        all_ = Sink(
+            (join.far,),
+            ("out = set()",),
+            lambda names: [f"{spread}({names(join.far)}, out)"],
+            ("return out",),
+            ("out",),
+            repeatable=True,
+        )
+        self._joins = False
+        whole = self._defined("z", join.plan.steps, all_)
+        direct = self._defined("g", plan.steps, EXISTENCE)
+        self._joins = True
+        holds = self._module.name(
+            Closed(join.closure.step, star, Reach.JOIN if from_source else Reach.JOIN_BACK)
+        )
+        parts = [self._source(join.near)]
+        for name, given in (whole, direct):
+            parts += [name, _tuple(given)]
+        return f"{holds}({', '.join(parts)})"
 
     def _is_instance(self, goal: InstanceAtom) -> str:
         if not self._known(goal.variable):
@@ -391,10 +484,17 @@ class Translation:
         return f"{function}({', '.join(self._source(v) for v in goal.arguments if self._known(v))})"
 
     def _closure(self, goal: ClosureAtom) -> str:
-        ends = (goal.source, goal.target)
-        question = _QUESTIONS[self._known(goal.source), self._known(goal.target)]
+        return self._reach(goal, _QUESTIONS[self._known(goal.source), self._known(goal.target)])
+
+    def _spread(self, goal: ClosureAtom, seen: str) -> str:
+        """What other searches in the same place have not found; `seen` holds what they have."""
+        question = Reach.SPREAD if self._known(goal.source) else Reach.SPREAD_BACK
+        return self._reach(goal, question, seen)
+
+    def _reach(self, goal: ClosureAtom, question: Reach, *more: str) -> str:
+        inputs = [self._source(v) for v in (goal.source, goal.target) if self._known(v)]
         name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
-        return f"{name}({', '.join(self._source(v) for v in ends if self._known(v))})"
+        return f"{name}({', '.join([*inputs, *more])})"
 
 
 _FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}
@@ -406,16 +506,10 @@ _QUESTIONS = {
 }
 
 
+def _tuple(sources: Sequence[str]) -> str:
+    return f"({', '.join(sources)}{',' * (len(sources) == 1)})"
+
+
 def _joined(operator: str, parts: Sequence[str], empty: str) -> str:
     """Operands in parentheses."""
     return f"({operator.join(parts)})" if parts else empty
-
-
-def _mentioned(step: Step) -> Iterator[int]:
-    """Every variable that a step mentions, those inside it included."""
-    yield from variables(step.goal)
-    if isinstance(step.goal, AggregateAtom):
-        yield from arguments(step.goal.relation)
-    for plan in step.inner:
-        for inner in plan.steps:
-            yield from _mentioned(inner)

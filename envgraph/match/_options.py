@@ -43,7 +43,11 @@ EXPRESSION: Final = 2.0
 CALL: Final = 4.0
 """Work of calling a function, on top of what it does."""
 REACHED: Final = 30.0
-"""Objects that a closure reaches."""
+"""Objects that a closure reaches, at least."""
+REACHED_SHARE: Final = 3.0
+"""One of how many objects a closure reaches."""
+MEETING_SHARE: Final = 8.0
+"""One of how many searches it takes to answer whether one end reaches another: they share their work."""
 OPAQUE_ROWS: Final = 10.0
 """Matches of a recursive pattern, for each free parameter that matters."""
 OPAQUE_COST: Final = 500.0
@@ -73,7 +77,11 @@ class Views(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A goal that could come next: work of one execution, and rows for each row before, both estimated."""
+    """A goal that could come next: work of one execution, and rows for each row before, both estimated.
+
+    Attributes:
+        together: work and rows of all executions where the rows do not depend on those before.
+    """
 
     kind: Kind
     goal: Goal
@@ -81,6 +89,7 @@ class Option:
     cost: float
     fanout: float
     inner: tuple[Plan, ...] = ()
+    together: tuple[float, float] | None = None
 
     @property
     def rank(self) -> float:
@@ -212,15 +221,36 @@ class Options:
         return self._views.calls.recursive(pattern) or self._views.calls.height(pattern) > DEEPEST
 
     def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
-        """Work of following the steps from a bound end, or from every source."""
-        if self._opaque(goal.step):
-            return REACHED * OPAQUE_COST
+        """Work of following the steps from a bound end, or from every source; twice that of a question of both."""
         from_source, from_target = goal.source in bound, goal.target in bound
-        keys = [ViewKey(goal.step, (0,), (1,))] if from_source or not from_target else []
-        if from_target:
-            keys.append(ViewKey(goal.step, (1,), (0,)))
-        cost = min(self._views.view(key).cost for key in keys)
-        return (1.0 if from_source or from_target else REACHED) * REACHED * (cost + CALL)
+        if self._opaque(goal.step):
+            cost = OPAQUE_COST
+        else:
+            keys = [ViewKey(goal.step, (0,), (1,))] if from_source or not from_target else []
+            if from_target:
+                keys.append(ViewKey(goal.step, (1,), (0,)))
+            cost = min(self._views.view(key).cost for key in keys)
+        if from_source and from_target:
+            return REACHED * (cost + CALL) / MEETING_SHARE
+        starts = 1.0 if from_source or from_target else self._ends(goal)[0]
+        return starts * self._reached(goal, from_source or not from_target) * (cost + CALL)
+
+    def _reached(self, goal: ClosureAtom, forward: bool) -> float:
+        """Objects at the other end."""
+        return max(REACHED, self._ends(goal)[forward] / REACHED_SHARE)
+
+    def _follow(self, goal: ClosureAtom, free: tuple[int, ...], cost: float, forward: bool) -> Option:
+        rows = self._reached(goal, forward)
+        if len(free) > 1:
+            return Option(Kind.LOOP, goal, free, cost, rows * self._ends(goal)[0])
+        all_ = self._ends(goal)[forward]
+        return Option(Kind.LOOP, goal, free, cost, rows, together=(max(1.0, all_ / rows) * cost, all_))
+
+    def _ends(self, goal: ClosureAtom) -> tuple[float, float]:
+        """Objects that may be sources, and those that may be targets."""
+        types = (self._conjunction.types[end] for end in (goal.source, goal.target))
+        source, target = (self._sizes.extent(t.cls) if isinstance(t, ObjectType) else REACHED for t in types)
+        return source, target
 
     def _needed(self, goal: CallAtom, free: Sequence[int], uses: Counter[int]) -> tuple[int, ...]:
         """The free variables of a call whose values matter; all of them if the pattern is recursive."""
@@ -266,7 +296,7 @@ class Options:
                     except Unplannable:
                         continue
                     free = tuple(dict.fromkeys(v for v in (source, target) if v not in bound))
-                    yield Option(Kind.LOOP, goal, free, cost, REACHED ** len(free))
+                    yield self._follow(goal, free, cost, target not in bound)
                 case _:
                     pass
 

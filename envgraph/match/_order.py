@@ -54,10 +54,13 @@ class Draft:
             steps=list(self.steps),
         )
 
-    def add(self, option: Option) -> None:
-        """Execute an option next."""
-        self.cost = min(self.cost + self.rows * option.cost, _ENOUGH)
-        self.rows = min(self.rows * option.fanout, _ENOUGH)
+    def add(self, option: Option, together: bool = False) -> None:
+        """Execute an option next; `together` if its rows do not depend on those before."""
+        cost, rows = self.rows * option.cost, self.rows * option.fanout
+        if together and option.together is not None:
+            cost, rows = min(cost, option.together[0]), min(rows, option.together[1])
+        self.cost = min(self.cost + cost, _ENOUGH)
+        self.rows = min(rows, _ENOUGH)
         self.bound.update(option.binds)
         self.steps.append(Step(option.kind, option.goal, option.binds, option.cost, self.rows, option.inner))
 
@@ -160,7 +163,7 @@ class Search:
 
     def _enter(self, draft: Draft, loop: Option) -> None:
         """Execute a loop, and drop the goals that it meets."""
-        draft.add(loop)
+        draft.add(loop, together=loop.together is not None and self._alone(draft, loop))
         met: list[Goal] = [loop.goal]
         if isinstance(loop.goal, InstanceAtom):
             above = self._views.library.metamodel.supertypes(loop.goal.cls)
@@ -172,6 +175,11 @@ class Search:
                 and (goal == loop.goal or (goal.cls in above and not goal.exact))
             ]
         self._drop(draft, met, loop.binds)
+
+    def _alone(self, draft: Draft, loop: Option) -> bool:
+        """Whether nothing that steps have found so far is used after a loop."""
+        own = self._variables[id(loop.goal)]
+        return all(draft.uses[v] == (v in own) for step in draft.steps for v in step.binds)
 
     # --- filters
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from envgraph.match._symbols import Mode
+from envgraph.match._symbols import Mode, Reach
 
 Names = Callable[[int], str]
 """The source of a variable."""
@@ -22,6 +22,7 @@ class Sink:
         shared: names that a continuation of the function takes over; it has no head or tail of its own then.
         relay: what the caller does with the value of a continuation: "flag" returns True if it is true, "found"
             returns it unless it is None, "sum" adds it up, "" ignores it.
+        repeatable: whether the same values again change nothing.
     """
 
     variables: tuple[int, ...]
@@ -30,6 +31,7 @@ class Sink:
     tail: tuple[str, ...]
     shared: tuple[str, ...] = ()
     relay: str = ""
+    repeatable: bool = False
 
 
 def row(variables: Sequence[int], names: Names) -> str:
@@ -51,15 +53,23 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
         case Mode.EXISTS:
             return EXISTENCE
         case Mode.FIRST:
+            first = ("return None",)
             return Sink(
-                variables, (), lambda n: [f"return {shape(variables, n)}"], ("return None",), relay="found"
+                variables,
+                (),
+                lambda n: [f"return {shape(variables, n)}"],
+                first,
+                (),
+                "found",
+                repeatable=True,
             )
         case Mode.COUNT if distinct:
             return COUNT
     if distinct:
         return gathering(variables, lambda n: shape(variables, n), "return out")
     tail = "return len(out)" if mode is Mode.COUNT else "return list(out)"
-    return Sink(variables, ("out = {}",), lambda n: [f"out[{shape(variables, n)}] = None"], (tail,), ("out",))
+    each = lambda n: [f"out[{shape(variables, n)}] = None"]  # noqa: E731
+    return Sink(variables, ("out = {}",), each, (tail,), ("out",), repeatable=True)
 
 
 def gathering(variables: tuple[int, ...], item: Callable[[Names], str], tail: str) -> Sink:
@@ -68,20 +78,25 @@ def gathering(variables: tuple[int, ...], item: Callable[[Names], str], tail: st
     return Sink(variables, head, lambda names: [f"add({item(names)})"], (tail,), ("add",))
 
 
-EXISTENCE = Sink((), (), lambda names: ["return True"], ("return False",), relay="flag")
+EXISTENCE = Sink((), (), lambda names: ["return True"], ("return False",), relay="flag", repeatable=True)
 COUNT = Sink((), ("n = 0",), lambda names: ["n += 1"], ("return n",), relay="sum")
 
 
-def visiting(variable: int, goal: bool) -> Sink:
-    """Adds a reached object to a breadth-first search; with a goal, ends it there."""
+def visiting(variable: int, question: Reach) -> Sink:
+    """Adds a reached object to a breadth-first search, which a goal ends."""
+    goal = question is Reach.HOLDS
 
     def each(names: Names) -> list[str]:
         node = names(variable)
         stop = [f"if {node} == goal:", "    return True"] if goal else []
         return [*stop, f"if {node} not in seen:", f"    add({node})", f"    push({node})"]
 
-    head = ("seen = set()", "todo = [start]", "add = seen.add", "push = todo.append")
-    shared = ("seen", "add", "push", "goal") if goal else ("seen", "add", "push")
     # The start is not seen: it is reached only if some path leads back to it.
+    head = ["add = seen.add", "push = todo.append"]
+    if question is not Reach.SPREAD:
+        head.insert(0, "seen = set()")
+    if not goal:
+        head.insert(0, "todo = [start]")
+    shared = ("seen", "add", "push", "goal") if goal else ("seen", "add", "push")
     tail = ("return False",) if goal else ("del todo[0]", "return todo")
-    return Sink((variable,), head, each, tail, shared, "flag" if goal else "")
+    return Sink((variable,), tuple(head), each, tail, shared, "flag" if goal else "", repeatable=True)

@@ -98,6 +98,22 @@ class Reach(Enum):
     """Whether a source reaches a target."""
     PAIRS = "pairs"
     """All pairs."""
+    SPREAD = "spread"
+    """Everything that a source reaches and no source before it."""
+    SPREAD_BACK = "spread back"
+    """Everything that reaches a target and no target before it."""
+    JOIN = "join"
+    """Whether a source reaches one of several targets."""
+    JOIN_BACK = "join back"
+    """Whether a target is reached by one of several sources."""
+    ALIKE = "alike"
+    """A value that depends on what a source reaches, and on nothing else about it."""
+    ALIKE_BACK = "alike back"
+    """A value that depends on what reaches a target, and on nothing else about it."""
+    SIZE = "size"
+    """How much a source reaches."""
+    SIZE_BACK = "size back"
+    """How much reaches a target."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -284,6 +284,8 @@ class DeltaTranslation(Translation):
         tuple_: source of the tuple's values.
     """
 
+    _shares = False
+
     def __init__(
         self, planner: ViewPlanner, module: Module, block: Block, delta: Delta, tuple_: Sequence[str]
     ) -> None:

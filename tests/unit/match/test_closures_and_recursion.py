@@ -11,11 +11,12 @@ from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match import _closures as closures
+from envgraph.match import _compiled as compiled
 from envgraph.match import _recursion as recursion
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
-from envgraph.pattern import Check, Library
+from envgraph.pattern import Check, Library, Pattern
 from tests.unit.match.kinds import Kind, every_kind
-from tests.unit.match.writing import equal, find, is_a, neg, op, path, pattern, unequal, value
+from tests.unit.match.writing import equal, find, fold, is_a, neg, op, path, pattern, unequal, value
 
 CELLS = Metamodel(
     "cells",
@@ -87,6 +88,58 @@ def test_what_is_remembered_of_reached_objects_is_bounded(monkeypatch: pytest.Mo
         assert all(matcher.exists("reaches", (a, b)) for a in range(25) for b in range(25))
     (view,) = matcher._closures.values()
     assert sum(len(reached) for reached in view._reached.values() if reached) <= 50
+
+
+CORNER = pattern("corner(a : Cell)", [path("Cell.n", "a", 1)])
+SHARED = {
+    "one target": pattern(
+        "asked(a : Cell)", [is_a("Cell", "a"), find("corner", "c"), neg(find("reaches", "a", "c"))]
+    ),
+    "one source": pattern(
+        "asked(a : Cell)", [is_a("Cell", "a"), find("corner", "c"), neg(find("reaches", "c", "a"))]
+    ),
+    "many pairs": pattern(
+        "asked(a : Cell, b : Cell)", [path("Cell.to", "a", "b"), find("reaches", "a", "b")]
+    ),
+    "one of several": pattern("asked(a : Cell)", [is_a("Cell", "a"), neg(find("corners", "a", "_"))]),
+    "from any of several": pattern("asked(b : Cell)", [path("Cell.to", "a", "_"), find("reaches", "a", "b")]),
+    "counted": pattern(
+        "asked(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", fold("count", find("reaches", "a", "_")))]
+    ),
+    "counted with a condition": pattern(
+        "asked(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", fold("count", find("corners", "a", "_")))]
+    ),
+}
+
+
+@pytest.mark.parametrize("asked", SHARED.values(), ids=SHARED)
+def test_many_questions_about_a_closure_take_little_more_than_one_search(
+    asked: Pattern, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, to = grid(40, 40), CELLS.feature("Cell", "to")
+    with model.loading():
+        model.set_value(1_599, CELLS.attributes[0], 1)
+        for cell in range(1_600):
+            model.link(cell, to, 7 * cell % 1_600)  # type: ignore[arg-type]
+    corners = pattern("corners(a : Cell, b : Cell)", [find("step+", "a", "b"), find("corner", "b")])
+    matcher = CompiledMatcher(model, library(STEP, REACHES, CORNER, corners, asked))
+    searched = 0
+
+    def search(steps: object, forward: bool, question: object) -> object:
+        found = original(steps, forward, question)
+
+        def counted(*arguments: object) -> object:
+            nonlocal searched
+            searched += 1
+            return found(*arguments)
+
+        return counted
+
+    original = compiled._Steps._search
+    monkeypatch.setattr(compiled._Steps, "_search", search)
+    matcher.count("asked", (FREE,) * len(asked.parameters))
+    most = 1_600 if asked is SHARED["from any of several"] else 20  # searches that find nothing more
+    assert searched <= most
 
 
 def test_reached_objects_come_nearest_first() -> None:

@@ -1,0 +1,89 @@
+"""Reachability of many pairs: each node knows all that it reaches as the bits of one integer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, Final
+
+from envgraph.match._components import components
+
+MOST_BYTES: Final = 64_000_000
+"""Size of all these integers: about that of a chain of 30,000 nodes."""
+
+
+class TooLarge(Exception):
+    """The integers would take too much memory."""
+
+
+class Condensation:
+    """What the nodes of a graph reach by one or more steps, made for the part that has been asked about.
+
+    Nodes that reach each other share one integer, so a graph that hangs together costs no more than its nodes.
+
+    >>> steps = {1: [2], 2: [1, 3], 3: []}
+    >>> reached = Condensation(steps.__getitem__)
+    >>> reached.holds(1, 1), reached.holds(3, 2), reached.size(2)
+    (True, False, 3)
+
+    Args:
+        following: where one step leads; it must give the same for as long as this is used.
+    """
+
+    def __init__(self, following: Callable[[Any], Iterable[Any]]) -> None:
+        self._following = following
+        self._bits: dict[Any, int] = {}
+        self._place: dict[Any, int] = {}
+        self._bytes = 0
+
+    def holds(self, start: Any, goal: Any) -> bool:
+        """Whether one node reaches another.
+
+        Raises:
+            TooLarge: as this is found out.
+        """
+        bits = self._bits.get(start)
+        if bits is None:
+            bits = self._explored(start)
+        place = self._place.get(goal)
+        return place is not None and bool(bits >> place & 1)
+
+    def mark(self, start: Any) -> int:
+        """A number that nodes share only if they reach the same.
+
+        Raises:
+            TooLarge: as this is found out.
+        """
+        bits = self._bits.get(start)
+        return id(self._explored(start) if bits is None else bits)
+
+    def size(self, start: Any) -> int:
+        """How many nodes one node reaches.
+
+        Raises:
+            TooLarge: as this is found out.
+        """
+        bits = self._bits.get(start)
+        return (self._explored(start) if bits is None else bits).bit_count()
+
+    def _explored(self, start: Any) -> int:
+        known, place = self._bits, self._place
+        for component, exits in components([start], self._unknown):
+            if component[0] in known:
+                continue
+            first = len(place)
+            for node in component:
+                place[node] = len(place)
+            own = (1 << len(component)) - 1 << first
+            bits = own if len(component) > 1 or component[0] in exits else 0
+            for node in exits:
+                if node in known:
+                    bits |= known[node] | 1 << place[node]
+            self._bytes += bits.bit_length() >> 3
+            if self._bytes > MOST_BYTES:
+                raise TooLarge
+            known.update(dict.fromkeys(component, bits))
+        return known[start]
+
+    def _unknown(self, node: Any) -> Iterable[Any]:
+        """Steps from a node that is met for the first time: what lies behind the others is known."""
+        return () if node in self._bits else self._following(node)
