@@ -445,7 +445,8 @@ class Translation:
         if not (self._known(goal.source) and self._known(goal.target)):
             return self._ends(goal)
         source, target = self._source(goal.source), self._source(goal.target)
-        if goal.reference.many and self._planner.sizes.single_source(goal.reference):
+        sizes = self._planner.sizes
+        if sizes.backward(goal.reference) < sizes.forward(goal.reference):  # look among the fewer
             return f"{source} in {self._module.name(Backward(goal.reference.index))}[{target}]"
         return f"{target} in {self._module.name(Forward(goal.reference.index))}[{source}]"
 

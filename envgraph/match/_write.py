@@ -93,7 +93,7 @@ class Module:
         first = self._counts.get("k", 0)
         compiled = compile_expression(expression, names, types, constant=lambda i: f"k{first + i}")
         for value in compiled.constants:
-            self.literal(value)
+            self.name(Literal(value))
         if not compiled.fallible:
             return compiled.source
         name = self.fresh("x")

@@ -139,13 +139,26 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
     Raises:
         Unplannable: some variables cannot be enumerated.
     """
-    conjunction, occurrence = delta.conjunction, delta.occurrence
     module, block = Module(), Block()
-    names = [f"a{position}" for position in range(len(occurrence.columns))]
+    write_delta(planner, module, block, delta, coming)
+    module.function("delta", tuple_names(delta.occurrence), block)
+    return module.source("delta")
+
+
+def tuple_names(occurrence: Occurrence) -> list[str]:
+    """The parameters of a delta function: the values of the tuple."""
+    return [f"a{position}" for position in range(len(occurrence.columns))]
+
+
+def write_delta(planner: ViewPlanner, module: Module, block: Block, delta: Delta, coming: bool) -> None:
+    """Write the body of a delta function: see `delta_source`."""
+    conjunction, occurrence = delta.conjunction, delta.occurrence
+    names = tuple_names(occurrence)
     goal = conjunction.goals[occurrence.goal]
     plus = coming != (occurrence.role is Role.NONE)
     if delta.own is not None and not plus:
-        return _lookup_source(planner, delta, delta.own)
+        _write_lookup(planner, module, block, delta, delta.own)
+        return
     plan = delta_plan(planner, delta)
     if occurrence.role is Role.NUMBER:
         assert isinstance(goal, AggregateAtom)
@@ -159,8 +172,6 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
         translation = DeltaTranslation(planner, module, block, delta, names)
         alone = translation.alone(occurrence, names)
         translation.run(plan, view_sink(module, delta, plus), {}, alone)
-    module.function("delta", names, block)
-    return module.source("delta")
 
 
 def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
@@ -200,11 +211,12 @@ def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
     return tuple(heads.index(v) for v in dict.fromkeys(columns)) if columns and cost > DEAR else None
 
 
-def _lookup_source(planner: ViewPlanner, delta: Delta, own: tuple[int, ...]) -> Source:
-    """Takes the rows along that hold the values of the tuple."""
-    module, block = Module(), Block()
+def _write_lookup(
+    planner: ViewPlanner, module: Module, block: Block, delta: Delta, own: tuple[int, ...]
+) -> None:
+    """Take the rows along that hold the values of the tuple."""
     occurrence = delta.occurrence
-    names = [f"a{position}" for position in range(len(occurrence.columns))]
+    names = tuple_names(occurrence)
     translation = DeltaTranslation(planner, module, block, delta, names)
     first: dict[int, str] = {}
     for variable, source in zip(occurrence.columns, names, strict=True):
@@ -217,8 +229,6 @@ def _lookup_source(planner: ViewPlanner, delta: Delta, own: tuple[int, ...]) -> 
     key = next(iter(first.values())) if len(first) == 1 else f"({', '.join(first.values())},)"
     block.line(f"for row in tuple({group}({key}, ())):")
     block.line(f"    {changed(module, delta, False, 'row')}")
-    module.function("delta", names, block)
-    return module.source("delta")
 
 
 def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:

@@ -29,7 +29,7 @@ def explain_views(operators: list[Operator], deltas: list[Delta], planner: ViewP
         planner: made their plans.
         pattern: qualified name.
     """
-    lines = [f"{pattern} is watched. It is made of:"]
+    lines = [f"{pattern} is watched (functions that hear of the same change run as one). It is made of:"]
     lines.extend(f"  {_operator(each)}" for each in operators)
     for delta in deltas:
         if delta.name == pattern:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import groupby
 from types import CodeType
 from typing import Any
 
 from envgraph.graph import Store
 from envgraph.match._options import Unplannable
 from envgraph.match._plan import Conjunction
-from envgraph.match.views._delta import Delta, Occurrence, delta_source, occurrences, own_positions
+from envgraph.match.views._delta import Delta, Occurrence, occurrences, own_positions
+from envgraph.match.views._fusion import fused_source
 from envgraph.match.views._growth import Build, Definition, Growth, Key
 from envgraph.match.views._operators import Fold, Hook, Operator, View
 from envgraph.match.views._planning import ViewPlanner
@@ -46,7 +48,7 @@ class Wiring:
         self._growth = growth
         self._planner = planner
         self._build = build
-        self._consumers: dict[Key, list[Consumer]] = {}
+        self._consumers: dict[Key, list[Consumer | Delta]] = {}
         self._classes: list[tuple[View | Member, int, Conjunction, tuple[Occurrence, ...]]] = []
         self._retypings: dict[tuple[Kind, Kind], tuple[Hook | None, Hook | None]] = {}
         self._membership: dict[tuple[str, int, frozenset[int]], Consumer] = {}
@@ -69,12 +71,15 @@ class Wiring:
         for operator in self._growth.operators.values():
             self._subscribe(operator)
         for key, delta in deltas:
-            self._listen(key, self._delta(delta))
+            self.deltas.append(delta)
+            self._listen(key, delta)
         self.hang()
-        for operator in self._growth.operators.values():
-            if operator.name in self._queued:
-                operator.added, operator.removing = self._fan(("rows", operator.name), self._arity(operator))
-                if isinstance(operator, View) and self._only_followed(operator):
+        queued = [each for each in self._growth.operators.values() if each.name in self._queued]
+        for operator in queued:
+            operator.added, operator.removing = self._fan(("rows", operator.name), self._arity(operator))
+        for operator in queued:  # what they read of each other is known now
+            if isinstance(operator, View):
+                if self._only_followed(operator):
                     operator.unlist()
                 self._make(operator)
         self.turns = [
@@ -155,17 +160,18 @@ class Wiring:
             view.group(own)
         return replace(delta, own=own)
 
-    def _delta(self, delta: Delta) -> Consumer:
-        self.deltas.append(delta)
+    def _delta(self, deltas: Sequence[Delta], coming: bool) -> Hook:
+        """One function that does what several deltas of one change ask for."""
         try:
-            added, removing = (
-                self._build(delta_source(self._planner, delta, coming)) for coming in (True, False)
-            )
+            hook: Hook = self._build(fused_source(self._planner, deltas, coming))
         except Unplannable as reason:
-            raise AssertionError(f"{delta} cannot be planned") from reason
-        return added, removing
+            raise AssertionError(f"{deltas} cannot be planned") from reason
+        return hook
 
-    def _listen(self, key: Key, consumer: Consumer) -> None:
+    def _both(self, delta: Delta) -> Consumer:
+        return self._delta([delta], True), self._delta([delta], False)
+
+    def _listen(self, key: Key, consumer: Consumer | Delta) -> None:
         self._consumers.setdefault(key, []).append(consumer)
 
     def _fan(self, key: Key, arity: int, symmetric: bool = False) -> Consumer | tuple[None, None]:
@@ -173,11 +179,23 @@ class Wiring:
         if not consumers:
             return None, None
         if symmetric:  # both directions at one place, then both at the next: they change together
-            consumers = [(_both_ways(added), _both_ways(removing)) for added, removing in consumers]
-        added = _fan([consumer[0] for consumer in consumers], arity)
+            pairs = [self._both(each) if isinstance(each, Delta) else each for each in consumers]
+            consumers = [(_both_ways(added), _both_ways(removing)) for added, removing in pairs]
         # A deletion is the mirror of an insertion.
-        removing = _fan([consumer[1] for consumer in reversed(consumers)], arity)
-        return added, removing
+        return (
+            _fan(self._hooks(consumers, True), arity),
+            _fan(self._hooks(consumers[::-1], False), arity),
+        )
+
+    def _hooks(self, consumers: Sequence[Consumer | Delta], coming: bool) -> list[Hook]:
+        """The functions of consumers, one for all deltas that follow each other."""
+        found: list[Hook] = []
+        for is_delta, run in groupby(consumers, lambda each: isinstance(each, Delta)):
+            if is_delta:
+                found.append(self._delta(list(run), coming))  # type: ignore[arg-type]
+            else:
+                found.extend(each[0 if coming else 1] for each in run)  # type: ignore[index]
+        return found
 
     def hang(self) -> None:
         """Hang the functions into the store."""
@@ -252,7 +270,8 @@ class Wiring:
                     later = tuple(places[index + 1 :])
                     queued = view.name in self._queued
                     delta = Delta(view.name, number, body, place, later, queued=queued)
-                    self._membership[key] = self._delta(delta)
+                    self.deltas.append(delta)
+                    self._membership[key] = self._both(delta)
                 found.append(self._membership[key])
         return found
 

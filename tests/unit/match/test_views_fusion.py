@@ -1,0 +1,79 @@
+"""Delta functions that hear of the same change are one function, which does once what they begin with alike."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from envgraph.graph import Model
+from envgraph.match import FREE
+from envgraph.match.views._fusion import fused_source
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+from envgraph.pattern import Library, LinkAtom
+from tests.unit.match.kinds import watched
+from tests.unit.match.writing import path, pattern
+
+POSTS = Metamodel(
+    "posts",
+    (
+        Class(
+            "Post",
+            features=(
+                Attribute("lit", Scalar.BOOL),
+                Reference("next", "Post", 0, None),
+            ),
+        ),
+    ),
+)
+LIT, NEXT = POSTS.attributes[0], POSTS.references[0]
+CHAIN = pattern(
+    "chain(a : Post, b : Post, c : Post, d : Post)",
+    [
+        path("Post.lit", "a", True),
+        path("Post.next", "a", "b"),
+        path("Post.next", "b", "c"),
+        path("Post.next", "c", "d"),
+    ],
+)
+LAST = pattern(
+    "last(a : Post, b : Post, c : Post)", [path("Post.next", "a", "b"), path("Post.next", "b", "c")]
+)
+
+
+def test_what_two_functions_begin_with_alike_is_written_once() -> None:
+    library = Library(POSTS)
+    library.add(CHAIN, LAST)
+    model = Model(POSTS)
+    views = watched(model, library)
+    wiring = views._network._wiring
+    links = [delta for delta in wiring.deltas if isinstance(delta.occurrence.relation, LinkAtom)]
+    assert len(links) == 5
+    text = fused_source(wiring._planner, links, True).text
+    # Three places look at the targets of the new link's target, three at the sources of its source; one of the former
+    # does so only under a condition.
+    assert text.count("in F0[a1]:") == 2
+    assert text.count("in B0[a0]:") == 2  # one of them inside a loop that two places share
+    assert text.count("    derive_0(") == 3
+    assert text.count("    derive_1(") == 2
+
+
+def test_functions_that_are_one_find_what_each_would_find() -> None:
+    library = Library(POSTS)
+    library.add(CHAIN, LAST)
+    model = Model(POSTS)
+    posts = [model.new("Post") for _ in range(4)]
+    model.set_value(posts[0], LIT, True)
+    views = watched(model, library)
+    for source, target in pairwise(posts):
+        model.link(source, NEXT, target)
+        views.check_integrity()
+    model.link(posts[3], NEXT, posts[3])  # one link at several places of a body
+    views.check_integrity()
+    assert views.count("chain", (FREE,) * 4) == 1
+    assert views.count("last", (FREE,) * 3) == 4
+    model.link(posts[0], NEXT, posts[0])
+    views.check_integrity()
+    for source in reversed(posts):
+        for target in list(model.targets(source, NEXT)):
+            model.unlink(source, NEXT, target)
+            views.check_integrity()
+    assert views.count("chain", (FREE,) * 4) == views.count("last", (FREE,) * 3) == 0
