@@ -35,6 +35,7 @@ from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, exp
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._pixels import scene_rgb
+from envgraph.env._reaching import can_end
 from envgraph.env._render import render_rgb, render_svg, render_text
 from envgraph.env._scene import Draw, GraphScene, GridScene, Mark, Scene, scene_of
 from envgraph.env._simulator import Outcome, Simulator
@@ -77,6 +78,7 @@ __all__ = [
     "Simulator",
     "Tabular",
     "Token",
+    "can_end",
     "check_behaviour",
     "enumerate_states",
     "explore",

@@ -125,7 +125,8 @@ class PreparedEach:
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """One component of an observation: how many values it has, and its present one."""
+    """One component of an observation: how many values it has, its present one, and whether it is `in` a range."""
 
     size: int
     read: Callable[[], int]
+    number: bool = False

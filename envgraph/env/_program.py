@@ -19,6 +19,7 @@ from envgraph.env._behaviour import (
     ObserveFind,
     ObserveObject,
     ObserveRange,
+    OnFind,
     RuleCall,
 )
 from envgraph.env._binding import Reader, bind_parameters, reader
@@ -101,6 +102,7 @@ class Program:
         seen = _together(block.observations, own, behaviour.observations, shared)
         self.actions = [one for action, _ in actions for one in self._actions(action, effects)]
         self.effects = [self._effect(effect, types) for effect, types in effects]
+        self._asked = effects
         self.resets = [self._call(reset.apply) for reset in behaviour.resets]
         self.components = [part for clause, types in seen for part in self._components(clause, types)]
 
@@ -237,6 +239,18 @@ class Program:
 
         return matches, holds
 
+    def in_the_way(self, end: int) -> Callable[[], int]:
+        """How many matches have to go before an episode can end so: those of `on neg find .. terminate`."""
+        questions = [
+            self._counting(effect.condition.relation, types)
+            for effect, types in self._asked
+            if isinstance(effect, OnFind)
+            and ENDS[effect.terminate] == end
+            and isinstance(effect.condition, Negation)
+            and isinstance(effect.condition.relation, PatternCall)
+        ]
+        return lambda: sum(count() for count in questions)
+
     # --- observations
 
     def _components(self, observation: Observation, types: Types) -> Iterator[Component]:
@@ -246,7 +260,8 @@ class Program:
         size, index, padding = self._meaning(observation, types)
         path, read = observation.path, self._read
         for value in self._owners(observation.each):
-            yield Component(size, observer(path, value, read, index, padding, self.bound))
+            number = isinstance(observation, ObserveRange)
+            yield Component(size, observer(path, value, read, index, padding, self.bound), number)
 
     def _owners(self, each: Parameter | None) -> Iterator[tuple[str, Callable[[], Value | None]] | None]:
         """One entry a component: the name that `for` gives to an object, and the object."""
@@ -286,15 +301,17 @@ class Program:
         if observation.up_to is None:
             matches, _ = self._matches(self._ask(observation.call, types))
             return Component(2, lambda: 1 if matches() else 0)
-        call, limit = observation.call, observation.up_to
-        counting = self._added(lambda name: count_question(name, call, types))
-        counted, _ = self._matches(counting)
+        count, limit = self._counting(observation.call, types), observation.up_to
+        return Component(limit + 1, lambda: min(count(), limit))
+
+    def _counting(self, call: PatternCall, types: Types) -> Callable[[], int]:
+        counted, _ = self._matches(self._added(lambda name: count_question(name, call, types)))
 
         def count() -> int:
             rows = counted()
-            return min(int(rows[0][0]), limit) if rows else 0
+            return int(rows[0][0]) if rows else 0
 
-        return Component(limit + 1, count)
+        return count
 
 
 def _item(objects: KeyedObjects, position: int) -> Callable[[], Value | None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from math import fsum, prod
 
@@ -122,6 +122,15 @@ class Simulator:
         """What tells states apart: the model, and whose turn it is."""
         return self._model.state_hash(), self.turn
 
+    def look(self) -> tuple[int, ...]:
+        """The components of the observation that are no number in a range."""
+        components = self._agents.seats[self.turn].program.components
+        return tuple(component.read() for component in components if not component.number)
+
+    def in_the_way(self, end: int) -> Callable[[], int]:
+        """Counts the matches that have to go before an episode can end in success (1) or failure (2)."""
+        return self._agents.seats[0].program.in_the_way(end)
+
     def painter(self) -> Painter:
         """Draws the states of this simulator.
 
@@ -152,15 +161,30 @@ class Simulator:
         While the caller looks at an outcome the model is in the successor state; afterwards it is as before. Outcomes
         that are the same are not put together.
         """
-        prepared, turn = self._action(action), self.turn
-        for choices in _all_choices():
-            savepoint = self._model.savepoint()
+        turn = self.turn
+        for probability, outcome, savepoint in self.attempts(action):
             try:
-                outcome = self._step(prepared, choices)
-                yield choices.probability, outcome
+                yield probability, outcome
             finally:
                 self._model.rollback(savepoint)
                 self.turn = turn
+
+    def attempts(self, action: int) -> Iterator[tuple[float, Outcome, Savepoint]]:
+        """As `outcomes`, but it is for the caller to take each outcome back before the next is asked for.
+
+        That is: to roll its savepoint back, or to shelve it.
+        """
+        prepared, turn = self._action(action), self.turn
+        for choices in _all_choices():
+            self.turn = turn
+            savepoint = self._model.savepoint()
+            try:
+                outcome = self._step(prepared, choices)
+            except BaseException:
+                self._model.rollback(savepoint)
+                self.turn = turn
+                raise
+            yield choices.probability, outcome, savepoint
 
     # --- the step
 

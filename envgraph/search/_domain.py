@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from envgraph.env import Behaviour, KeyIndex, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes
 from envgraph.errors import Diagnostic, LoadError, Note, has_errors, sort_diagnostics
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
@@ -27,7 +27,6 @@ from envgraph.rewrite import Engine
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import FamilyMeasure
 from envgraph.search._evolution import Settings
-from envgraph.search._measures import steps_to, tabular_of
 from envgraph.search._options import Options
 from envgraph.search._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Problem, Require
 
@@ -36,15 +35,14 @@ Placed = TypeVar("Placed", ModelText, Behaviour)
 
 @dataclass(frozen=True, slots=True)
 class Reachable:
-    """Some episode ends with an outcome ("success" or "failure"), over the enumerated states."""
+    """Some episode ends with an outcome ("success" or "failure"); what cannot be found counts as out of reach."""
 
     outcome: str
     behaviour: Behaviour
 
     def holds(self, engine: Engine) -> bool:
         """Whether the outcome can be reached."""
-        kind = {"success": 1, "failure": 2}[self.outcome]
-        return steps_to(tabular_of(engine, self.behaviour), kind) != float("inf")
+        return can_end(engine, self.behaviour, {"success": 1, "failure": 2}[self.outcome])
 
     def __str__(self) -> str:
         return f"reachable {self.outcome}"
