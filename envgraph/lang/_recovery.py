@@ -98,7 +98,10 @@ class Recovery:
     def _closed_before(self, inner: Level, outer: Level, place: int, keyword: str) -> bool:
         """Closes what is open until the keyword can follow; reports where the open brace is."""
         brace = self._grammar.core.signs.get("}")
-        states = self._stack.states[: inner.height]
+        # What has just been read as a whole stays; else it is given up.
+        whole = brace is not None and self._grammar.accepts(self._stack.states, brace)
+        height = len(self._stack.states) if whole else inner.height
+        states = self._stack.states[:height]
         closing = 0
         while brace and not self._grammar.accepts(states, keyword) and closing < 50:
             if not self._grammar.accepts(states, brace):
@@ -108,7 +111,7 @@ class Recovery:
         if closing == 0 or brace is None:
             return False
         lexeme = self._lexemes[place]
-        self._stack.forget(inner.height, place, place)
+        self._stack.forget(height, place, place)
         opening = self._stack.open_brace(place)
         for _ in range(closing):
             self._stack.feed(brace, Lexeme(PUNCTUATION, "}", lexeme.start, lexeme.start), place)

@@ -6,17 +6,19 @@ is carried out phase by phase over the matches of all its blocks, after looking 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any, Final
 
-from envgraph.errors import EnvgraphError, RuleError
+from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
 from envgraph.match import Matcher
 from envgraph.metamodel import Metamodel, Reference
-from envgraph.rewrite._conflicts import Conflicts
+from envgraph.rewrite._conflicts import Conflicts, Contradiction, Fresh, told
 from envgraph.rewrite._match import Row
-from envgraph.rewrite._plan import BlockPlan, ChangeTargets, RulePlan, SetTargets, SetValue
+from envgraph.rewrite._notices import Report
+from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
 from envgraph.rewrite._source import Writer, check_kept
 
 Effect = Callable[[Row], Sequence[Any]]
@@ -26,23 +28,39 @@ Raises:
     RuleError: the rule is refused; the model is as before.
 """
 
+Again = Callable[[Link, int, int], None]
+
 PHASES: Final = ("compute", "unlink", "delete", "retype", "create", "link", "assign")
 
 
-def effect_of(plan: RulePlan, model: Model, matcher: Matcher) -> Effect:
-    """The function that applies a rule."""
+def effect_of(plan: RulePlan, model: Model, matcher: Matcher, report: Report) -> Effect:
+    """The function that applies a rule; `report` is told of links that it creates although they are there."""
+
+    def again(link: Link, source: int, target: int) -> None:
+        report(plan.name, link, model.describe(source), model.describe(target))
+
     body = plan.body
-    if body.nested or body.coinciding:
-        return _Staged(plan, model, matcher).apply
-    return _straight(plan, model)
+    if body.nested or body.coinciding or _contended(body):
+        return _Staged(plan, model, matcher, again).apply
+    return _straight(plan, model, again)
+
+
+def _contended(body: BlockPlan) -> bool:
+    """Whether objects that only values name may be changed otherwise, too."""
+    computed = {each.slot for each in body.computed if each.object}
+    named = [link.target for link in body.links]
+    for change in body.sets:
+        named += change.values if isinstance(change, SetTargets | ChangeTargets) else ()
+    others = len(body.unlinks) + len(body.deletes) + len(body.retypes) + len(body.absorbs) + len(body.moves)
+    return not computed.isdisjoint(named) and (others > 0 or len(named) > 1)
 
 
 # --- straight rules
 
 
-def _straight(plan: RulePlan, model: Model) -> Effect:
+def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
     body = plan.body
-    writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True)
+    writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True, again=again)
     endangered = _endangered([body], model.metamodel)
     kept = tuple(slot for slot in body.kept if body.classes[slot] in endangered)
     changes = [*writer.unlink(body), *writer.delete(body)]
@@ -54,16 +72,16 @@ def _straight(plan: RulePlan, model: Model) -> Effect:
             savepoint=model.savepoint,
             rollback=model.rollback,
             release=model.release,
-            EnvgraphError=EnvgraphError,
+            BaseException=BaseException,
         )
-        lines += ["mark = savepoint()", "try:", *map(_indented, changes), "except EnvgraphError:"]
+        lines += ["mark = savepoint()", "try:", *map(_indented, changes), "except BaseException:"]
         lines += [" rollback(mark)", " raise", "release(mark)"]
     else:
         lines += changes
     lines.append(f"return {writer.slots(tuple(range(body.slots)))}")
     unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
-    writer.namespace.update(RuleError=RuleError, refused=lambda error: refusal(plan.name, error))
-    caught = ["except RuleError as error:", " raise refused(error) from None"]
+    writer.namespace.update(refusals=REFUSALS, refused=lambda error: refusal(plan.name, error))
+    caught = ["except refusals as error:", " raise refused(error) from None"]
     return _function("do_apply", "row", [unpack, "try:", *map(_indented, lines), *caught], writer.namespace)
 
 
@@ -140,12 +158,15 @@ def _function(
     return function
 
 
-def refusal(rule: str, error: RuleError) -> RuleError:
+REFUSALS: Final = (RuleError, EvaluationError)
+
+
+def refusal(rule: str, error: RuleError | EvaluationError) -> RuleError | EvaluationError:
     """The reason that the model gives, with the name of the rule that was to be applied."""
-    message = str(error).split("\n", 1)[0]
-    return RuleError(
-        f"rule `{rule}` cannot be applied: {message}", rule=rule, reason=error.reason, details=error.details
-    )
+    message = f"rule `{rule}` cannot be applied: " + str(error).split("\n", 1)[0]
+    if isinstance(error, EvaluationError):
+        return EvaluationError(message)
+    return RuleError(message, rule=rule, reason=error.reason, details=error.details)
 
 
 # --- rules with blocks
@@ -175,9 +196,13 @@ class _Block:
             lines = getattr(writer, phase)(plan)
             self.phases[phase] = _function(f"do_{phase}", "e", lines, writer.namespace) if lines else None
 
-    def collect(self, slots: list[Any], parent: Instance | None, found: list[Instance]) -> None:
+    def collect(
+        self, slots: list[Any], parent: Instance | None, found: list[Instance], fresh: Iterator[int]
+    ) -> None:
         """Add the match with these slots, then those of the nested blocks, all on the present state."""
         slots += [None] * (self.plan.slots - len(slots))
+        for new in self.plan.creates:
+            slots[new.node] = Fresh(next(fresh))
         instance = Instance(self, slots, parent)
         found.append(instance)
         for block in self.nested:
@@ -187,30 +212,32 @@ class _Block:
             if block.plan.kind == "optional":
                 rows = rows[:1]
             for row in rows:
-                block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found)
+                block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found, fresh)
 
 
 class _Staged:
-    """Applies a rule with nested blocks, or one whose variables may stand for one object."""
+    """Applies a rule with nested blocks, or one of which not even the match tells what it changes."""
 
-    def __init__(self, plan: RulePlan, model: Model, matcher: Matcher) -> None:
+    def __init__(self, plan: RulePlan, model: Model, matcher: Matcher, again: Again) -> None:
         self.plan = plan
         self.model = model
+        self.again = again
         self.block = _Block(plan.body, model, matcher, plan.lossy)
 
     def apply(self, row: Row) -> Sequence[Any]:
         """See `Effect`."""
         instances: list[Instance] = []
-        self.block.collect(list(row), None, instances)
+        self.block.collect(list(row), None, instances, count(-1, -1))
         try:
             self._run(instances, "compute")
-            deleted = self._check(instances)
+            wants = self._check(instances)
             with self.model.transaction():
                 for phase in PHASES[1:]:
                     self._run(instances, phase)
                     if phase == "delete":
-                        self._check_kept(instances, deleted)
-        except RuleError as error:
+                        self._check_kept(instances, wants)
+                        self._tell(instances)
+        except REFUSALS as error:
             raise refusal(self.plan.name, error) from None
         return instances[0].slots
 
@@ -223,18 +250,41 @@ class _Staged:
             if function is not None:
                 function(instance.slots)
 
-    def _check(self, instances: Sequence[Instance]) -> Collection[int]:
-        """Look for conflicts; returns what is to be deleted."""
-        conflicts = Conflicts(self.model)
-        for instance in instances:
-            conflicts.add(instance.block.plan, instance.slots)
-        return conflicts.deleted
-
-    def _check_kept(self, instances: Sequence[Instance], deleted: Collection[int]) -> None:
-        if deleted:
+    def _check(self, instances: Sequence[Instance]) -> Conflicts:
+        """Look for conflicts; returns what all matches want."""
+        conflicts = Conflicts(self.model.metamodel, self._describe)
+        try:
             for instance in instances:
-                plan, slots = instance.block.plan, instance.slots
-                kept = tuple(slot for slot in plan.kept if slots[slot] not in deleted)
-                check_kept(
-                    self.model, tuple(slots[slot] for slot in kept), tuple(plan.names[slot] for slot in kept)
-                )
+                conflicts.add(instance.block.plan, instance.slots)
+            conflicts.finish()
+        except Contradiction as error:
+            details = [told(want, self._describe) for want in error.wants]
+            raise RuleError(error.message, reason="ambiguous", details=details) from None
+        return conflicts
+
+    def _describe(self, node: int) -> str:
+        return "a new object" if isinstance(node, Fresh) else self.model.describe(node)
+
+    def _check_kept(self, instances: Sequence[Instance], wants: Conflicts) -> None:
+        if not wants.deleted:
+            return
+        for instance in instances:
+            plan, slots = instance.block.plan, instance.slots
+            kept = tuple(slot for slot in plan.kept if slots[slot] not in wants.deleted)
+            check_kept(
+                self.model, tuple(slots[slot] for slot in kept), tuple(plan.names[slot] for slot in kept)
+            )
+        for node in wants.changed:
+            if not isinstance(node, Fresh) and not self.model.alive(node):
+                message = "an object that the rule changes goes with a container that is deleted"
+                raise RuleError(message, reason="containment", details=[f"it was object {node}"])
+
+    def _tell(self, instances: Sequence[Instance]) -> None:
+        """Of links that are to be created, and are there."""
+        for instance in instances:
+            for link in instance.block.plan.links:
+                source, target = instance.slots[link.source], instance.slots[link.target]
+                if target is None or isinstance(source, Fresh) or isinstance(target, Fresh):
+                    continue
+                if self.model.has_link(source, link.reference, target):
+                    self.again(link, source, target)

@@ -51,7 +51,7 @@ class AssignmentReader:
             self._attribute(node.name, feature, "=", assignment.value, span)
         elif isinstance(feature, Reference) and not _is_none(assignment.value):
             for value in self._targets(feature, assignment.value, span):
-                self.links.append(Link(self.sight.slot(node.name), feature, value))
+                self.links.append(Link(self.sight.slot(node.name), feature, value, span))
 
     def set(self, action: Set) -> None:
         """`set object.feature = value`, `+=`, `-=`."""
@@ -91,15 +91,15 @@ class AssignmentReader:
             )
             self.sight.error("wrong-type", message, span, "write `=`")
         elif operator == "=" and _is_none(value):
-            self.sets.append(SetValue(self.sight.slot(name), attribute, None))
+            self.sets.append(SetValue(self.sight.slot(name), attribute, None, span))
         else:
             slot = self._value(value, attribute.type, span)
             if slot is not None:
                 object_ = self.sight.slot(name)
                 self.sets.append(
-                    SetValue(object_, attribute, slot)
+                    SetValue(object_, attribute, slot, span)
                     if operator == "="
-                    else Increase(object_, attribute, operator, slot)
+                    else Increase(object_, attribute, operator, slot, span)
                 )
 
     def _reference(
@@ -110,13 +110,13 @@ class AssignmentReader:
             message = f"`{reference}` has at most one target, so `{operator}` does not apply"
             self.sight.error("wrong-type", message, span, "write `=`, or `= none` to clear it")
         elif operator == "=" and _is_none(value):
-            self.sets.append(SetTargets(object_, reference, ()))
+            self.sets.append(SetTargets(object_, reference, (), span))
         else:
             values = self._targets(reference, value, span)
             self.sets.append(
-                SetTargets(object_, reference, values)
+                SetTargets(object_, reference, values, span)
                 if operator == "="
-                else ChangeTargets(object_, reference, operator, values)
+                else ChangeTargets(object_, reference, operator, values, span)
             )
 
     def _targets(self, reference: Reference, value: Values, span: Span | None) -> tuple[int, ...]:
@@ -151,7 +151,7 @@ class AssignmentReader:
             return self.sight.slot(expression.name)
         scope = tuple((name, self.sight.slot(name), self.sight.types[name]) for name in read)
         slot = self.sight.add("")
-        self.computed.append(Compute(slot, expression, scope))
+        self.computed.append(Compute(slot, expression, scope, isinstance(expected, ObjectType)))
         return slot
 
     def _check(self, expression: Expression, expected: StaticType, span: Span | None) -> list[Diagnostic]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import combinations
 from typing import Literal
 
-from envgraph.errors import Span
+from envgraph.errors import Diagnostic, Note, Severity, Span
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Action,
@@ -20,6 +20,7 @@ from envgraph.pattern import (
     Move,
     Node,
     ObjectType,
+    PatternCall,
     Redirect,
     Retype,
     RightSide,
@@ -27,8 +28,10 @@ from envgraph.pattern import (
     Set,
     StaticType,
     Variable,
+    terms_in,
 )
 from envgraph.rewrite._assign import AssignmentReader
+from envgraph.rewrite._conflicts import Conflicts, Contradiction
 from envgraph.rewrite._left import LoweredBlock
 from envgraph.rewrite._plan import (
     Absorb,
@@ -43,7 +46,7 @@ from envgraph.rewrite._plan import (
     Unlink,
 )
 from envgraph.rewrite._sight import LinkKey, ResolvedEdge, Sight
-from envgraph.rewrite._variables import equated, is_named, node_names
+from envgraph.rewrite._variables import equated, is_named, node_names, path_edges
 
 TypesOf = Callable[[LoweredBlock], Mapping[str, StaticType | None]]
 
@@ -68,12 +71,14 @@ class BlockBuilder:
         self._own_retyped: list[str] = []
         self._own_deleted: list[str] = []
         self._spans: dict[str, Span | None] = {}
+        self._gone: dict[str, Span | None] = {}
         self._unlinks: dict[LinkKey, ResolvedEdge] = {}
         self._links: dict[LinkKey, ResolvedEdge] = {}
         self._moves: list[Rehome] = []
         self._absorbs: list[Absorb] = []
         self._wanted: dict[LinkKey, ResolvedEdge] = {}
         self._removed: dict[LinkKey, Edge] = {}
+        self._redirected: dict[LinkKey, Edge] = {}
         self._read_left()
 
     def _clashes(self, outer: Sight) -> None:
@@ -89,6 +94,12 @@ class BlockBuilder:
         self.sight.equated |= equated(self.lowered.left)
         self._arrows = [edge for edge in map(self.sight.left_edge, self.lowered.left.edges) if edge]
         self.sight.arrows.extend(self._arrows)
+        paths = filter(None, map(self.sight.left_edge, path_edges(self.lowered.left)))
+        self.sight.paths.update(map(self.sight.key, paths))
+        calls = (each for each in self.lowered.left.constraints if isinstance(each, PatternCall))
+        self.sight.called += [
+            {term.name for term in terms_in(c) if isinstance(term, Variable)} for c in calls
+        ]
 
     def build(self) -> BlockPlan:
         """The plan; of use only if no error was found."""
@@ -99,10 +110,13 @@ class BlockBuilder:
                 self._right_side(self.right)
         self._contradictions()
         self._clear_deleted()
+        pairs = self._identified_links()
+        self.sight.unlinked.update(self._unlinks)
         nested = tuple(
             BlockBuilder(self.rule, block, self.sight, self.types_of).build() for block in self.lowered.nested
         )
-        plan = self._plan(nested)
+        plan = self._plan(nested, pairs)
+        self._check_consistent(plan)
         self._check_required(plan)
         return plan
 
@@ -191,6 +205,7 @@ class BlockBuilder:
         elif name in self.sight.deleted:
             self.sight.warn("duplicate-action", f"`{name}` is deleted already", span)
         else:
+            self._gone[name] = span
             self.sight.deleted[name] = None
             self._own_deleted.append(name)
 
@@ -199,8 +214,11 @@ class BlockBuilder:
         span = action.span
         if kept == absorbed:
             self.sight.error("duplicate-action", f"`{kept}` cannot be merged with itself", span)
+        elif absorbed in self.sight.created:
+            message = f"`{absorbed}` is created by this rule, so that there is nothing to merge"
+            self.sight.error("duplicate-action", message, action.absorbed.span or span)
         elif all([self.sight.is_object(v.name, v.span or span) for v in (action.kept, action.absorbed)]):
-            self._absorbs.append(Absorb(self.sight.slot(kept), self.sight.slot(absorbed)))
+            self._absorbs.append(Absorb(self.sight.slot(kept), self.sight.slot(absorbed), span))
             self.sight.deleted[absorbed] = None
             self.sight.absorbed[absorbed] = None
 
@@ -235,13 +253,14 @@ class BlockBuilder:
         return self.sight.declared.get(name) or ({before} if before else set())
 
     def _omitted_nodes(self, right: RightSide, kept: Mapping[str, None]) -> None:
-        explicit = {a.node.name for a in right.actions if isinstance(a, DeleteNode)}
+        explicit = {a.node.name: a.span for a in right.actions if isinstance(a, DeleteNode)}
         context = {parameter.name for parameter in self.rule.parameters}
         for name, span in node_names(self.lowered.left).items():
             if name in kept or name in context or name not in self.lowered.own:
                 continue
             if not isinstance(self.sight.types.get(name), ObjectType):
                 continue
+            self._gone[name] = explicit.get(name, span)
             self.sight.deleted[name] = None
             self._own_deleted.append(name)
             if name not in explicit:
@@ -286,10 +305,17 @@ class BlockBuilder:
     # --- links
 
     def _new_graph(self, nodes: Sequence[Node], edges: Sequence[Edge]) -> None:
+        there = {self.sight.key(arrow) for arrow in self.sight.arrows}
         for edge in edges:
             resolved = self.sight.edge(edge)
-            if resolved:
-                self._links[self.sight.key(resolved)] = resolved
+            if resolved is None:
+                continue
+            key = self.sight.key(resolved)
+            self._links[key] = resolved
+            if key in there:
+                message = f"the left side has `{edge.source} -{edge.reference}-> {edge.target}` already"
+                hint = "there is one such link: leave this out, or make it another object"
+                self.sight.warn("existing-link", message, edge.span, hint)
         for node in nodes:
             self._assignments(node)
 
@@ -298,16 +324,36 @@ class BlockBuilder:
         if resolved is None:
             return
         key = self.sight.key(resolved)
+        self._once(key, edge, "deleted")
         self._unlinks[key] = resolved
         self._removed[key] = edge
 
+    def _once(self, key: LinkKey, edge: Edge, what: str) -> None:
+        """A link is deleted once, or redirected once."""
+        earlier = self._redirected.get(key) or self._removed.get(key)
+        if earlier is None:
+            return
+        text = f"`{edge.source} -{edge.reference}-> {edge.target}`"
+        notes = (Note("the first is here", earlier.span),)
+        if key not in self._redirected and what == "deleted":
+            self.sight.warn("duplicate-action", f"{text} is deleted already", edge.span)
+        else:
+            word = "redirected" if key in self._redirected else "deleted"
+            message = f"{text} is {word} already, and cannot be {what} too"
+            self.sight.problems.append(Diagnostic("duplicate-action", message, edge.span, notes=notes))
+
     def _contradictions(self) -> None:
+        """Links that are deleted and there afterwards, or deleted and not known to be there."""
         for key, edge in self._removed.items():
             if key in self._wanted or key in self._links:
                 message = (
                     f"`{edge.source} -{edge.reference}-> {edge.target}` is both deleted and there afterwards"
                 )
                 self.sight.error("duplicate-action", message, edge.span)
+            else:
+                self._ask_for(key, edge, "nothing happens")
+        for key, edge in self._redirected.items():
+            self._ask_for(key, edge, "the new one is added all the same")
 
     def _clear_deleted(self) -> None:
         """Links of the left side at a deleted node go with it, whoever wrote them."""
@@ -322,8 +368,21 @@ class BlockBuilder:
         old = self.sight.edge(edge, before=True)
         new = self.sight.edge(replace(edge, target=action.target.name, target_span=action.target.span))
         if old and new:
-            self._unlinks[self.sight.key(old)] = old
+            key = self.sight.key(old)
+            self._once(key, edge, "redirected")
+            self._redirected[key] = edge
+            self._unlinks[key] = old
             self._links[self.sight.key(new)] = new
+
+    def _ask_for(self, key: LinkKey, edge: Edge, otherwise: str) -> None:
+        """Warn of a link that no arrow, path or pattern of the left sides can mean."""
+        if key in self.sight.paths or any(self.sight.key(arrow) == key for arrow in self.sight.arrows):
+            return
+        if any({edge.source, edge.target} <= called for called in self.sight.called):
+            return
+        text = f"{edge.source} -{edge.reference}-> {edge.target}"
+        message = f"the left side does not ask for `{text}`: where it is missing, {otherwise}"
+        self.sight.warn("unmatched-link", message, edge.span, f"add `{text};` to the left side")
 
     def _move(self, action: Move) -> None:
         node, container = action.node, action.container
@@ -338,7 +397,9 @@ class BlockBuilder:
             hint = f"write `create {container.name} -{reference.name}-> {node.name};` to link them"
             self.sight.error("not-a-containment", f"`{reference}` does not contain its targets", where, hint)
             return
-        self._moves.append(Rehome(self.sight.slot(node.name), self.sight.slot(container.name), reference))
+        self._moves.append(
+            Rehome(self.sight.slot(node.name), self.sight.slot(container.name), reference, action.span)
+        )
 
     def _assignments(self, node: Node) -> None:
         for assignment in node.assignments:
@@ -351,11 +412,13 @@ class BlockBuilder:
 
     # --- the plan
 
-    def _plan(self, nested: tuple[BlockPlan, ...]) -> BlockPlan:
+    def _plan(
+        self, nested: tuple[BlockPlan, ...], identified_links: tuple[tuple[Unlink, Unlink], ...]
+    ) -> BlockPlan:
         slot = self.sight.slot
-        deletes = tuple(Delete(slot(name)) for name in dict.fromkeys(self._own_deleted))
+        deletes = tuple(Delete(slot(name), self._gone.get(name)) for name in dict.fromkeys(self._own_deleted))
         unlinks = tuple(self._unlink(edge) for edge in self._unlinks.values())
-        links = [Link(slot(e.source), e.reference, slot(e.target)) for e in self._links.values()]
+        links = [self._link(edge) for edge in self._links.values()]
         return BlockPlan(
             kind=self._kind(),
             pattern=self.lowered.pattern.qualified_name,
@@ -366,12 +429,13 @@ class BlockBuilder:
             variables=len(self.lowered.own),
             coinciding=any(self._may_coincide(*pair) for pair in combinations(self.sight.types, 2)),
             identified=self._identified(),
-            identified_links=self._identified_links(),
+            identified_links=identified_links,
             computed=tuple(self.values.computed),
             unlinks=unlinks,
             deletes=deletes,
             retypes=tuple(
-                ChangeClass(slot(name), self.sight.retyped[name]) for name in dict.fromkeys(self._own_retyped)
+                ChangeClass(slot(name), self.sight.retyped[name], self._spans.get(name))
+                for name in dict.fromkeys(self._own_retyped)
             ),
             creates=tuple(
                 New(slot(name), self.sight.created[name])
@@ -393,7 +457,10 @@ class BlockBuilder:
         return block.kind
 
     def _unlink(self, edge: ResolvedEdge) -> Unlink:
-        return Unlink(self.sight.slot(edge.source), edge.reference, self.sight.slot(edge.target))
+        return Unlink(self.sight.slot(edge.source), edge.reference, self.sight.slot(edge.target), edge.span)
+
+    def _link(self, edge: ResolvedEdge) -> Link:
+        return Link(self.sight.slot(edge.source), edge.reference, self.sight.slot(edge.target), edge.span)
 
     def _may_coincide(self, one: str, other: str) -> bool:
         """Whether two variables may stand for one object in a match of this rule."""
@@ -405,24 +472,55 @@ class BlockBuilder:
         return bool(left and right and self.sight.metamodel.overlap(left, right))
 
     def _identified(self) -> tuple[tuple[int, int], ...]:
-        gone = [*self._own_deleted, *(self.sight.names[a.absorbed] for a in self._absorbs)]
+        own = {*self._own_deleted, *(self.sight.names[a.absorbed] for a in self._absorbs)}
         return tuple(
             (self.sight.slot(name), self.sight.slot(other))
-            for name in gone
-            for other in self.sight.types
+            for name in self.sight.deleted
+            for other in (self.sight.types if name in own else self.lowered.own)
             if name != other and self._may_coincide(name, other)
         )
 
     def _identified_links(self) -> tuple[tuple[Unlink, Unlink], ...]:
         found: list[tuple[Unlink, Unlink]] = []
-        for key, gone in self._unlinks.items():
-            for arrow in self.sight.arrows:
+        for key, gone in {**self.sight.unlinked, **self._unlinks}.items():
+            for arrow in self.sight.arrows if key in self._unlinks else self._arrows:
                 same = self.sight.key(arrow)
                 if same == key or same[0] != key[0]:
                     continue
                 if self._may_coincide(key[1], same[1]) and self._may_coincide(key[2], same[2]):
                     found.append((self._unlink(gone), self._unlink(arrow)))
         return tuple(found)
+
+    def _check_consistent(self, plan: BlockPlan) -> None:
+        """Find two actions that contradict each other at every match: as many objects as there are names.
+
+        Values are not known, so that they are left out; where variables may coincide, the match decides.
+        """
+        if plan.coinciding:
+            return
+        computed = {each.slot for each in plan.computed}
+        sets = (change for change in plan.sets if isinstance(change, SetTargets | ChangeTargets))
+        kept = (edge for key, edge in self._wanted.items() if key not in self._links)
+        symbolic = replace(
+            plan,
+            links=(*plan.links, *map(self._link, kept)),
+            sets=tuple(change for change in sets if computed.isdisjoint(change.values)),
+        )
+        conflicts = Conflicts(self.sight.metamodel, lambda slot: f"`{plan.names[slot] or '..'}`", strict=True)
+        try:
+            conflicts.add(symbolic, range(len(plan.names)))
+            conflicts.finish()
+        except Contradiction as error:
+            first, second = (want.operation.span for want in error.wants)
+            if first and second and second.start < first.start:
+                first, second = second, first
+            notes = (Note("the other action is here", first),) if first else ()
+            if error.refused:
+                message = f"{error.message}, so that the rule can never be applied"
+                found = Diagnostic("never-applicable", message, second, None, Severity.WARNING, notes)
+            else:
+                found = Diagnostic("contradiction", error.message, second, notes=notes)
+            self.sight.problems.append(found)
 
     def _check_required(self, plan: BlockPlan) -> None:
         """Warn where an object surely ends without a target that its class requires."""

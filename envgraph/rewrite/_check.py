@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from itertools import combinations, zip_longest
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, has_errors
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, has_errors, with_article
 from envgraph.pattern import (
+    Block,
     Create,
     Library,
     Modification,
@@ -31,13 +33,13 @@ from envgraph.rewrite._header import (
     type_names,
 )
 from envgraph.rewrite._left import LeftLowering, LoweredBlock
-from envgraph.rewrite._plan import RulePlan
+from envgraph.rewrite._plan import BlockPlan, RulePlan
 from envgraph.rewrite._sight import Sight
-from envgraph.rewrite._variables import all_names, is_named
+from envgraph.rewrite._variables import all_names, is_named, own_variables
 
 RULE_ANNOTATIONS = ("hom", "match", "priority", "semantics", "weight")
 
-MOST_BLOCKS = 20
+MOST_BLOCKS = 100
 """How deep the blocks of a rule may nest."""
 
 
@@ -91,6 +93,8 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     inputs = tuple(lowered.own[position] for position in positions)
     outputs = _outputs(rule, builder.sight, inputs)
     _check_homomorphic(rule, builder.sight, problems)
+    if not has_errors(problems):
+        problems += _check_effect(rule, lowered, body)
     if has_errors(problems) or known is None:
         return CheckedRule(rule, patterns, None, tuple(problems))
     plan = RulePlan(
@@ -205,7 +209,10 @@ def _outputs(rule: Rule, sight: Sight, given: Sequence[str]) -> tuple[tuple[str,
         name = parameter.name
         if parameter.direction != "out":
             continue
-        if name in sight.created:
+        if name in sight.deleted:
+            message = f"`{name}` is deleted by this rule, and cannot be handed out"
+            sight.error("deleted-variable", message, parameter.span)
+        elif name in sight.created:
             found.append((name, sight.slot(name)))
             _check_created_output(parameter, sight)
         elif name not in mentioned or name in given:
@@ -224,20 +231,58 @@ def _check_created_output(parameter: Parameter, sight: Sight) -> None:
         sight.error("wrong-type", message, parameter.span)
 
 
+def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterable[Diagnostic]:
+    """Warn where nothing is said about what changes: rules and blocks that only ask, and hand nothing out."""
+    block = lowered.block
+    if block is None and any(parameter.direction == "out" for parameter in rule.parameters):
+        return
+    if plan.nested or plan.operations or (rule.right if block is None else block.right) is not None:
+        for inner, inner_plan in zip(lowered.nested, plan.nested, strict=True):
+            yield from _check_effect(rule, inner, inner_plan)
+    elif block is None:
+        message = f"rule `{rule.name}` has no right side: it changes nothing"
+        hint = "add `modify { .. }`, which may be empty; what is only to be found is a `pattern`"
+        yield Diagnostic("no-right-side", message, rule.span, hint, Severity.WARNING)
+    else:
+        message = f"this `{block.kind}` block has no right side: it changes nothing"
+        hint = "add `modify { .. }`" + ("; a condition is a `require`" if block.kind == "forall+" else "")
+        yield Diagnostic("no-right-side", message, block.span, hint, Severity.WARNING)
+
+
 def _check_homomorphic(rule: Rule, sight: Sight, problems: list[Diagnostic]) -> None:
-    spans = {
-        name: span
-        for group, places in zip(rule.homomorphic, rule.homomorphic_spans, strict=False)
-        for name, span in zip(group, places, strict=False)
-    }
-    nested = {name for block in rule.blocks for name in (node.name for node in block.left.nodes)}
-    for name in dict.fromkeys(name for group in rule.homomorphic for name in group):
-        if name not in sight.types and name not in nested:
-            hint = did_you_mean(name, sight.types)
-            span = spans.get(name, rule.span)
-            problems.append(
-                Diagnostic("unknown-variable", f"the left side has no variable `{name}`", span, hint)
-            )
-        elif sight.types.get(name) is not None and not isinstance(sight.types[name], ObjectType):
-            message = f"`{name}` is a data value; values are never compared"
-            problems.append(Diagnostic("not-an-object", message, spans.get(name, rule.span)))
+    """The groups of `@hom`: variables of left sides, that may stand for one object."""
+    nested = _block_variables(rule.blocks)
+    for group, places in zip_longest(rule.homomorphic, rule.homomorphic_spans, fillvalue=()):
+        spans = dict(zip(group, places, strict=False))
+        for name in dict.fromkeys(group):
+            span = spans.get(name) or annotation_span(rule.annotations, "hom") or rule.span
+            if name not in sight.types and name not in nested:
+                hint = did_you_mean(name, [*sight.types, *nested])
+                message = f"the left side has no variable `{name}`"
+                problems.append(Diagnostic("unknown-variable", message, span, hint))
+            elif sight.types.get(name) is not None and not isinstance(sight.types[name], ObjectType):
+                message = f"`{name}` is a data value; values are never compared"
+                problems.append(Diagnostic("not-an-object", message, span))
+        problems.extend(_never_one(group, spans, sight))
+
+
+def _block_variables(blocks: Iterable[Block]) -> dict[str, None]:
+    """The variables of the left sides of blocks, and of those inside them."""
+    found: dict[str, None] = {}
+    for block in blocks:
+        found.update(dict.fromkeys(own_variables(block.left, ())))
+        found.update(_block_variables(block.blocks))
+    return found
+
+
+def _never_one(group: Sequence[str], spans: Mapping[str, Span], sight: Sight) -> Iterable[Diagnostic]:
+    """Warn of names that no object can share."""
+    if len(set(group)) < 2:
+        message = "`@hom` names two or more different variables"
+        yield Diagnostic("bad-annotation", message, spans.get(group[0]) if group else None)
+    for one, other in combinations(dict.fromkeys(group), 2):
+        left, right = sight.before(one), sight.before(other)
+        if left and right and not sight.metamodel.overlap(left, right):
+            classes = f"{with_article(left)} and {with_article(right)}"
+            message = f"`{one}` and `{other}` are never one object: nothing is {classes}"
+            yield Diagnostic("useless-annotation", message, spans.get(other), None, Severity.WARNING)

@@ -2,161 +2,357 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, Final, NamedTuple
 
-from envgraph.errors import RuleError
-from envgraph.graph import Model
-from envgraph.metamodel import Attribute, Reference
-from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Increase, SetTargets, SetValue, Unlink
+from envgraph.errors import EnvgraphError, RuleError
+from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.rewrite._plan import (
+    Absorb,
+    BlockPlan,
+    ChangeClass,
+    ChangeTargets,
+    Delete,
+    Increase,
+    Link,
+    Rehome,
+    SetTargets,
+    SetValue,
+    Unlink,
+)
 
-Link = tuple[Reference, int, int]
+Operation = (
+    Absorb | ChangeClass | ChangeTargets | Delete | Increase | Link | Rehome | SetTargets | SetValue | Unlink
+)
+Arrow = tuple[Reference, int, int]
+"""A link from the end that is named first: `Conflicts.canonical`."""
+
+SUM: Final = ("added up",)
+"""Instead of a value: what several matches add to a number."""
+
+
+class Fresh(int):
+    """Stands for an object that is not there yet; different ones are different numbers, all below 0."""
+
+    __slots__ = ()
+
+
+class Want(NamedTuple):
+    """One thing that one match wants."""
+
+    plan: BlockPlan
+    slots: Sequence[Any]
+    operation: Operation
+
+
+class Contradiction(EnvgraphError):
+    """Two wants that do not go together.
+
+    Attributes:
+        refused: the model refuses them, in any order.
+    """
+
+    def __init__(self, message: str, one: Want, other: Want, *, refused: bool = False) -> None:
+        super().__init__(message)
+        self.message = message
+        self.wants = (one, other)
+        self.refused = refused
 
 
 class Conflicts:
-    """Collects what every match of an application wants, and refuses it where two do not go together.
+    """Collects what every match of an application wants, and finds two wants that do not go together.
 
-    Deleting the same thing twice, creating the same link twice and giving one value twice is agreement.
+    Deleting the same thing twice, creating the same link twice and giving one value twice is agreement. Where the order
+    would decide, there is none: two objects that both become the only target of a third, a link that is set and one
+    that the setting would release.
+
+    Args:
+        metamodel: of the model.
+        describe: text of an object, which may be `Fresh`.
+        strict: two links that do not fit into a single reference are a contradiction, too; else the model refuses them.
     """
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self._deleted: dict[int, str] = {}
-        self._touched: dict[int, str] = {}
-        self._classes: dict[int, tuple[str, str]] = {}
-        self._values: dict[tuple[int, Attribute | Reference], tuple[object, str]] = {}
-        self._removed: dict[Link, str] = {}
-        self._added: dict[Link, str] = {}
+    def __init__(self, metamodel: Metamodel, describe: Callable[[int], str], *, strict: bool = False) -> None:
+        self.metamodel = metamodel
+        self.describe = describe
+        self.strict = strict
+        self._gone: dict[int, tuple[int | None, Want]] = {}
+        self._touched: dict[int, Want] = {}
+        self._classes: dict[int, tuple[str, Want]] = {}
+        self._values: dict[tuple[int, Attribute], tuple[object, Want]] = {}
+        self._removed: dict[Arrow, Want] = {}
+        self._added: dict[Arrow, Want] = {}
+        self._withdrawn: dict[Arrow, Want] = {}
+        self._targets: dict[tuple[int, Reference], tuple[tuple[int, ...] | None, Want]] = {}
+        self._ends: dict[tuple[int, Reference | None], tuple[object, Want, bool]] = {}
+        self._features: list[tuple[int, str, Want]] = []
 
     def add(self, plan: BlockPlan, slots: Sequence[Any]) -> None:
         """Take in one match of a block.
 
         Raises:
-            RuleError: it deletes something that its own left side keeps ("identification"), or it does not go
-                together with an earlier one ("ambiguous").
+            RuleError: it deletes something that its own left side keeps ("identification").
+            Contradiction: it does not go together with an earlier one.
         """
         self._identification(plan, slots)
-        where = self._name(plan, slots)
         for delete in plan.deletes:
-            self._delete(slots[delete.node], where)
+            self._go(slots[delete.node], None, Want(plan, slots, delete))
         for absorb in plan.absorbs:
-            self._touch(slots[absorb.kept], where)
-            self._delete(slots[absorb.absorbed], where)
+            want = Want(plan, slots, absorb)
+            self._touch(slots[absorb.kept], want)
+            self._go(slots[absorb.absorbed], slots[absorb.kept], want)
         for retype in plan.retypes:
-            self._retype(slots[retype.node], retype.cls, where)
-        for unlink in plan.unlinks:
-            self._unlink(self._link(unlink, slots), where)
-        self._links(plan, slots, where)
+            self._retype(slots[retype.node], retype.cls, Want(plan, slots, retype))
+        added = set()
+        for move in plan.moves:
+            self._link(move.reference, slots[move.container], slots[move.node], Want(plan, slots, move), True)
+        for link in plan.links:
+            source, target = slots[link.source], slots[link.target]
+            if target is not None:
+                added.add(self.canonical(link.reference, source, target))
+                self._link(link.reference, source, target, Want(plan, slots, link), False)
         for change in plan.sets:
-            self._set(change, slots, where)
+            self._set(Want(plan, slots, change), change)
+        for unlink in plan.unlinks:
+            arrow = self.canonical(unlink.reference, slots[unlink.source], slots[unlink.target])
+            if arrow not in added:  # what a match removes and makes anew stays
+                self._removed.setdefault(arrow, Want(plan, slots, unlink))
+
+    def finish(self) -> None:
+        """Look at everything together.
+
+        Raises:
+            Contradiction: two wants do not go together.
+        """
+        for node, (_, want) in self._gone.items():
+            if node in self._touched:
+                raise Contradiction(
+                    f"{self.describe(node)} is deleted and changed", want, self._touched[node]
+                )
+        for arrow, want in self._added.items():
+            self._check_added(arrow, want)
+        for node, owner, want in self._features:
+            if node in self._classes and not self.metamodel.is_a(self._classes[node][0], owner):
+                cls, retyped = self._classes[node]
+                raise Contradiction(
+                    f"{self.describe(node)} becomes `{cls}`, and changes as `{owner}`", retyped, want
+                )
 
     @property
     def deleted(self) -> Collection[int]:
         """The objects that a match deletes."""
-        return self._deleted.keys()
+        return self._gone.keys()
+
+    @property
+    def changed(self) -> Collection[int]:
+        """The objects that a match changes, `Fresh` ones included."""
+        return self._touched.keys()
+
+    def _check_added(self, arrow: Arrow, want: Want) -> None:
+        removed = self._removed.get(arrow) or self._withdrawn.get(arrow)
+        if removed is not None:
+            raise Contradiction(f"{self._text(arrow)} is removed and added", removed, want)
+        reference, source, target = arrow
+        for node, feature, other in (
+            (source, reference, target),
+            (target, self.metamodel.opposite(reference), source),
+        ):
+            if feature is None or (node, feature) not in self._targets:
+                continue
+            targets, exact = self._targets[node, feature]
+            if targets is not None and other not in targets:
+                raise self._two_values(node, feature, (targets, exact), ((other,), want))
 
     def _identification(self, plan: BlockPlan, slots: Sequence[Any]) -> None:
         for gone, other in plan.identified:
             if slots[gone] == slots[other]:
                 names = f"`{plan.names[gone]}` and `{plan.names[other]}`"
                 message = f"{names} are one object, and `{plan.names[gone]}` is deleted"
-                raise RuleError(message, reason="identification", details=[self._object(slots[gone])])
+                raise RuleError(message, reason="identification", details=[self.describe(slots[gone])])
         for gone_link, other_link in plan.identified_links:
-            if self._link(gone_link, slots) == self._link(other_link, slots):
+            ends = slots[gone_link.source], slots[gone_link.target]
+            same = slots[other_link.source], slots[other_link.target]
+            if self.canonical(gone_link.reference, *ends) == self.canonical(other_link.reference, *same):
                 message = f"two arrows `{gone_link.reference.name}` are one link, and one of them is deleted"
-                details = [self._object(slots[gone_link.source]), self._object(slots[gone_link.target])]
-                raise RuleError(message, reason="identification", details=details)
+                raise RuleError(
+                    message, reason="identification", details=[self.describe(end) for end in ends]
+                )
 
-    def _delete(self, node: int, where: str) -> None:
-        if node in self._touched:
-            self._refuse(f"{self._object(node)} is deleted and changed", where, self._touched[node])
-        self._deleted.setdefault(node, where)
+    # --- objects
 
-    def _touch(self, node: int | None, where: str) -> None:
-        if node is None:
-            return
-        if node in self._deleted:
-            self._refuse(f"{self._object(node)} is deleted and changed", where, self._deleted[node])
-        self._touched.setdefault(node, where)
+    def _go(self, node: int, into: int | None, want: Want) -> None:
+        """It is deleted, or merged into another one."""
+        other, earlier = self._gone.setdefault(node, (into, want))
+        if other != into:
+            raise Contradiction(
+                f"{self.describe(node)} is merged, and deleted or merged otherwise", earlier, want
+            )
 
-    def _retype(self, node: int, cls: str, where: str) -> None:
-        self._touch(node, where)
-        other, earlier = self._classes.setdefault(node, (cls, where))
+    def _touch(self, node: int, want: Want) -> None:
+        self._touched.setdefault(node, want)
+
+    def _retype(self, node: int, cls: str, want: Want) -> None:
+        self._touch(node, want)
+        other, earlier = self._classes.setdefault(node, (cls, want))
         if other != cls:
-            self._refuse(f"{self._object(node)} becomes `{other}` and `{cls}`", where, earlier)
+            raise Contradiction(f"{self.describe(node)} becomes `{other}` and `{cls}`", earlier, want)
 
-    def _unlink(self, link: Link, where: str) -> None:
-        if link in self._added:
-            self._refuse(f"{self._text(link)} is removed and added", where, self._added[link])
-        self._removed.setdefault(link, where)
+    # --- links
 
-    def _links(self, plan: BlockPlan, slots: Sequence[Any], where: str) -> None:
-        own = {self._link(unlink, slots) for unlink in plan.unlinks}
-        for move in plan.moves:
-            self._touch(slots[move.node], where)
-            self._touch(slots[move.container], where)
-            self._agree(slots[move.node], move.reference, slots[move.container], where)
-        for link in plan.links:
-            source, target = slots[link.source], slots[link.target]
-            if source is None or target is None:
-                continue  # created by this application, or no target
-            self._touch(source, where)
-            self._touch(target, where)
-            found = self._canonical(link.reference, source, target)
-            if found in self._removed and found not in own:
-                self._refuse(f"{self._text(found)} is removed and added", where, self._removed[found])
-            self._added.setdefault(found, where)
+    def _link(self, reference: Reference, source: int, target: int, want: Want, forced: bool) -> None:
+        """A link is added; `forced` if others make room for it."""
+        opposite = self.metamodel.opposite(reference)
+        self._touch(source, want)
+        self._touch(target, want)
+        self._features += [(source, reference.owner, want), (target, reference.target, want)]
+        self._added.setdefault(self.canonical(reference, source, target), want)
+        if reference.upper == 1:
+            self._end(source, reference, target, want, forced)
+        if opposite is not None and opposite.upper == 1:
+            self._end(target, opposite, source, want, forced)
+        if reference.containment:
+            self._end(target, None, (source, reference), want, forced)
+        elif opposite is not None and opposite.containment:
+            self._end(source, None, (target, opposite), want, forced)
 
-    def _set(self, change: object, slots: Sequence[Any], where: str) -> None:
+    def _end(self, node: int, feature: Reference | None, value: object, want: Want, forced: bool) -> None:
+        """What an object has one of; feature None stands for its container."""
+        other, earlier, others_forced = self._ends.setdefault((node, feature), (value, want, forced))
+        if other == value:
+            self._ends[node, feature] = other, earlier, others_forced or forced
+        elif forced or others_forced or self.strict:
+            refused = not (forced or others_forced)
+            if feature is None:
+                message = f"{self.describe(node)} gets two containers"
+                raise Contradiction(message, earlier, want, refused=refused)
+            raise self._two_values(node, feature, ((other,), earlier), ((value,), want), refused)
+
+    # --- values
+
+    def _set(self, want: Want, change: object) -> None:
+        slots = want.slots
         match change:
             case SetValue(node, attribute, value):
-                self._touch(slots[node], where)
-                self._agree(slots[node], attribute, None if value is None else slots[value], where)
-            case Increase(node, attribute):
-                self._touch(slots[node], where)
-                self._agree(slots[node], attribute, "more or less", where)
+                self._value(slots[node], attribute, None if value is None else slots[value], want)
+            case Increase(node, attribute, operator, value):
+                # The order of texts shows.
+                amount = (operator, slots[value]) if attribute.type is Scalar.STRING else SUM
+                self._value(slots[node], attribute, amount, want)
             case SetTargets(node, reference, values):
-                targets = tuple(slots[value] for value in values)
-                for end in (slots[node], *targets):
-                    self._touch(end, where)
-                self._agree(slots[node], reference, targets, where)
-            case ChangeTargets(node, reference):
-                self._touch(slots[node], where)
-                self._agree(slots[node], reference, "some", where)
+                targets = tuple(slots[value] for value in values if slots[value] is not None)
+                self._end_targets(slots[node], reference, targets, want)
+                for target in targets:
+                    self._link(reference, slots[node], target, want, True)
+            case ChangeTargets(node, reference, operator, values):
+                self._end_targets(slots[node], reference, None, want)
+                for target in (slots[value] for value in values if slots[value] is not None):
+                    if operator == "+=":
+                        self._link(reference, slots[node], target, want, False)
+                    else:
+                        self._withdrawn.setdefault(self.canonical(reference, slots[node], target), want)
             case _:
                 raise AssertionError(change)
 
-    def _agree(self, node: int | None, feature: Attribute | Reference, value: object, where: str) -> None:
-        if node is None:
-            return
-        other, earlier = self._values.setdefault((node, feature), (value, where))
+    def _value(self, node: int, attribute: Attribute, value: object, want: Want) -> None:
+        self._touch(node, want)
+        self._features.append((node, attribute.owner, want))
+        other, earlier = self._values.setdefault((node, attribute), (value, want))
         if other != value:
-            self._refuse(
-                f"{self._object(node)} gets two values of `{feature}`: {other} and {value}", where, earlier
-            )
+            raise self._two_values(node, attribute, (other, earlier), (value, want))
+
+    def _end_targets(
+        self, node: int, reference: Reference, targets: tuple[int, ...] | None, want: Want
+    ) -> None:
+        """All targets of a reference; None if some come or go."""
+        self._touch(node, want)
+        other, earlier = self._targets.setdefault((node, reference), (targets, want))
+        if other != targets:
+            raise self._two_values(node, reference, (other, earlier), (targets, want))
 
     # --- what it is about
 
-    def _link(self, op: Unlink, slots: Sequence[Any]) -> Link:
-        return self._canonical(op.reference, slots[op.source], slots[op.target])
-
-    def _canonical(self, reference: Reference, source: int, target: int) -> Link:
-        opposite = self.model.metamodel.opposite(reference)
+    def canonical(self, reference: Reference, source: int, target: int) -> Arrow:
+        """The same for a link and for its opposite."""
+        opposite = self.metamodel.opposite(reference)
         if opposite is not None and (opposite.index, target, source) < (reference.index, source, target):
             return opposite, target, source
         return reference, source, target
 
-    def _refuse(self, message: str, one: str, other: str) -> None:
-        raise RuleError(message, reason="ambiguous", details=[other, one])
+    def _two_values(
+        self,
+        node: int,
+        feature: Attribute | Reference,
+        one: tuple[object, Want],
+        other: tuple[object, Want],
+        refused: bool = False,
+    ) -> Contradiction:
+        texts = [self._shown(feature, value) for value, _ in (one, other)]
+        values = f": {texts[0]} and {texts[1]}" if None not in texts else ""
+        message = f"{self.describe(node)} gets two values of `{feature}`{values}"
+        return Contradiction(message, one[1], other[1], refused=refused)
 
-    def _name(self, plan: BlockPlan, slots: Sequence[Any]) -> str:
-        shown = list(zip(plan.names, slots, strict=False))[: plan.inherited + plan.variables]
-        inside = ", ".join(f"{name}={value}" for name, value in shown if name and value is not None)
-        return f"{plan.kind}({inside})"
+    def _shown(self, feature: Attribute | Reference, value: object) -> str | None:
+        """A value for messages; None for what is no value, but a change of one."""
+        if isinstance(feature, Attribute):
+            return None if isinstance(value, tuple) else "none" if value is None else repr(value)
+        if not isinstance(value, tuple):
+            return None
+        return ", ".join(self.describe(target) for target in value) or "none"
 
-    def _object(self, node: int) -> str:
-        return repr(self.model.node(node))
+    def _text(self, arrow: Arrow) -> str:
+        reference, source, target = arrow
+        return f"{self.describe(source)} -{reference.name}-> {self.describe(target)}"
 
-    def _text(self, link: Link) -> str:
-        reference, source, target = link
-        return f"{self._object(source)} -{reference.name}-> {self._object(target)}"
+
+def told(want: Want, describe: Callable[[int], str]) -> str:
+    """A match and what it wants, on one line: `forall(a = `Item#0`): delete a`."""
+    plan, slots, _ = want
+    shown = [
+        f"{name} = {_value_text(plan, slots, slot, describe)}"
+        for slot, name in enumerate(plan.names[: plan.inherited + plan.variables])
+        if name and slots[slot] is not None and not isinstance(slots[slot], Fresh)
+    ]
+    return f"{plan.kind}({', '.join(shown)}): {_action(want, describe)}"
+
+
+def _action(want: Want, describe: Callable[[int], str]) -> str:
+    """An operation as it could be written in `modify`."""
+    plan, slots, operation = want
+
+    def name(slot: int) -> str:
+        return plan.names[slot] or _value_text(plan, slots, slot, describe)
+
+    match operation:
+        case Delete(node):
+            return f"delete {name(node)}"
+        case Absorb(kept, absorbed):
+            return f"merge {name(kept)} <- {name(absorbed)}"
+        case ChangeClass(node, cls):
+            return f"retype {name(node)} : {cls}"
+        case Unlink(source, reference, target):
+            return f"delete {name(source)} -{reference.name}-> {name(target)}"
+        case Rehome(node, container, reference):
+            return f"move {name(node)} to {name(container)}.{reference.name}"
+        case Link(source, reference, target):
+            return f"create {name(source)} -{reference.name}-> {name(target)}"
+        case SetValue(node, attribute, value):
+            return f"set {name(node)}.{attribute.name} = {'none' if value is None else name(value)}"
+        case Increase(node, attribute, operator, value):
+            return f"set {name(node)}.{attribute.name} {operator} {name(value)}"
+        case SetTargets(node, reference, values):
+            targets = [name(value) for value in values]
+            text = targets[0] if len(targets) == 1 else f"[{', '.join(targets)}]" if targets else "none"
+            return f"set {name(node)}.{reference.name} = {text}"
+        case ChangeTargets(node, reference, operator, values):
+            return (
+                f"set {name(node)}.{reference.name} {operator} {', '.join(name(value) for value in values)}"
+            )
+
+
+def _value_text(plan: BlockPlan, slots: Sequence[Any], slot: int, describe: Callable[[int], str]) -> str:
+    value = slots[slot]
+    if value is None:
+        return "none"
+    computed = next((each for each in plan.computed if each.slot == slot), None)
+    is_object = plan.classes[slot] is not None or (computed is not None and computed.object)
+    return describe(value) if is_object else repr(value)

@@ -37,6 +37,7 @@ from envgraph.rewrite._listening import (
 )
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
+from envgraph.rewrite._notices import Notices
 from envgraph.rewrite._questions import Questions
 from envgraph.rewrite._register import Registration
 from envgraph.rewrite._run import STEP_LIMIT, UNSET, Environment, Run, apply_one_of, draw_weighted, fire_one
@@ -92,6 +93,7 @@ class Engine(Questions):
         self._named: dict[str, RuleRunner] = {}
         self._recorders: list[list[Firing]] = []
         self._events: Events | None = None
+        self._notices = Notices()
 
     def copy(self) -> Engine:
         """An independent engine: the same state of the model, the same definitions and watched patterns.
@@ -162,7 +164,9 @@ class Engine(Questions):
         self._directory = registration.directory
         self._forget()
         for plan in registration.plans:
-            self._rules[plan.name] = graph_rule(plan, self.model, self.library, self.matcher)
+            self._rules[plan.name] = graph_rule(
+                plan, self.model, self.library, self.matcher, self._notices.existing_link
+            )
         for definition in definitions:
             if not isinstance(definition, Pattern):
                 self._definitions[definition.qualified_name] = definition
@@ -316,6 +320,14 @@ class Engine(Questions):
         if own in self._directory.signatures or own in self.library.names():
             raise InvalidArgument(f"`{own}` is defined already")
         return own
+
+    @property
+    def notices(self) -> tuple[Diagnostic, ...]:
+        """What applications have come upon that may not be meant, each once, in order.
+
+        A link that a rule creates although it is there ("existing-link"). They also go to the logger "envgraph".
+        """
+        return self._notices.all
 
     @property
     def rules(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 
-from envgraph.errors import Diagnostic
+from envgraph.errors import Diagnostic, Span
 from envgraph.metamodel import Attribute
 from envgraph.pattern import (
     Binary,
@@ -133,7 +133,10 @@ class LeftLowering:
         found: list[Constraint] = []
         for parameter in parameters:
             variable = Variable(parameter.name, parameter.span)
-            if parameter.name in mentioned or parameter.type is None:
+            if parameter.name in mentioned:
+                continue
+            if parameter.type is None:
+                self._untyped(parameter.name, parameter.span)
                 continue
             if isinstance(types[parameter.name], ObjectType):
                 found.append(TypeConstraint(parameter.type, variable, span=parameter.span))
@@ -146,6 +149,7 @@ class LeftLowering:
     def _body(
         self, left: LeftSide, blocks: Sequence[Block], types: Types, enclosing: Sequence[str]
     ) -> tuple[list[Constraint], tuple[LoweredBlock, ...]]:
+        self._check_bare(left, types, enclosing)
         constraints = [*self._nodes(left), *self._edges(left, types), *left.constraints]
         own = [name for name in types if name not in enclosing]
         constraints += self._injectivity(own, enclosing, types, left)
@@ -159,6 +163,19 @@ class LeftLowering:
                 if block.kind == "forall+":
                     constraints.append(_call(lowered, span_of=block))
         return constraints, tuple(nested)
+
+    def _check_bare(self, left: LeftSide, types: Types, enclosing: Sequence[str]) -> None:
+        """Names that stand alone, and that nothing else explains."""
+        explained = {end for edge in left.edges for end in (edge.source, edge.target)}
+        explained |= all_names(LeftSide(constraints=left.constraints))
+        explained |= {parameter.name for parameter in self.rule.parameters}
+        for node in left.nodes:
+            if node.type is None and node.name not in explained and node.name not in enclosing:
+                self._untyped(node.name, node.span)
+
+    def _untyped(self, name: str, span: Span | None) -> None:
+        message = f"nothing says of what class `{name}` is"
+        self.problems.append(Diagnostic("untyped-variable", message, span, f"write `{name} : Class`"))
 
     def _nodes(self, left: LeftSide) -> Iterator[Constraint]:
         for node in left.nodes:

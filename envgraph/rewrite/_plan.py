@@ -3,25 +3,32 @@
 A plan speaks of slots. The slots of a rule are the variables of its match, then the objects it creates, then the
 values it computes; a nested block (`forall`, `optional`) sees the slots of the enclosing one and adds its own in the
 same order. The parts of a plan are carried out in the order of the fields of `BlockPlan`, each for all matches of all
-blocks before the next.
+blocks before the next. Operations know where they stand in a text.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from envgraph.errors import Span
 from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import Expression, StaticType
 
 
 @dataclass(frozen=True, slots=True)
 class Compute:
-    """A value, computed on the state before the rule; `scope` gives slot and type of the variables it reads."""
+    """A value, computed on the state before the rule.
+
+    Attributes:
+        scope: slot and type of the variables it reads.
+        object: it is an object, or None.
+    """
 
     slot: int
     expression: Expression
     scope: tuple[tuple[str, int, StaticType | None], ...]
+    object: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +38,7 @@ class Unlink:
     source: int
     reference: Reference
     target: int
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +46,7 @@ class Delete:
     """Delete an object."""
 
     node: int
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +55,7 @@ class ChangeClass:
 
     node: int
     cls: str
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +72,7 @@ class Absorb:
 
     kept: int
     absorbed: int
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +82,7 @@ class Rehome:
     node: int
     container: int
     reference: Reference
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +92,7 @@ class Link:
     source: int
     reference: Reference
     target: int
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +102,7 @@ class SetValue:
     object: int
     attribute: Attribute
     value: int | None
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +113,7 @@ class Increase:
     attribute: Attribute
     operator: Literal["+=", "-="]
     value: int
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +123,7 @@ class SetTargets:
     object: int
     reference: Reference
     values: tuple[int, ...]
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +134,7 @@ class ChangeTargets:
     reference: Reference
     operator: Literal["+=", "-="]
     values: tuple[int, ...]
+    span: Span | None = field(default=None, compare=False, repr=False)
 
 
 Assign = SetValue | Increase | SetTargets | ChangeTargets
@@ -160,6 +177,12 @@ class BlockPlan:
     links: tuple[Link, ...]
     sets: tuple[Assign, ...]
     nested: tuple[BlockPlan, ...]
+
+    @property
+    def operations(self) -> int:
+        """How many things the block changes itself."""
+        parts = (self.unlinks, self.deletes, self.retypes, self.creates, self.absorbs, self.moves, self.links)
+        return sum(map(len, parts)) + len(self.sets)
 
     @property
     def kept(self) -> tuple[int, ...]:

@@ -16,6 +16,7 @@ from envgraph.pattern import Library
 from envgraph.rewrite._apply import effect_of
 from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
+from envgraph.rewrite._notices import Report
 from envgraph.rewrite._plan import RulePlan
 
 
@@ -240,7 +241,9 @@ def _reordered(find: Find, order: Sequence[int]) -> Find:
 class GraphRule(RuleRunner):
     """A rule with a plan."""
 
-    def __init__(self, plan: RulePlan, model: Model, library: Library, matcher: Matcher) -> None:
+    def __init__(
+        self, plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: Report
+    ) -> None:
         super().__init__(
             Shape(plan.name, plan.variables, plan.types),
             plan.body.pattern,
@@ -252,7 +255,7 @@ class GraphRule(RuleRunner):
             priority=plan.priority,
         )
         self.plan = plan
-        self._effect = effect_of(plan, model, matcher)
+        self._effect = effect_of(plan, model, matcher, report)
         # An instance attribute, to save a call in the loop of a search.
         self.fire = self._effect  # type: ignore[method-assign, assignment]
 
@@ -272,14 +275,16 @@ class GraphRule(RuleRunner):
 
     def _shown(self, name: str, value: Any) -> Node | Value:
         is_object = name not in self.shape.names or self.shape.is_object(self.shape.position(name))
-        return self.model.node(value) if is_object else value
+        return Node(self.model, value) if is_object else value  # a block may have deleted it
 
 
 class ExactClassRule(GraphRule):
     """A rule whose left side is an object of exactly one class: its matches are an extent."""
 
-    def __init__(self, plan: RulePlan, model: Model, library: Library, matcher: Matcher) -> None:
-        super().__init__(plan, model, library, matcher)
+    def __init__(
+        self, plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: Report
+    ) -> None:
+        super().__init__(plan, model, library, matcher, report)
         assert plan.exact is not None
         self._cls = plan.exact
 
@@ -314,10 +319,10 @@ class ExactClassRule(GraphRule):
         return (extent[draw(rng, len(extent))],) if extent else None
 
 
-def graph_rule(plan: RulePlan, model: Model, library: Library, matcher: Matcher) -> GraphRule:
+def graph_rule(plan: RulePlan, model: Model, library: Library, matcher: Matcher, report: Report) -> GraphRule:
     """The runner for a plan."""
     kind = GraphRule if plan.exact is None else ExactClassRule
-    return kind(plan, model, library, matcher)
+    return kind(plan, model, library, matcher, report)
 
 
 class PythonRule(RuleRunner):

@@ -20,6 +20,7 @@ class ResolvedEdge:
     source: str
     reference: Reference
     target: str
+    span: Span | None = field(default=None, compare=False)
 
 
 @dataclass(slots=True)
@@ -35,6 +36,9 @@ class Sight:
         absorbed: those of them that a merge takes; their links survive.
         declared: the classes that left sides give to a variable.
         arrows: the arrows of the left sides that follow one link.
+        paths: the links that their path constraints follow.
+        called: the variables of each pattern call.
+        unlinked: the arrows whose links go.
         equated: pairs of variables that a left side says are the same.
     """
 
@@ -48,6 +52,9 @@ class Sight:
     absorbed: dict[str, None] = field(default_factory=dict)
     declared: dict[str, set[str]] = field(default_factory=dict)
     arrows: list[ResolvedEdge] = field(default_factory=list)
+    paths: set[LinkKey] = field(default_factory=set)
+    called: list[set[str]] = field(default_factory=list)
+    unlinked: dict[LinkKey, ResolvedEdge] = field(default_factory=dict)
     equated: set[frozenset[str]] = field(default_factory=set)
     _reported: set[str] = field(default_factory=set)
 
@@ -64,6 +71,9 @@ class Sight:
             dict(self.absorbed),
             {name: set(classes) for name, classes in self.declared.items()},
             list(self.arrows),
+            set(self.paths),
+            list(self.called),
+            dict(self.unlinked),
             set(self.equated),
         )
 
@@ -212,7 +222,7 @@ class Sight:
         reference = self.reference(cls, edge.reference, where)
         if reference is None or (not before and not self.fits(edge.target, reference, ends[edge.target])):
             return None
-        return ResolvedEdge(edge.source, reference, edge.target)
+        return ResolvedEdge(edge.source, reference, edge.target, edge.span)
 
     def left_edge(self, edge: Edge) -> ResolvedEdge | None:
         """An arrow of a left side, None if it is no single link between named variables."""
@@ -222,7 +232,7 @@ class Sight:
         feature = self.metamodel.feature(cls, edge.reference)
         if not isinstance(feature, Reference):
             return None
-        return ResolvedEdge(edge.source, feature, edge.target)
+        return ResolvedEdge(edge.source, feature, edge.target, edge.span)
 
     def key(self, edge: ResolvedEdge) -> LinkKey:
         """The same for a link and for its opposite: they are one fact."""

@@ -97,6 +97,7 @@ class Writer:
             "_extend": lambda node, reference, target: extend(model, node, reference, target),
             "_house": lambda source, reference, target: house(model, source, reference, target),
             "_again": again,
+            "_amount": amount,
             "_need": need,
             "_present": present,
         }
@@ -119,7 +120,9 @@ class Writer:
 
     def unlink(self, plan: BlockPlan) -> list[str]:
         """Links that go, and objects that leave their container."""
-        return [*map(self._unlink, plan.unlinks), *map(self._leave, plan.moves)]
+        fresh = {new.node for new in plan.creates}
+        leaving = [self._leave(move) for move in plan.moves if move.node not in fresh]
+        return [*map(self._unlink, plan.unlinks), *leaving]
 
     def delete(self, plan: BlockPlan) -> list[str]:
         """Objects that go."""
@@ -212,7 +215,8 @@ class Writer:
                 attribute = self.constant(op.attribute)
                 function = "_add" if op.operator == "+=" else "_subtract"
                 old = f"_need(value({node}, {attribute}), {self.constant(str(op.attribute))})"
-                return f"set_value({node}, {attribute}, _bounded({function}({old}, {self.slot(op.value)})))"
+                amount = f"_amount({self.slot(op.value)}, {attribute})"
+                return f"set_value({node}, {attribute}, _bounded({function}({old}, {amount})))"
             case SetTargets():
                 return self._set_targets(op)
             case ChangeTargets():
@@ -325,6 +329,17 @@ def need(value: Value | int | None, feature: str) -> Value | int:
     return value
 
 
+def amount(value: Value | None, attribute: Attribute) -> Value:
+    """What is added to an attribute.
+
+    Raises:
+        EvaluationError: there is nothing.
+    """
+    if value is None:
+        raise EvaluationError(f"what is added to `{attribute}` has no value")
+    return value
+
+
 def check_kept(model: Model, nodes: tuple[int, ...], names: tuple[str, ...]) -> None:
     """Check that objects are still there.
 
@@ -343,8 +358,8 @@ def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:
 
 
 def leave(model: Model, node: int, container: int, reference: Reference) -> None:
-    """Take an object out of its container, unless it is already where it is to go."""
-    old = model.container(node)
+    """Take an object out of its container, unless it is already where it is to go, or not there yet."""
+    old = model.container(node) if model.alive(node) else None
     if old is not None and old != (container, reference):
         model.unlink(old[0], old[1], node)
 
@@ -392,14 +407,15 @@ def absorb(model: Model, kept: int, absorbed: int, *, lossy: bool) -> None:
     if not model.alive(absorbed):
         return  # another match of a block has merged the same two
     cls = model.class_of(kept)
-    housed = model.container(kept) is not None
+    house = model.container(kept)
+    housed = house is not None and house[0] != absorbed
     for reference, source, target in links_of(model, absorbed):
         model.unlink(source, reference, target)
         source, target = (kept if end == absorbed else end for end in (source, target))
         if reference.containment and (source == target or (target == kept and housed)):
             continue
-        end = reference.owner if source == kept else reference.target
-        if not model.metamodel.is_a(cls, end):
+        ends = [reference.owner] * (source == kept) + [reference.target] * (target == kept)
+        if not all(model.metamodel.is_a(cls, end) for end in ends):
             if lossy:
                 continue
             message = f"a `{cls}` cannot take over links of `{reference}`"

@@ -10,8 +10,10 @@ from envgraph.metamodel import Attribute, Metamodel, Reference
 from envgraph.pattern import (
     Aggregate,
     Check,
+    Closure,
     Comparison,
     Constraint,
+    Edge,
     Evaluation,
     LeftSide,
     Library,
@@ -86,6 +88,14 @@ def node_names(left: LeftSide) -> dict[str, Span | None]:
     return {name: span for name, span in found.items() if is_named(name)}
 
 
+def path_edges(left: LeftSide) -> Iterator[Edge]:
+    """Path constraints along one link, such as `Item.next(a, b)`, as edges."""
+    for constraint in left.constraints:
+        match constraint:
+            case PathConstraint(_, (reference,), Variable() as source, Variable() as target, Closure.ONCE):
+                yield Edge(source.name, reference, target.name)
+
+
 def own_variables(left: LeftSide, outside: Iterable[str]) -> list[str]:
     """The named variables that a left side adds to the `outside` ones: its nodes first, then those of constraints.
 
@@ -147,7 +157,7 @@ class TypeReader:
             for edge in left.edges:
                 feature = self.feature(types.get(edge.source), edge.reference)
                 if isinstance(feature, Reference):
-                    self._narrow(types, edge.target, ObjectType(feature.target))
+                    self._narrow(types, edge.target, self._end(types[edge.source], feature, edge.closure))
             if types == before:
                 break
         return types
@@ -198,5 +208,18 @@ class TypeReader:
             else:
                 end = None if feature is None else feature.type
         self._term(types, path.source, start)
-        if path.closure != "*":
-            self._term(types, path.target, end)
+        if path.closure == Closure.STAR:
+            end = self._join(start, end) if isinstance(end, ObjectType) else None
+        self._term(types, path.target, end)
+
+    def _end(self, start: StaticType | None, reference: Reference, closure: str) -> StaticType | None:
+        """Type of what an arrow leads to."""
+        end = ObjectType(reference.target)
+        return self._join(start, end) if closure == Closure.STAR and isinstance(start, ObjectType) else end
+
+    def _join(self, start: ObjectType, end: ObjectType) -> StaticType | None:
+        """Type of what is the start itself, or an end: the first class that both are, if there is one."""
+        if end.cls not in self.metamodel.classes or start.cls not in self.metamodel.classes:
+            return None
+        above = self.metamodel.supertypes(start.cls)
+        return next((ObjectType(cls) for cls in above if self.metamodel.is_a(end.cls, cls)), None)

@@ -286,3 +286,10 @@ def test_a_rule_with_an_unreadable_part_is_left_out_and_the_others_are_read() ->
     assert [definition.name for definition in file.definitions] == ["b"]
     assert {"a", "c"} <= file.lost
     assert len(file.diagnostics) == 3
+
+
+def test_what_stands_before_a_missing_brace_is_read() -> None:
+    file = read("rule a {\n lhs { x : T; }\n modify { delete x; }\n\nrule b { lhs { } }")
+    first, second = file.definitions
+    assert isinstance(first, Rule) and first.right == Modification((DeleteNode(Variable("x")),))
+    assert second.name == "b" and len(file.diagnostics) == 1

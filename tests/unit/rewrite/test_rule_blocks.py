@@ -165,7 +165,7 @@ def test_matches_that_contradict_each_other_are_refused_by_name(actions: str, me
         made.apply("r", a=0)
     assert caught.value.reason == "ambiguous"
     assert len(caught.value.details) == 2 and all(
-        line.startswith("forall(a=0, ") for line in caught.value.details
+        line.startswith("forall(a = `Item#0`, ") for line in caught.value.details
     )
     assert snapshot(made.model) == before
 

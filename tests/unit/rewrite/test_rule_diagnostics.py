@@ -60,7 +60,7 @@ def test_each_mistake_is_reported_once_and_exactly(title: str, text: str, expect
         "rule r(i : Item) { lhs { } modify { create b : Box; set b.must = i; } }",
         "rule r(i : Item) { lhs { } modify { create b : Box -must-> i; } }",
         "@weight(2.0) @priority(1) @semantics(spo) @match(homomorphic) @hom(a, b) "
-        "rule r { lhs { a : Item; b : Item; } }",
+        "rule r { lhs { a : Item; b : Item; } modify { } }",
     ],
 )
 def test_what_is_meant_is_not_warned_of(text: str) -> None:
@@ -111,10 +111,10 @@ def test_nothing_is_added_if_anything_is_wrong() -> None:
 
 def test_names_are_defined_once() -> None:
     made = engine("rule r { lhs { } }", LINKED)
-    for text in ("rule r { lhs { } }", "unit r { }", "rule linked { lhs { } }"):
+    for text in ("rule r { lhs { } modify { } }", "unit r { }", "rule linked { lhs { } }"):
         codes = [d.code for d in made.check(*definitions(text)) if d.severity is Severity.ERROR]
         assert codes == ["duplicate-definition"]
-    twice = problems("rule r { lhs { } } unit r { r; }")
+    twice = problems("rule r { lhs { } modify { } } unit r { r; }")
     assert [d.code for d in twice] == ["duplicate-definition"]
     assert twice[0].notes[0].span is not None
 
