@@ -10,12 +10,12 @@ truth values and enums change.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Final
 
-from envgraph.errors import Diagnostic, Severity, Span
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
 from envgraph.metamodel import Annotation, Attribute, Metamodel
 from envgraph.pattern import Derivation, Pattern, Rule
 from envgraph.rewrite._derive_links import Operator, container_operators, link_operators
@@ -56,14 +56,12 @@ def operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
             rule = replace(rule, name=_free(rule.name, rule, found), span=derivation.span)
             found.setdefault(rule.name, (kind, rule))
             patterns.update(draft.patterns)
-    weights = _weights(derivation)
-    sizes = Counter(kind for kind, _ in found.values())
-    rules = [
-        replace(rule, weight=weights[kind] / sizes[kind])
-        for wanted in KINDS
-        for kind, rule in found.values()
-        if kind == wanted and weights[kind] > 0
-    ]
+    weights, caps = _weights(derivation), _caps(derivation)
+    rules: list[Rule] = []
+    for wanted in KINDS:
+        family = _first([rule for kind, rule in found.values() if kind == wanted], caps.get(wanted))
+        if weights[wanted] > 0:
+            rules += [replace(rule, weight=weights[wanted] / len(family)) for rule in family]
     return Derived(tuple(patterns.values()), tuple(rules))
 
 
@@ -86,14 +84,34 @@ def _free(name: str, rule: Rule, found: dict[str, tuple[str, Rule]]) -> str:
     return free
 
 
+def _first(rules: Sequence[Rule], most: int | None) -> list[Rule]:
+    """So many of the rules, in their order: the first of each class, then the second of each, and so on."""
+    if most is None or len(rules) <= most:
+        return list(rules)
+    before: Counter[str] = Counter()
+    ranks: list[tuple[int, int]] = []
+    for number, rule in enumerate(rules):
+        cls = rule.name.split(".")[2]  # group.kind.Class...
+        ranks.append((before[cls], number))
+        before[cls] += 1
+    return [rules[number] for number in sorted(number for _, number in sorted(ranks)[:most])]
+
+
 # --- annotations
 
 
 def _cap(derivation: Derivation) -> int:
-    found = next((a for a in derivation.annotations if a.name == "cap"), None)
-    most = found.arguments[0] if found else MOST_WAYS
+    """In how many ways an object is created or retyped."""
+    caps = [value for a in derivation.annotations if a.name == "cap" for value in a.arguments]
+    most = caps[0] if caps else MOST_WAYS
     assert isinstance(most, int)
     return most
+
+
+def _caps(derivation: Derivation) -> dict[str, int]:
+    """How many rules of a kind there may be."""
+    named = chain.from_iterable(a.named for a in derivation.annotations if a.name == "cap")
+    return {str(kind): value for kind, value in named if isinstance(value, int)}
 
 
 def _weights(derivation: Derivation) -> dict[str, float]:
@@ -139,26 +157,42 @@ def _without_creation(schema: Schema, classes: Iterable[str], derivation: Deriva
 
 def _check_annotations(derivation: Derivation) -> Iterator[Diagnostic]:
     for annotation in derivation.annotations:
-        if annotation.name == "cap" and not _is_cap(annotation):
-            hint = "write `@cap(8)`: in how many ways an object is created at most"
-            yield Diagnostic("bad-annotation", "`@cap` takes one number above 0", annotation.span, hint)
+        if annotation.name == "cap":
+            yield from _check_cap(annotation)
         for kind, value in annotation.named if annotation.name == "weight" else ():
             if kind not in KINDS:
-                hint = "the kinds are " + ", ".join(f"`{one}`" for one in KINDS)
-                message = f"`{kind}` is no kind of operators"
-                yield Diagnostic("bad-annotation", message, _place(annotation, kind), hint)
+                yield _no_kind(annotation, kind)
             elif not _is_weight(value):
                 message = f"the weight of a kind is a number, 0 or above, not {value}"
                 yield Diagnostic("bad-weight", message, _place(annotation, kind))
+
+
+def _check_cap(annotation: Annotation) -> Iterator[Diagnostic]:
+    given = annotation.arguments
+    if len(given) > 1 or not (given or annotation.named) or not all(map(_is_cap, given)):
+        hint = "write `@cap(8)`, in how many ways an object is created at most, or `@cap(swap = 2)`"
+        message = "`@cap` takes one number above 0, and numbers of kinds"
+        yield Diagnostic("bad-annotation", message, annotation.span, hint)
+    for kind, value in annotation.named:
+        if kind not in KINDS:
+            yield _no_kind(annotation, kind)
+        elif not _is_cap(value):
+            message = f"of a kind there is a whole number of rules above 0, not {value}"
+            hint = f"`@weight({kind} = 0)` leaves a kind out"
+            yield Diagnostic("bad-annotation", message, _place(annotation, kind), hint)
+
+
+def _no_kind(annotation: Annotation, kind: str) -> Diagnostic:
+    hint = did_you_mean(kind, KINDS) or "the kinds are " + ", ".join(f"`{one}`" for one in KINDS)
+    return Diagnostic("bad-annotation", f"`{kind}` is no kind of operators", _place(annotation, kind), hint)
 
 
 def _place(annotation: Annotation, kind: str) -> Span | None:
     return dict(annotation.places).get(kind, annotation.span)
 
 
-def _is_cap(annotation: Annotation) -> bool:
-    value = annotation.arguments[0] if len(annotation.arguments) == 1 else None
-    return type(value) is int and value > 0 and not annotation.named
+def _is_cap(value: object) -> bool:
+    return type(value) is int and value > 0
 
 
 def _is_weight(value: object) -> bool:
