@@ -93,15 +93,15 @@ class _Search:
         """Try every action of the present state; whether one of them is the end."""
         simulator, here = self._simulator, self._path[-1]
         for action in range(len(simulator.action_names)):
-            for _, outcome, savepoint in simulator.attempts(action):
-                rank = None if outcome.terminated else self._rank()
+            for _, _, terminated, savepoint in simulator.attempts(action):
+                rank = None if terminated else self._rank()
                 if rank is None:
                     self._model.rollback(savepoint)
                 else:
                     heappush(self._queue, (*rank, len(self._states)))
                     depth, shelf = self._states[here].depth + 1, self._model.shelve(savepoint)
                     self._states.append(_State(here, depth, simulator.turn, shelf))
-                if outcome.terminated == self._outcome:
+                if terminated == self._outcome:
                     return True
             simulator.turn = self._states[here].turn
         return False

@@ -105,7 +105,8 @@ class Simulator:
         """
         if self._start is None:
             raise InvalidArgument("no episode has begun: call `reset` first")
-        return self._step(self._action(action), Draw(rng.random()))
+        reward, terminated = self._step(self._action(action), Draw(rng.random()))
+        return Outcome(reward, terminated, self.observe())
 
     def close(self) -> None:
         """Go back to the initial state and release the model."""
@@ -162,29 +163,29 @@ class Simulator:
         that are the same are not put together.
         """
         turn = self.turn
-        for probability, outcome, savepoint in self.attempts(action):
+        for probability, reward, terminated, savepoint in self.attempts(action):
             try:
-                yield probability, outcome
+                yield probability, Outcome(reward, terminated, self.observe())
             finally:
                 self._model.rollback(savepoint)
                 self.turn = turn
 
-    def attempts(self, action: int) -> Iterator[tuple[float, Outcome, Savepoint]]:
-        """As `outcomes`, but it is for the caller to take each outcome back before the next is asked for.
+    def attempts(self, action: int) -> Iterator[tuple[float, float, int, Savepoint]]:
+        """Probability, reward and end of an action as `outcomes` has them; the observation is for the caller to make.
 
-        That is: to roll its savepoint back, or to shelve it.
+        So is taking each outcome back before the next is asked for: rolling its savepoint back, or shelving it.
         """
         prepared, turn = self._action(action), self.turn
         for choices in _all_choices():
             self.turn = turn
             savepoint = self._model.savepoint()
             try:
-                outcome = self._step(prepared, choices)
+                reward, terminated = self._step(prepared, choices)
             except BaseException:
                 self._model.rollback(savepoint)
                 self.turn = turn
                 raise
-            yield choices.probability, outcome, savepoint
+            yield choices.probability, reward, terminated, savepoint
 
     # --- the step
 
@@ -201,7 +202,7 @@ class Simulator:
                 call.run(shared.bound, choices, self._model)
         self.turn = self._agents.after(-1)
 
-    def _step(self, action: PreparedAction, choices: Choices) -> Outcome:
+    def _step(self, action: PreparedAction, choices: Choices) -> tuple[float, int]:
         program, model = self._agents.seats[self.turn].program, self._model
         scope: Scope = program.bound
         if action.values:
@@ -213,7 +214,7 @@ class Simulator:
         reward, terminated, pending = self._judge(program, action, scope, done)
         self._apply(program, pending, choices)
         self.turn = self._agents.after(self.turn)
-        return Outcome(reward, terminated, self.observe())
+        return reward, terminated
 
     def _judge(
         self, program: Program, action: PreparedAction, scope: Scope, done: Scope | None
