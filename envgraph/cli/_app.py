@@ -66,7 +66,7 @@ def main() -> int:
         sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, until the end
         sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     try:
-        app()
+        app(prog_name="envgraph")
     except (EnvgraphError, OSError) as error:
         if isinstance(error, BrokenPipeError):
             # The reader has what it wanted (`envgraph ... | head`); Python must not complain at shutdown either.

@@ -23,17 +23,25 @@ from envgraph.lang._consequences import unread_names, without_echoes
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._ecore import read_ecore
 from envgraph.lang._ecore_types import ECORE
-from envgraph.lang._environment import read_environment, with_enums
+from envgraph.lang._environment import EnvironmentFile, read_environment, with_enums
 from envgraph.lang._family import FamilySpec
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import FAMILY_FILE, read_family
 from envgraph.lang._files import DiskFiles, Files, in_directory, read_source
+from envgraph.lang._grammar import grammar
+from envgraph.lang._import_check import (
+    ImportedFile,
+    imported_patterns,
+    names_of,
+    unused_files,
+    without_calls,
+)
 from envgraph.lang._imports import Import, without_consequences
 from envgraph.lang._metamodel import MetamodelFile, read_metamodel
 from envgraph.lang._model import ModelText, imports_of, read_models
-from envgraph.lang._parsing import Parsed, parse
-from envgraph.lang._query import read_query
-from envgraph.lang._rules import read_rules
+from envgraph.lang._parsing import Parsed, parse_tokens
+from envgraph.lang._query import QueryFile, read_query
+from envgraph.lang._rules import RulesFile, read_rules
 from envgraph.lang._workspace import Workspace
 from envgraph.lang._xmi import read_xmi, schema_paths
 from envgraph.lang._xml import as_utf8
@@ -179,6 +187,7 @@ class _Loader:
     schemas: list[str] = field(default_factory=list)
     """Metamodels that models mention, in case that there is no other."""
     xml: dict[str, Source] = field(default_factory=dict)
+    read: dict[str, ImportedFile] = field(default_factory=dict)
     incomplete: bool = False
     """Whether a file is missing: then names that it may define are not reported as unknown."""
 
@@ -230,9 +239,12 @@ class _Loader:
             self.incomplete = True
             return []
         self.sources[name] = as_utf8(source.text) if extension in ("ecore", "xmi") else source.text
+        file = self.read[name] = ImportedFile()
         imports = self._take(extension, source, asked)
         self.named.extend((one, name) for one in imports if not _is_path(one.path))
-        return [(self.files.name(one.path, beside=name), one) for one in imports if _is_path(one.path)]
+        found = [(one, self.files.name(one.path, beside=name)) for one in imports if _is_path(one.path)]
+        file.imports += found
+        return [(target, one) for one, target in found]
 
     def _no_language(self, name: str, extension: str, asked: Import | None) -> NoReturn:
         span = asked.span if asked else Source(name, "").span(0, 0)
@@ -263,7 +275,7 @@ class _Loader:
         return self._take_text(_LANGUAGE_OF[extension], source, asked)
 
     def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
-        parsed = parse(language, source)
+        parsed, lexemes = parse_tokens(grammar(language), source)
         self.lost |= parsed.lost | unread_names(parsed)
         match language:
             case "metamodel":
@@ -272,20 +284,27 @@ class _Loader:
             case "model":
                 self.models.append(parsed)
                 return imports_of(parsed)
+        file: QueryFile | RulesFile | EnvironmentFile
+        defined: Iterable[Pattern | Rule | Unit | Derivation | Behaviour]
+        match language:
             case "query":
-                query = read_query(parsed)
-                self.patterns.extend(query.patterns)
-                self._note(query.diagnostics, query.lost)
-                return query.header.imports
+                file = read_query(parsed)
+                self.patterns.extend(file.patterns)
+                defined = file.patterns
             case "rules":
-                rules = read_rules(parsed)
-                self.definitions.extend(rules.definitions)
-                self._note(rules.diagnostics, rules.lost)
-                return rules.header.imports
-        environment = read_environment(parsed)
-        self.behaviours.extend(environment.behaviours)
-        self._note(environment.diagnostics, environment.lost)
-        return environment.header.imports
+                file = read_rules(parsed)
+                self.definitions.extend(file.definitions)
+                defined = file.definitions
+            case _:
+                file = read_environment(parsed)
+                self.behaviours.extend(file.behaviours)
+                defined = file.behaviours
+        self._note(file.diagnostics, file.lost)
+        known = self.read[source.name]
+        known.patterns, known.defined = file.header.patterns, {one.name for one in defined}
+        if language == "query":
+            known.mentioned = frozenset(one.value for one in lexemes if one.kind == "NAME")
+        return file.header.imports
 
     def _note(self, diagnostics: Iterable[Diagnostic], lost: frozenset[str]) -> None:
         self.diagnostics.extend(diagnostics)
@@ -325,7 +344,9 @@ class _Loader:
         )
         found: list[Diagnostic] = []
         if not self._others():  # else nobody knows which of them the names are of
+            imports = self._wrong_imports(lost)
             checked = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
+            checked = [*imports, *without_calls(checked, imports)]
             broken = {_file(one) for one in self.diagnostics} & set(self.xml)
             found += [one for one in checked if one.code != "no-metamodel" or _file(one) not in broken]
             for spec in self.families:
@@ -337,6 +358,25 @@ class _Loader:
             one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)
         )
         return replace(workspace, diagnostics=self._sorted())
+
+    def _wrong_imports(self, lost: frozenset[str]) -> list[Diagnostic]:
+        """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""
+        patterns = {one.qualified_name: one for one in self.patterns}
+        wrong = [one for name, file in self.read.items() for one in imported_patterns(file, patterns, name)]
+        places = {one.span for one in wrong}
+        # Not also that nothing calls it.
+        self.diagnostics = [
+            one for one in self.diagnostics if one.code != "unused-import" or one.span not in places
+        ]
+        wrong = without_consequences(wrong, lost)
+        if wrong or lost or self.incomplete:
+            return wrong
+        for name, (metamodel, _) in self.metamodels.items():
+            self.read[name].metamodel = True
+            self.read[name].defined = names_of(metamodel.metamodel) if metamodel.metamodel else set()
+        if self.given is not None and not self.metamodels:
+            self.read[""] = ImportedFile(defined=names_of(self.given), metamodel=True)
+        return list(unused_files(self.read))
 
     def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
         """What models lack; the model of a family has to conform, others may still be worked on."""
@@ -366,9 +406,12 @@ class _Loader:
             import_, beside = self.named.pop(0)
             known = self._known_names()
             if import_.path in known or import_.path in _LIBRARIES:
+                self.read[beside].imports.append((import_, known.get(import_.path)))
                 continue
             if not re.match(r"[a-zA-Z][\w+.-]+:", import_.path):
-                self._read(self.files.name(import_.path, beside=beside), import_)
+                target = self.files.name(import_.path, beside=beside)
+                self.read[beside].imports.append((import_, target))
+                self._read(target, import_)
                 continue
             if any(file.metamodel is None for file, _ in self.metamodels.values()):
                 continue  # it may be one that cannot be read
@@ -379,15 +422,15 @@ class _Loader:
             self.incomplete = True
             self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
 
-    def _known_names(self) -> list[str]:
-        """By which metamodels can be imported."""
-        found = [file.metamodel for file, _ in self.metamodels.values()] or [self.given]
-        return [
-            name
-            for metamodel in found
+    def _known_names(self) -> dict[str, str]:
+        """By which metamodels can be imported, with the files that they are in, "" for the one at hand."""
+        found = {file: one.metamodel for file, (one, _) in self.metamodels.items()} or {"": self.given}
+        return {
+            name: file
+            for file, metamodel in found.items()
             if metamodel
             for name in (*(package.uri for package in metamodel.packages), metamodel.name)
-        ]
+        }
 
     def _models(self, metamodel: Metamodel | None, lost: frozenset[str]) -> list[ModelText]:
         """The models of all files; an XMI document that another one names is part of that one's model."""

@@ -44,9 +44,21 @@ def type_hint(name: str, metamodel: Metamodel) -> str | None:
     >>> type_hint("EInt", Metamodel("m", ())), type_hint("Integer", Metamodel("m", ()))
     ('write `int`', 'write `int`')
     """
+    if name == "EObject" and metamodel.class_list:
+        return _any_object_hint(metamodel)
     plain = name.removeprefix("E").lower()
     ours = next((str(scalar) for scalar, names in _ELSEWHERE.items() if plain in names), None)
     return did_you_mean(name, type_names(metamodel)) or (f"write `{ours}`" if ours else None)
+
+
+def _any_object_hint(metamodel: Metamodel) -> str:
+    """What to write for Ecore's class of all objects, which is none of ours."""
+    tops = [cls.name for cls in metamodel.class_list if not cls.supertypes]
+    if len(tops) == 1:
+        return f"write `{tops[0]}`: all classes extend it"
+    bodies = " or ".join(f"{{ {name}(x); }}" for name in tops[:2])
+    more = " or ..." if len(tops) > 2 else ""
+    return f"no class is above all others: write the one that is meant, or a body for each, `{bodies}{more}`"
 
 
 def type_text(type_: StaticType) -> str:
