@@ -41,7 +41,7 @@ class RuleError(EnvgraphError):
     Attributes:
         rule: name of the rule, or None.
         reason: stable word for programs: "dangling", "multiplicity", "identification", "stale-match", "full",
-            "containment", "ambiguous", "lost-link".
+            "containment", "ambiguous", "lost-link", "missing-link".
         details: one line for each offending element.
     """
 

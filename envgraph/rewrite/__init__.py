@@ -6,17 +6,20 @@ How a rule is applied, once a match of its left side is chosen:
    an `optional` take the least match, by ids.
 2. For the rule and all matches of its blocks together: links and objects are deleted, objects retyped, objects created,
    merges, moves and links made, values and references set.
-3. An existing link that is created again, and a missing one that is deleted, change nothing. `set x.n += ..` of several
-   matches adds up.
+3. An existing link that is created again changes nothing; `Engine.notices` tells it once. Neither does a missing one
+   that is deleted. `set x.n += ..` of several matches adds up.
 
 It is refused, and the model left as it was, with a `RuleError` whose `reason` is
 
 - "stale-match": the match is none any more;
 - "identification": a deleted object or link is matched as something else, too (homomorphic rules);
-- "ambiguous": two matches of blocks, or two variables for one object, want different things; `details` names both;
+- "ambiguous": two matches of blocks, or two variables for one object, want different things, or things of which the
+  later would undo the earlier; `details` names both matches and what they want;
 - "dangling": under DPO, a deleted object has links that the left side does not mention (its container's excepted);
 - "lost-link": under DPO, a retyped or merged object has links that its class does not allow;
-- "full": a new link finds no room at one of its ends; "containment": it would close a cycle of containers.
+- "full": a new link finds no room at one of its ends, or the object is in a container already;
+- "containment": a new link would close a cycle of containers, or what is kept would go with a container;
+- "missing-link": a link that is redirected is not there.
 
 What the steps of a unit mean is said in `_units`.
 """

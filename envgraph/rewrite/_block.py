@@ -353,7 +353,7 @@ class BlockBuilder:
             else:
                 self._ask_for(key, edge, "nothing happens")
         for key, edge in self._redirected.items():
-            self._ask_for(key, edge, "the new one is added all the same")
+            self._ask_for(key, edge, "the rule is refused")
 
     def _clear_deleted(self) -> None:
         """Links of the left side at a deleted node go with it, whoever wrote them."""
@@ -457,7 +457,12 @@ class BlockBuilder:
         return block.kind
 
     def _unlink(self, edge: ResolvedEdge) -> Unlink:
-        return Unlink(self.sight.slot(edge.source), edge.reference, self.sight.slot(edge.target), edge.span)
+        key = self.sight.key(edge)
+        required = key in self._redirected and all(
+            self.sight.key(arrow) != key for arrow in self.sight.arrows
+        )
+        source, target = self.sight.slot(edge.source), self.sight.slot(edge.target)
+        return Unlink(source, edge.reference, target, required, edge.span)
 
     def _link(self, edge: ResolvedEdge) -> Link:
         return Link(self.sight.slot(edge.source), edge.reference, self.sight.slot(edge.target), edge.span)

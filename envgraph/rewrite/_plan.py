@@ -33,11 +33,12 @@ class Compute:
 
 @dataclass(frozen=True, slots=True)
 class Unlink:
-    """Remove a link that the left side has."""
+    """Remove a link that the left side has; if it need not have it, `required` refuses the rule where it is missing."""
 
     source: int
     reference: Reference
     target: int
+    required: bool = False
     span: Span | None = field(default=None, compare=False, repr=False)
 
 

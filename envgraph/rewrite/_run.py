@@ -24,7 +24,7 @@ MOST_LEVELS: Final = 200
 """How deep the steps of a run may nest, those of called units included; Python's own stack ends beyond it."""
 
 REFUSALS: Final = frozenset(
-    {"containment", "dangling", "full", "identification", "lost-link", "multiplicity"}
+    {"containment", "dangling", "full", "identification", "lost-link", "missing-link", "multiplicity"}
 )
 """Reasons for which a step fails; any other `RuleError` ends the run."""
 

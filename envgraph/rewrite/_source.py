@@ -96,6 +96,7 @@ class Writer:
             "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
             "_extend": lambda node, reference, target: extend(model, node, reference, target),
             "_house": lambda source, reference, target: house(model, source, reference, target),
+            "_there": lambda source, reference, target: there(model, source, reference, target),
             "_again": again,
             "_amount": amount,
             "_need": need,
@@ -115,13 +116,20 @@ class Writer:
     # --- the phases of a block, in order
 
     def compute(self, plan: BlockPlan) -> list[str]:
-        """Values on the state before the rule."""
-        return [f"{self.slot(c.slot)} = {self._value(c)}" for c in plan.computed]
+        """Values on the state before the rule, and links that have to be there."""
+        asked = [
+            f"_there({self.slot(u.source)}, {self.constant(u.reference)}, {self.slot(u.target)})"
+            for u in plan.unlinks
+            if u.required
+        ]
+        return [*asked, *(f"{self.slot(c.slot)} = {self._value(c)}" for c in plan.computed)]
 
     def unlink(self, plan: BlockPlan) -> list[str]:
         """Links that go, and objects that leave their container."""
         fresh = {new.node for new in plan.creates}
-        leaving = [self._leave(move) for move in plan.moves if move.node not in fresh]
+        leaving = [
+            self._leave(move, move.container in fresh) for move in plan.moves if move.node not in fresh
+        ]
         return [*map(self._unlink, plan.unlinks), *leaving]
 
     def delete(self, plan: BlockPlan) -> list[str]:
@@ -186,8 +194,10 @@ class Writer:
         # Where there is no room `link` says so.
         return f"{made} if {' and '.join(room)} else link{ends}" if room else made
 
-    def _leave(self, op: Rehome) -> str:
-        return f"_leave({self.slot(op.node)}, {self.slot(op.container)}, {self.constant(op.reference)})"
+    def _leave(self, op: Rehome, fresh: bool) -> str:
+        """An object leaves its container; `fresh` if it goes to one that is not there yet."""
+        container = "None" if fresh else self.slot(op.container)
+        return f"_leave({self.slot(op.node)}, {container}, {self.constant(op.reference)})"
 
     def _delete(self, op: Delete) -> str:
         # A container that went before has taken its contents along.
@@ -357,7 +367,18 @@ def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(target for target in targets if target is not None))
 
 
-def leave(model: Model, node: int, container: int, reference: Reference) -> None:
+def there(model: Model, source: int, reference: Reference, target: int) -> None:
+    """Check that there is a link.
+
+    Raises:
+        RuleError: there is none ("missing-link").
+    """
+    if not model.has_link(source, reference, target):
+        ends = f"{model.describe(source)} -{reference.name}-> {model.describe(target)}"
+        raise RuleError(f"there is no {ends} to redirect", reason="missing-link", details=[ends])
+
+
+def leave(model: Model, node: int, container: int | None, reference: Reference) -> None:
     """Take an object out of its container, unless it is already where it is to go, or not there yet."""
     old = model.container(node) if model.alive(node) else None
     if old is not None and old != (container, reference):
@@ -409,8 +430,10 @@ def absorb(model: Model, kept: int, absorbed: int, *, lossy: bool) -> None:
     cls = model.class_of(kept)
     house = model.container(kept)
     housed = house is not None and house[0] != absorbed
-    for reference, source, target in links_of(model, absorbed):
+    links = links_of(model, absorbed)
+    for reference, source, target in links:
         model.unlink(source, reference, target)
+    for reference, source, target in links:
         source, target = (kept if end == absorbed else end for end in (source, target))
         if reference.containment and (source == target or (target == kept and housed)):
             continue

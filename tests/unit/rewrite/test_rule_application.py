@@ -561,3 +561,187 @@ def test_a_rule_without_a_right_side_changes_nothing() -> None:
     before = snapshot(made.model)
     assert made.apply("r") is not None
     assert snapshot(made.model) == before
+
+
+def test_what_is_handed_out_is_not_deleted() -> None:
+    made = engine(
+        "rule r(out x : Item) { lhs { x : Item; } forall { lhs { x -links-> x; } modify { delete x; } } }",
+        model=chain(1),
+    )
+    made.model.node(0).links.append(made.model.node(0))
+    application = made.apply("r", x=0)
+    assert application is not None and application.outputs["x"] not in made.model
+
+
+def test_a_link_is_redirected_where_it_is() -> None:
+    made = engine(
+        """
+        rule r(a : Item, b : Item, c : Item) { lhs { find linked(a, b); } modify { redirect a -next-> b to c; } }
+        """,
+        "pattern linked(from : Item, to : Item) { Item.links(from, to); }",
+        model=chain(3),
+    )
+    made.model.node(0).links = [made.model.node(1), made.model.node(2)]
+    error = refused(made, "missing-link", a=0, b=2, c=1)
+    assert error.details == ("`Item#0` -next-> `Item#2`",)
+    made.model.node(1).next = None
+    made.apply("r", a=0, b=1, c=2)
+    assert made.model.node(0).next == made.model.node(2)
+
+
+def test_an_object_in_a_container_is_not_created_in_another() -> None:
+    model = Model(METAMODEL)
+    item = model.create("Item")
+    old, new = model.create("Box", content=[item]), model.create("Box")
+    made = engine(
+        """
+        rule make(b : Box, i : Item) { lhs { } modify { create b -content-> i; } }
+        rule literal(i : Item) { lhs { } modify { create b : Box { content = i, must = i }; } }
+        rule shown(b : Box) { lhs { a : Box -content-> i : Item; } rhs { b -content-> i; a; } }
+        rule put(b : Box, i : Item) { lhs { } modify { set b.content += i; } }
+        """,
+        model=model,
+    )
+    error = refused(made, "full", "make", b=new, i=item)
+    assert "`Item#0` is in `Box#1` already" in str(error)
+    assert error.details == ("`Box#1` -content-> `Item#0`",)
+    refused(made, "full", "literal", i=item)
+    made.apply("make", b=old, i=item)
+    made.apply("shown", b=new)
+    assert list(new.content) == [item]
+    made.apply("put", b=old, i=item)
+    assert list(old.content) == [item] and not new.content
+
+
+def test_adding_a_target_releases_its_opposite() -> None:
+    model = Model(METAMODEL)
+    kid = model.create("Item")
+    old, new = model.create("Item", kids=[kid]), model.create("Item")
+    made = engine("rule r(a : Item, b : Item) { lhs { } modify { set a.kids += b; } }", model=model)
+    made.apply("r", a=new, b=kid)
+    assert list(new.kids) == [kid] and not old.kids
+    model.check_integrity()
+
+
+def test_created_objects_can_be_moved_and_merged_into() -> None:
+    made = engine(
+        """
+        rule move(x : Item) { lhs { } modify { create y : Item; move y to x.kids; } }
+        rule merge(x : Item) { lhs { } modify { create y : Special; merge y <- x; } }
+        rule cycle { lhs { } modify { create y : Item; move y to y.kids; } }
+        rule pack(x : Item) { lhs { } modify { create y : Box; move x to y.content; } }
+        """,
+        model=chain(2),
+    )
+    model = made.model
+    made.apply("move", x=0)
+    assert [node.id for node in model.node(0).kids] == [2]
+    made.apply("merge", x=0)
+    special = model.node(3)
+    assert special.next == model.node(1) and list(special.kids) == [model.node(2)]
+    refused(made, "containment", "cycle")
+    application = made.apply("pack", x=2)
+    assert application is not None and list(application.created["y"].content) == [model.node(2)]
+    assert not special.kids
+    model.check_integrity()
+
+
+def test_merging_with_the_container_takes_its_place() -> None:
+    model = Model(METAMODEL)
+    inner = model.create("Item")
+    middle = model.create("Item", kids=[inner])
+    outer = model.create("Item", kids=[middle])
+    made = engine("rule r(x : Item, y : Item) { lhs { } modify { merge x <- y; } }", model=model)
+    made.apply("r", x=inner, y=middle)
+    assert list(outer.kids) == [inner]
+    model.check_integrity()
+
+
+def test_merging_hands_loops_over_last() -> None:
+    model = chain(2)
+    model.node(1).next = model.node(1)
+    model.node(0).next = model.node(1)
+    model.node(1).next = None
+    second = model.node(1)
+    made = engine("rule r(x : Item, y : Item) { lhs { } modify { merge x <- y; } }", model=model)
+    made.apply("r", x=0, y=second)
+    assert model.node(0).next == model.node(0)
+    model.check_integrity()
+
+
+def test_a_merged_object_keeps_links_that_its_class_may_have_at_both_ends() -> None:
+    model = Model(METAMODEL)
+    special, box = model.create("Special"), model.create("Box", must=model.create("Item"))
+    holder = model.create("Special", favourite=special)
+    made = engine(
+        """
+        rule r(x : Box, y : Item) { lhs { } modify { merge x <- y; } }
+        @semantics(spo) rule lose(x : Box, y : Item) { lhs { } modify { merge x <- y; } }
+        """,
+        model=model,
+    )
+    refused(made, "lost-link", x=box, y=special)
+    made.apply("lose", x=box, y=special)
+    assert holder.favourite is None and special not in model
+    model.check_integrity()
+
+
+def test_an_amount_that_is_missing_is_an_error() -> None:
+    made = engine("rule r(a : Item) { lhs { } modify { set a.weight -= a.next.weight; } }", model=chain(1))
+    with pytest.raises(EvaluationError, match=r"rule `r` cannot be applied: what is added to `Item\.weight`"):
+        made.apply("r", a=0)
+
+
+def test_blocks_do_not_match_what_the_rule_deletes_as_something_else() -> None:
+    made = engine(
+        """
+        @match(homomorphic) rule r {
+            lhs { x : Item; }
+            forall { lhs { y : Item; } modify { create z : Item { n = y.n }; } }
+            modify { delete x; }
+        }
+        """,
+        model=chain(1),
+    )
+    assert "`x` and `y` are one object, and `x` is deleted" in str(refused(made, "identification"))
+
+
+def test_interrupted_applications_leave_no_savepoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = chain(2)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(type(model), "link", interrupted)
+    made = engine("rule r(a : Item) { lhs { } modify { create b : Box; move a to b.content; } }", model=model)
+    before = snapshot(model)
+    with pytest.raises(KeyboardInterrupt):
+        made.apply("r", a=0)
+    assert not model.in_transaction and snapshot(model) == before
+
+
+def test_links_that_are_made_again_are_reported_once(caplog: pytest.LogCaptureFixture) -> None:
+    model = chain(3)
+    model.node(0).links.append(model.node(1))
+    made = engine(
+        """
+        rule one { lhs { a : Item -next-> b : Item; } modify { create a -links-> b; } }
+        rule all(a : Item) { lhs { } forall { lhs { a -next-> b; } modify { create b -prev-> a; } } }
+        rule new { lhs { a : Item; } modify { create a -links-> b : Item -friends-> c : Item; } }
+        """,
+        model=model,
+    )
+    before = snapshot(model)
+    for _ in range(3):
+        made.apply("one", a=0)
+    made.apply("all", a=1)
+    assert snapshot(model) == before
+    made.apply("new", a=0)
+    assert [notice.code for notice in made.notices] == ["existing-link", "existing-link"]
+    first, second = made.notices
+    assert first.message == "rule `one` creates `Item#0` -links-> `Item#1`, which is there already"
+    assert first.span is not None and first.span.text == "a -links-> b"
+    assert "`all` creates `Item#2` -prev-> `Item#1`" in second.message
+    assert [record.getMessage() for record in caplog.records] == [str(first), str(second)]
+    made.apply("one", a=1)
+    assert len(made.notices) == 2 and made.model.node(2) in made.model.node(1).links
