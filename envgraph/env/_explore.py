@@ -148,7 +148,7 @@ class _Search:
         if len(self.rows) >= self.limit:
             raise EvaluationError(
                 f"environment `{self.simulator.behaviour.name}` has more than {self.limit} states: "
-                "raise the limit, or step on the live engine"
+                "raise the limit, or step on the live engine (`live=True`)"
             )
         self.number[key] = len(self.rows)
         self.rows.append(None)

@@ -21,8 +21,13 @@ NAMESPACE = "envgraph"
 MAKE_ENVIRONMENT = "envgraph.search:make_environment"
 MAKE_VECTOR_ENVIRONMENT = "envgraph.search:make_vector_environment"
 
-BUNDLED = (("BurningForest", "burning_forest", 200),)
-"""Name, folder under `rules/`, and time limit of every bundled environment."""
+BUNDLED = (
+    ("BurningForest", "burning_forest", 200, False),
+    ("KeyDoor", "keydoor", 100, False),
+    ("Routing", "network", 64, True),
+    ("Warehouse", "warehouse", 300, True),
+)
+"""Name, folder under `rules/`, time limit, and whether there are too many states for a table, of every bundled one."""
 
 
 def register(
@@ -76,5 +81,8 @@ def register(
 
 def register_entry_point() -> None:
     """Register the bundled environments; `envgraph.env` does so when it is imported."""
-    for name, domain, limit in BUNDLED:
-        register(name, limit=limit, vector_entry_point=MAKE_VECTOR_ENVIRONMENT, domain=domain)
+    for name, domain, limit, live in BUNDLED:
+        if live:
+            register(name, limit=limit, domain=domain, live=True)
+        else:
+            register(name, limit=limit, vector_entry_point=MAKE_VECTOR_ENVIRONMENT, domain=domain)

@@ -7,7 +7,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
-from envgraph.env import EnvgraphEnv, EnvgraphVectorEnv, Explored, explore
+from envgraph.env import (
+    Behaviour,
+    EnvgraphEnv,
+    EnvgraphLiveEnv,
+    EnvgraphVectorEnv,
+    Explored,
+    Simulator,
+    explore,
+)
 from envgraph.errors import InvalidArgument
 from envgraph.search._domain import Domain
 from envgraph.search._family import open_family
@@ -20,8 +28,9 @@ def make_environment(
     *,
     render_mode: str | None = None,
     observation: Literal["index", "multi"] = "index",
+    live: bool = False,
     **options: Any,
-) -> EnvgraphEnv:
+) -> EnvgraphEnv | EnvgraphLiveEnv:
     """The Gymnasium environment of one member of a family.
 
     Args:
@@ -31,12 +40,18 @@ def make_environment(
         variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
         render_mode: None, "ansi" or "rgb_array".
         observation: "index" for one number, "multi" for its components.
-        options: passed on to `EnvgraphEnv`.
+        live: whether to step on an engine. By default all states are visited now, which makes steps faster, but there
+            must not be too many of them. Episodes are the same.
+        options: passed on to `EnvgraphEnv`, or `EnvgraphLiveEnv`.
 
     Raises:
         InvalidArgument: no such family or member, or neither a domain nor a family is given.
         LoadError: the files have errors.
+        EvaluationError: too many states to visit.
     """
+    if live:
+        simulator = _simulator(domain, family, variant)
+        return EnvgraphLiveEnv(simulator, render_mode=render_mode, observation=observation, **options)
     (found,) = _explored(domain, family, () if variant is None else (variant,))
     return EnvgraphEnv(
         found.tabular, pictures=found.pictures, render_mode=render_mode, observation=observation, **options
@@ -73,16 +88,33 @@ def make_vector_environment(
 def _explored(
     domain: str | None, family: str | PathLike[str] | None, variants: Sequence[int | str]
 ) -> list[Explored]:
-    """The members of these names or numbers; the target of a family, or the domain's own model, for none."""
+    """The tables of members by names or numbers; of the target of a family, or the domain's own model, for none."""
     if family is not None:
         opened = open_family(Path(family))
         return [opened.explored(opened.member(one), pictures=True) for one in variants or (None,)]
-    if variants:
+    loaded, behaviour = _loaded(domain, *variants)
+    return [explore(loaded.engine(), behaviour, loaded.keys(), pictures=True)]
+
+
+def _simulator(
+    domain: str | None, family: str | PathLike[str] | None, variant: int | str | None
+) -> Simulator:
+    """A member of a family, or the domain's own model, on an engine of its own."""
+    if family is not None:
+        opened = open_family(Path(family))
+        engine = opened.domain.engine(opened.model(opened.member(variant)))
+        return Simulator(engine, opened.behaviour, opened.keys)
+    loaded, behaviour = _loaded(domain, variant)
+    return Simulator(loaded.engine(), behaviour, loaded.keys())
+
+
+def _loaded(domain: str | None, *variants: int | str | None) -> tuple[Domain, Behaviour]:
+    """A domain without a family, and its behaviour."""
+    if any(variant is not None for variant in variants):
         raise InvalidArgument("`variant` names a member of a family: give `family` as well")
     if domain is None:
         raise InvalidArgument("give a `family`, or a `domain`")
     loaded = Domain.load(domain)
-    behaviour = loaded.behaviour
-    if behaviour is None:
+    if loaded.behaviour is None:
         raise InvalidArgument(f"`{domain}` has no environment: its family file names none")
-    return [explore(loaded.engine(), behaviour, loaded.keys(), pictures=True)]
+    return loaded, loaded.behaviour
