@@ -212,6 +212,14 @@ def apply(
             show_default=False,
         ),
     ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            "--trace",
+            help="Write what was applied here, for `envgraph replay`: JSON lines.",
+            show_default=False,
+        ),
+    ] = None,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Apply a rule to a model, at matches drawn at random, and print what was done."""
@@ -226,8 +234,32 @@ def apply(
         times=times,
         seed=seed,
         output=output,
+        trace=trace,
         format=format,
     )
+
+
+@app.command()
+def replay(
+    model: Model,
+    rules: Annotated[str, typer.Argument(metavar="RULESFILE", help="A .rules file.", show_default=False)],
+    trace: Annotated[Path, typer.Argument(help="What `envgraph apply --trace` wrote.", show_default=False)],
+    metamodel: Metamodel = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Write the resulting model here: as JSON, or as XMI (.xmi).",
+            show_default=False,
+        ),
+    ] = None,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Do again what a trace says, and compare each state with the recorded one. Exit code 1 where they differ."""
+    from envgraph.cli._replay import replay_trace
+
+    replay_trace(model, rules, trace, metamodel=metamodel, output=output, format=format)
 
 
 @app.command()

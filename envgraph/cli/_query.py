@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import envgraph.lang
 from envgraph.cli._convert import metamodel_paths, model_text
-from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table
-from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, with_article
+from envgraph.cli._output import OutputFormat, print_json, print_table
+from envgraph.errors import InvalidArgument, did_you_mean, with_article
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
-from envgraph.rewrite import Application, Engine, Firing, Match
+from envgraph.rewrite import Application, Engine, Firing, Match, trace_to_text
 
 _NO_MODELS = (".metamodel", ".ecore", ".query", ".vql", ".rules", ".environment")
 
@@ -22,7 +22,7 @@ def print_matches(
     model: str, queries: str, pattern: str, where: list[str], metamodel: str | None, format: OutputFormat
 ) -> None:
     """Print the matches of a pattern."""
-    engine = _open(model, queries, metamodel)
+    engine = open_engine(model, queries, metamodel)
     bound = _bound(engine, _pattern_types(engine, pattern), where)
     matches = engine.matches(pattern, **bound)
     if format is OutputFormat.JSON:
@@ -36,19 +36,15 @@ def print_matches(
     print_table(count, names or ("",), [tuple(_shown(match[name]) for name in names) for match in matches])
 
 
-def _open(model: str, definitions: str, metamodel: str | None, seed: int = 0) -> Engine:
+def open_engine(model: str, definitions: str, metamodel: str | None, seed: int = 0) -> Engine:
     """An engine on a `.model` or `.xmi` file, or on a model as JSON, such as `envgraph apply --output` writes."""
     if model.endswith(_NO_MODELS):
         raise InvalidArgument(f"`{model}` is no model; a model is a .model, .xmi or .json file")
     paths = [*metamodel_paths(metamodel), definitions]
     if not model.endswith(".json"):
-        workspace = envgraph.lang.open_workspace(*paths, model)
-        engine = workspace.engine(seed=seed)
-        _warn(workspace.diagnostics)
-        return engine
+        return envgraph.lang.open(*paths, model, seed=seed)
     workspace = envgraph.lang.load_workspace(paths)
     workspace.raise_errors()
-    _warn(workspace.diagnostics)
     if workspace.metamodel is None:
         raise InvalidArgument(
             f"{definitions} imports no metamodel, and a model as JSON needs one; name it with --metamodel"
@@ -59,9 +55,12 @@ def _open(model: str, definitions: str, metamodel: str | None, seed: int = 0) ->
     return engine
 
 
-def _warn(diagnostics: Iterable[Diagnostic]) -> None:
-    """Prints the warnings of definitions; what a model lacks is for `envgraph check` to say."""
-    print_diagnostics(one for one in diagnostics if one.code != "conformance")
+def write_model(engine: Engine, output: Path, format: OutputFormat) -> None:
+    """Write the model of an engine, and say so to people."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(model_text(engine.model, output), "utf-8")
+    if format is OutputFormat.TEXT:
+        print(f"wrote {output}")
 
 
 def apply_rule(
@@ -74,41 +73,48 @@ def apply_rule(
     times: int,
     seed: int,
     output: Path | None,
+    trace: Path | None,
     format: OutputFormat,
 ) -> None:
     """Apply a rule or a unit some times, and print each application."""
-    engine = _open(model, rules, metamodel, seed)
+    engine = open_engine(model, rules, metamodel, seed)
     bound = _bound(engine, {p.name: p.type for p in engine.signature(rule).parameters}, where)
     done: list[dict[str, Any]] = []
-    for number in range(1, times + 1):
-        lines = _apply_once(engine, rule, bound)
-        if lines is None:
-            break
-        done.append({"application": number, "steps": lines})
+    failure: str | None = None
+    with engine.recording() as recorded:
+        for number in range(1, times + 1):
+            lines, failure = _apply_once(engine, rule, bound)
+            if lines:
+                done.append({"application": number, "steps": lines})
+            if failure is not None or not lines:
+                break
+    if trace is not None:
+        trace.parent.mkdir(parents=True, exist_ok=True)
+        trace.write_text(trace_to_text(engine, recorded), "utf-8")
     if format is OutputFormat.JSON:
-        print_json({"rule": rule, "applications": done, "model": model_to_json(engine.model)})
+        told = {"rule": rule, "applications": done, "failure": failure, "model": model_to_json(engine.model)}
+        print_json(told)
     else:
         for entry in done:
             for line in entry["steps"]:
                 print(f"{entry['application']}: {line}")
-        if len(done) < times:
+        if failure is not None:
+            print(f"{rule} failed: {failure}")
+        elif len(done) < times:
             print(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
+        if trace is not None:
+            print(f"wrote {trace}")
     if output is not None:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        output.write_text(model_text(engine.model, output), "utf-8")
-        if format is OutputFormat.TEXT:
-            print(f"wrote {output}")
+        write_model(engine, output, format)
 
 
-def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> list[str] | None:
-    """What one application did, a line a step; None when nothing matched."""
-    if rule in engine.units or any(name.endswith(f".{rule}") for name in engine.units):
-        with engine.recording() as trace:
-            if not engine.run(rule, **bound):
-                return None
-        return [_traced(engine, firing) for firing in trace]
+def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[str], str | None]:
+    """What one application did, a line a step, and why a unit failed."""
+    if engine.signature(rule).kind == "unit":
+        result = engine.run(rule, **bound)
+        return [_traced(engine, firing) for firing in result.firings], result.reason
     application = engine.apply(rule, **bound)
-    return None if application is None else [_told(application)]
+    return [] if application is None else [_told(application)], None
 
 
 def _traced(engine: Engine, firing: Firing) -> str:

@@ -14,6 +14,7 @@ from envgraph.errors._exceptions import (
     LoadError,
     ResolutionError,
     RuleError,
+    TraceError,
     TransactionError,
     TypeMismatch,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "Severity",
     "Source",
     "Span",
+    "TraceError",
     "TransactionError",
     "TypeMismatch",
     "did_you_mean",

@@ -31,6 +31,10 @@ class ResolutionError(DiagnosticError):
     """A name in a definition made in Python (pattern, rule, behaviour) means nothing, or a type is wrong."""
 
 
+class TraceError(DiagnosticError):
+    """A recorded run does not lead where it did, or something changed the model that no rule did."""
+
+
 class TypeMismatch(EnvgraphError):
     """A value, class or reference that the metamodel does not allow at that place of a model."""
 

@@ -30,7 +30,7 @@ def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
     >>> value, spans["x", 1].text
     ({'x': [1, 20]}, '20')
     """
-    return _decoded(source), dict(_locate(source))
+    return _decoded(source), dict(locate(source))
 
 
 def parse_model(source: Source, metamodel: Metamodel) -> Model:
@@ -89,7 +89,7 @@ def _path(problem: Diagnostic, value: object) -> JsonPath:
 def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath, Span]:
     """Where some of the values stand; what comes after the last of them is not looked at."""
     spans: dict[JsonPath, Span] = {}
-    for path, span in _locate(source):
+    for path, span in locate(source):
         if path in wanted:
             spans[path] = span
             if len(spans) == len(wanted):
@@ -97,7 +97,7 @@ def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath,
     return spans
 
 
-def _locate(source: Source) -> Iterator[tuple[JsonPath, Span]]:
+def locate(source: Source) -> Iterator[tuple[JsonPath, Span]]:
     """Path and span of every value of a text that is known to be JSON."""
     path: list[str | int] = []  # of the value that comes next
     opened: list[int] = []  # where the enclosing objects and lists begin

@@ -80,12 +80,7 @@ def open(*paths: StrPath, seed: int = 0) -> Engine:
     >>> engine.count("burningTile")
     20
     """
-    return open_workspace(*paths).engine(seed=seed)
-
-
-def open_workspace(*paths: StrPath) -> Workspace:
-    """What `open` makes an engine of, and all that is wrong with it, warnings too."""
-    return load_workspace(_family_first(paths))
+    return load_workspace(_family_first(paths)).engine(seed=seed)
 
 
 def load(engine: Engine, *paths: StrPath) -> None:

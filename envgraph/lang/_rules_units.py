@@ -39,12 +39,6 @@ def _call(reading: Reading, tree: Tree[Token]) -> Call:
     name = trees(tree.children, "qualified_name")[0]
     top = [int(tokens(part.children, "INT")[0]) for part in trees(tree.children, "top")]
     by = trees(tree.children, "by")
-    if top and not by:
-        hint = "write `by` and an expression: the matches with the largest values are taken"
-        reading.error("missing-by", "`top` says how many, and not by what", tree, hint)
-    if by and not (top or tokens(tree.children, "ALL")):
-        hint = "write `top 1` before the rule for the match with the largest value, or `all` for one after the other"
-        reading.error("missing-top", "`by` puts several matches in order, and this is one", by[0], hint)
     return Call(
         qualified_name_of(name),
         expressions_of(reading, tree),

@@ -34,10 +34,12 @@ from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._run import STEP_LIMIT
 from envgraph.rewrite._runner import Randomness, RuleRunner
+from envgraph.rewrite._trace import TRACE_FORMAT, Trace, trace_schema, trace_to_text
 from envgraph.rewrite._units import RunResult
 
 __all__ = [
     "STEP_LIMIT",
+    "TRACE_FORMAT",
     "Activation",
     "Agenda",
     "Application",
@@ -56,9 +58,12 @@ __all__ = [
     "Statistics",
     "Steps",
     "Taken",
+    "Trace",
     "Transition",
     "check_derivation",
     "check_rule",
     "derived",
     "derived_rules",
+    "trace_schema",
+    "trace_to_text",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from math import isfinite
 from typing import TYPE_CHECKING, Literal, TypeVar, cast, overload
 
@@ -80,6 +81,10 @@ class Definitions(Questions):
         """Names may mean something else now."""
         self._questions.clear()
 
+    def _unrecorded(self) -> AbstractContextManager[None]:
+        """What a Python rule applies is part of its own application."""
+        return nullcontext()
+
     def _registration(self, definitions: Sequence[Definition]) -> Registration:
         strange: list[object] = [
             one for one in definitions if not isinstance(one, Pattern | Rule | Unit | Derivation)
@@ -121,6 +126,7 @@ class Definitions(Questions):
                 self.library,
                 self.matcher,
                 engine=self,
+                aside=self._unrecorded,
                 weight=float(weight),
                 priority=priority,
             )
@@ -158,8 +164,8 @@ class Definitions(Questions):
         each parameter; what it says becomes a `Unit`, which is added like any other: see `definition` and `to_text`.
 
         Any other function *is* the unit. It is called whenever the unit runs, with `Node`s and values, and with the
-        engine if it has a parameter `engine`. What it applies by name is part of the run and of recordings; what it
-        edits by itself is in no recording. It fails by returning False. It also fails by an application that is
+        engine if it has a parameter `engine`. What it applies by name is part of the run and of recordings; a recording
+        refuses what it edits by itself. It fails by returning False. It also fails by an application that is
         refused; then what it did is taken back, as after any exception.
 
         Args:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn, cast
 from envgraph.errors import (
     EvaluationError,
     InvalidArgument,
+    RuleError,
 )
 from envgraph.graph import Model, Node, Savepoint, Version
 from envgraph.match import Subscription, ViewMatcher
@@ -29,8 +30,19 @@ from envgraph.rewrite._listening import (
     told_updates,
 )
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
-from envgraph.rewrite._run import STEP_LIMIT, UNSET, Environment, Run, apply_one_of, draw_weighted, fire_one
-from envgraph.rewrite._runner import NO_ARGUMENTS, PythonRule, Randomness, RuleRunner
+from envgraph.rewrite._run import (
+    REFUSALS,
+    STEP_LIMIT,
+    UNSET,
+    Environment,
+    Run,
+    apply_one_of,
+    draw_weighted,
+    fire_one,
+)
+from envgraph.rewrite._runner import NO_ARGUMENTS, PythonRule, Randomness, RuleRunner, draw
+from envgraph.rewrite._selection import By, Choose, Where, choose_one, select
+from envgraph.rewrite._trace import Trace
 from envgraph.rewrite._units import RunResult, UnitProgram
 
 if TYPE_CHECKING:
@@ -77,7 +89,7 @@ class Engine(Definitions):
         self._rng: numpy.random.Generator | None = None
         self._choices: dict[tuple[str, ...], _Choice] = {}
         self._named: dict[str, RuleRunner] = {}
-        self._recorders: list[list[Firing]] = []
+        self._recorders: list[Trace] = []
         self._events: Events | None = None
 
     def copy(self) -> Engine:
@@ -282,28 +294,105 @@ class Engine(Definitions):
 
     # --- rewriting
 
-    def apply(self, rule: str, match: Match | None = None, **arguments: object) -> Application | None:
-        """Apply a rule at a match, or at one that is drawn uniformly among those that agree with the arguments.
+    def apply(
+        self,
+        rule: str,
+        match: Match | None = None,
+        *,
+        choose: Choose = "random",
+        where: Where | None = None,
+        by: By | None = None,
+        **arguments: object,
+    ) -> Application | None:
+        """Apply a rule at a match, or at one that is chosen among those that agree with the arguments.
 
         Of a group (a derivation), a rule is drawn by weight among those that match.
 
         Args:
             rule: its name.
             match: a match of the rule, or None.
+            choose: "random", drawn uniformly; "first", the first of `matches`; or a function that is given a list of
+                matches, and returns one, or None for none.
+            where: the matches to choose among: those for which a pattern of this name has a match, with its parameters
+                bound to the variables of the same names; or for which an expression or a function of the match is true.
+            by: an expression over the variables of the match, or a function of it: the match with the largest value is
+                taken, the first of several.
             **arguments: values of variables of the match; objects as `Node`s or ids.
 
         Returns:
             What was done; None if there is no match.
 
         Raises:
-            InvalidArgument: an unknown rule or variable, or a match of something else.
+            InvalidArgument: an unknown rule or variable, a match of something else, or a choice that is none.
             RuleError: the match is none any more, or the rule cannot be applied there. The model is as before.
         """
-        holding = self._holding()
-        if holding is None:
+        with self._holding() or _NOTHING:
+            if choose != "random" or where is not None or by is not None:
+                if match is not None or (by is not None and choose != "random"):
+                    raise InvalidArgument("one of `match`, `choose` and `by` says where the rule is applied")
+                return self._apply_chosen(rule, choose, where, by, arguments)
             return self._apply(rule, match, arguments)
-        with holding:
-            return self._apply(rule, match, arguments)
+
+    def apply_all(
+        self,
+        rule: str,
+        *,
+        where: Where | None = None,
+        by: By | None = None,
+        top: int | None = None,
+        **arguments: object,
+    ) -> list[Application]:
+        """Apply a rule at each of the matches of now that still is one when its turn comes and is not refused.
+
+        Args:
+            rule: its name.
+            where: only at these matches; see `apply`.
+            by: the largest value first, ties as the matches come; see `apply`.
+            top: only at so many of the first; with `by`.
+            **arguments: values of variables of the match; objects as `Node`s or ids.
+
+        Returns:
+            What was done, in order.
+
+        Raises:
+            InvalidArgument: an unknown rule or variable, or an impossible selection.
+            RuleError: the matches of a `forall` are in conflict. The model is as before.
+        """
+        with self._holding() or _NOTHING:
+            runner = self.prepare(rule)
+            rows = runner.rows_known(self.ids(runner.shape, arguments))
+            rows = select(self, runner, rows, where, by, top)
+            self._notice()
+            done: list[Application] = []
+            with self.model.transaction():
+                for row in rows:
+                    if runner.still_holds(row):
+                        try:
+                            done.append(runner.application(row, runner.fire(row)))
+                        except RuleError as error:
+                            if error.reason not in REFUSALS:
+                                raise
+            self._record([application.firing for application in done])
+            return done
+
+    def _apply_chosen(
+        self,
+        rule: str,
+        choose: Choose,
+        where: Where | None,
+        by: By | None,
+        arguments: Mapping[str, object],
+    ) -> Application | None:
+        runner = self.prepare(rule)
+        rows = runner.rows_known(self.ids(runner.shape, arguments))
+        rows = select(self, runner, rows, where, by, None if by is None else 1)
+        row = choose_one(self, runner, rows, choose, lambda count: draw(self.rng, count))
+        if row is None:
+            return None
+        self._notice()
+        result = runner.fire(row)
+        self._record([Firing(runner.name, row)])
+        return runner.application(row, result)
 
     def _apply(self, rule: str, match: Match | None, arguments: Mapping[str, object]) -> Application | None:
         runner = self._named.get(rule)
@@ -312,6 +401,8 @@ class Engine(Definitions):
             if qualified in self._groups:
                 return self._apply_group(qualified, match, arguments)
             runner = self._named[rule] = self.prepare(rule)
+        if self._recorders:
+            self._notice()
         if match is not None:
             if arguments:
                 raise InvalidArgument("give a match or arguments, not both")
@@ -340,6 +431,7 @@ class Engine(Definitions):
         if chosen is None:
             return None
         runner = self._rules[chosen[0]]
+        self._notice()
         result = runner.fire(chosen[1])
         self._record([Firing(*chosen)])
         return runner.application(chosen[1], result)
@@ -370,15 +462,16 @@ class Engine(Definitions):
         if self._events is None:
             with self._holding() or _NOTHING:
                 return self._run_result(qualified, arguments)
-        with self.recording() as everything, self._holding() or _NOTHING:
+        with self._listing(Trace()) as everything, self._holding() or _NOTHING:
             result = self._run_result(qualified, arguments)
         result.events = tuple(everything[result.applications :])
         return result
 
     def _run_result(self, name: str, arguments: Mapping[str, object]) -> RunResult:
+        self._notice()
         run, outcome, outputs = self._run(name, arguments)
         if self._recorders:
-            self._record(run.firings)
+            self._record(run.firings, run.gaps)
         reason = None
         if outcome is None:
             reason = str(run.refusal).split("\n", 1)[0] if run.refusal is not None else run.failure
@@ -483,47 +576,66 @@ class Engine(Definitions):
         """Do what `choose` chose, unchecked: apply a rule at a row, or run a unit.
 
         Returns:
-            What was applied, for `replay`; empty if a unit found nothing to do.
+            What was applied, for `replay`; empty if a unit found nothing to do. What event rules applied at the end is
+            part of it, unless this is inside a transaction: then they wait for its end.
 
         Raises:
             RuleError: it cannot be applied; the model is as before.
         """
-        holding = self._holding()
-        if holding is None:
-            return self._fire(name, row)
-        with holding:
-            return self._fire(name, row)
+        if self._events is None:
+            with self._holding() or _NOTHING:
+                return self._fire(name, row)
+        with self._listing(Trace()) as everything, self._holding() or _NOTHING:
+            self._fire(name, row)
+        return tuple(everything)
 
     def _fire(self, name: str, row: Row) -> tuple[Firing, ...]:
+        self._notice()
         runner = self._rules.get(name)
         if runner is not None:
             trace: tuple[Firing, ...] = (runner.apply_row(row),)
+            gaps: Sequence[int] = ()
         else:
-            trace = tuple(self._run(self._directory.resolve(name), {}, strict=True)[0].firings)
+            run = self._run(self._directory.resolve(name), {}, strict=True)[0]
+            trace, gaps = tuple(run.firings), run.gaps
         if self._recorders:
-            self._record(trace)
+            self._record(trace, gaps)
         return trace
 
     def replay(self, trace: Iterable[tuple[str, Sequence[Value]]]) -> None:
         """Apply rules at recorded matches, in order: from an equal state it leads to an equal state, ids included.
 
-        Event rules do not fire: what they applied is part of the trace.
+        Event rules do not fire: what they applied is part of the trace. The states that a `Trace` knows have to come
+        again; for any other state give a list of its applications.
 
         Raises:
             InvalidArgument: an unknown rule, or a row of another length.
             RuleError: a row is no match (reason "stale-match"), or a rule cannot be applied. Nothing is applied then.
+            TraceError: the run began, or an application led, to another state when it was recorded; or any of the
+                above, if the trace was read from a text. Nothing is applied then.
         """
+        self._notice()
         done: list[Firing] = []
+        known = trace if isinstance(trace, Trace) else None
         muted = _NOTHING if self._events is None else self._events.muted()
         with muted, self.model.transaction():
+            if known is not None:
+                known.check(0, self.model.state_hash())
             for name, values in trace:
                 runner, row = self.prepare(name), tuple(values)
                 if len(row) != len(runner.shape.names):
                     raise InvalidArgument(
                         f"a match of `{name}` has {len(runner.shape.names)} values, not {len(row)}"
                     )
-                runner.apply_checked(row)
+                try:
+                    runner.apply_checked(row)
+                except RuleError as error:
+                    if known is not None and known.spans:
+                        raise known.refused(len(done) + 1, error) from error
+                    raise
                 done.append(Firing(runner.name, row))
+                if known is not None:
+                    known.check(len(done), self.model.state_hash())
         self._record(done)
 
     # --- exploring
@@ -588,9 +700,9 @@ class Engine(Definitions):
         return lambda: self.matcher.exists(pattern, free)
 
     @contextmanager
-    def lent(self, rng: Randomness) -> Iterator[list[Firing]]:
+    def lent(self, rng: Randomness) -> Iterator[Trace]:
         """Inside the block random choices are made by another generator, and what is applied is only noted here."""
-        recorders, own, trace = self._recorders, self._rng, list[Firing]()
+        recorders, own, trace = self._recorders, self._rng, Trace(start=self.model.state_hash())
         self._recorders, self._rng = [trace], cast("numpy.random.Generator", rng)
         try:
             yield trace
@@ -611,37 +723,67 @@ class Engine(Definitions):
                 self._recorders, self._rng = recorders, rng
 
     @contextmanager
-    def recording(self) -> Iterator[list[Firing]]:
-        """The list of what is applied inside, in order; what a transaction inside takes back is left out.
+    def recording(self) -> Iterator[Trace]:
+        """What is applied inside, in order, for `replay`; `trace_to_text` writes it.
 
-        It can be written as JSON, and given to `replay`.
+        What a transaction inside takes back is left out. What a Python rule does is one application, and happens when
+        its function is called again.
+
+        Raises:
+            TraceError: at the end of the block, if something that is no application of a rule has changed the model:
+                an edit from Python, as that of a job of an event rule, or a checkout.
         """
-        trace: list[Firing] = []
-        self._recorders.append(trace)
+        trace = Trace(start=self.model.state_hash())
+        with self._listing(trace):
+            yield trace
+        trace.close(self.model.state_hash())
+
+    @contextmanager
+    def _listing(self, trace: Trace) -> Iterator[Trace]:
+        """What is applied inside is added to a trace."""
+        self._recorders = [*self._recorders, trace]
         try:
             yield trace
         finally:
-            self._recorders.remove(trace)
+            # By identity: traces are lists, and two of the same contents are equal.
+            self._recorders = [other for other in self._recorders if other is not trace]
 
-    def _record(self, firings: Iterable[Firing]) -> None:
+    @contextmanager
+    def _unrecorded(self) -> Iterator[None]:
+        """What is applied inside is part of what is being applied."""
+        recorders = self._recorders
+        self._recorders = []
+        try:
+            yield
+        finally:
+            self._recorders = recorders
+
+    def _notice(self) -> None:
+        """Something is about to be applied: what changed the model since the last time was no rule."""
         if self._recorders:
-            found = list(firings)
+            state = self.model.state_hash()
             for recorder in self._recorders:
-                recorder.extend(found)
+                recorder.notice(state)
+
+    def _record(self, firings: Iterable[Firing], gaps: Sequence[int] = ()) -> None:
+        if self._recorders:
+            found, state = list(firings), self.model.state_hash()
+            for recorder in self._recorders:
+                recorder.put(found, state, gaps)
 
     # --- transactions and versions
 
     @contextmanager
     def transaction(self) -> Iterator[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it. Transactions nest."""
-        lengths = [len(recorder) for recorder in self._recorders]
+        lengths = [(recorder, len(recorder)) for recorder in self._recorders]
         with self._holding() or _NOTHING:
             try:
                 with self.model.transaction() as savepoint:
                     yield savepoint
             except BaseException:
-                for recorder, length in zip(self._recorders, lengths, strict=False):
-                    del recorder[length:]
+                for recorder, length in lengths:
+                    recorder.cut(length)
                 raise
 
     def commit(self) -> Version:

@@ -55,6 +55,7 @@ class PythonUnit(UnitProgram):
         try:
             with engine.lent(run.rng) as trace, model.transaction():
                 outcome = self._called(**arguments)
+                trace.notice(model.state_hash())
         except RuleError as error:
             if error.reason == "failed":
                 run.failure = str(error)
@@ -62,6 +63,7 @@ class PythonUnit(UnitProgram):
                 note_refusal(run, error)
                 run.failure = f"the model refused what `{self.name}` did"
             return None
+        run.gaps.extend(len(run.trace) // 2 + gap for gap in trace.gaps)
         for firing in trace:
             run.put(engine.prepare(firing.rule))
             run.put(firing.values)

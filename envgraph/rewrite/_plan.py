@@ -69,11 +69,10 @@ class New:
 
 @dataclass(frozen=True, slots=True)
 class Absorb:
-    """Merge: links of `absorbed` go over to `kept`, and `absorbed` goes; in between the slot `links` keeps them."""
+    """Merge: links of `absorbed` go over to `kept`, and `absorbed` goes."""
 
     kept: int
     absorbed: int
-    links: int
     span: Span | None = field(default=None, compare=False, repr=False)
 
 

@@ -211,6 +211,11 @@ class Questions:
             self._questions[name] = self._find_question(name)
         return self._questions[name]
 
+    def parameters_of(self, name: str) -> tuple[str, tuple[str, ...]]:
+        """Qualified name and parameters of a pattern."""
+        shape, qualified = self._asked(name)
+        return qualified, shape.names
+
     def _find_question(self, name: str) -> tuple[Shape, str]:
         qualified = self._directory_with_patterns().resolve(name, "pattern or rule")
         if qualified in self._rules:

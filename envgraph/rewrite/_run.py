@@ -44,6 +44,7 @@ class Run:
         trace: what was applied, in order: a rule, its match, a rule, its match ... Flat, because it may be long.
         refusal: why the model refused the last application that failed, if that is why the last step failed.
         failure: which step failed last, and why.
+        gaps: after so many applications something that was no rule changed the model: see `Trace`.
         opened: savepoints of the steps under way that leave nothing behind if they fail.
     """
 
@@ -55,6 +56,7 @@ class Run:
     refusal: RuleError | None = None
     failure: str = ""
     levels: int = 0
+    gaps: list[int] = field(default_factory=list)
     opened: list[Savepoint] = field(default_factory=list)
     pick: Callable[[int], int] = field(init=False)
     put: Callable[[Any], None] = field(init=False)
@@ -80,14 +82,14 @@ class Run:
 
     def whole(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Run a step that leaves nothing behind if it fails."""
-        savepoint, length = self.model.savepoint(), len(self.trace)
+        savepoint, length, gaps = self.model.savepoint(), len(self.trace), len(self.gaps)
         self.opened.append(savepoint)
         outcome = function(self, *arguments)
         # Not in a `finally`: what an exception leaves open is closed by `abandon`, where the stack is not exhausted.
         self.opened.pop()
         if outcome is None:
             self.model.rollback(savepoint)
-            del self.trace[length:]
+            del self.trace[length:], self.gaps[gaps:]
         else:
             self.model.release(savepoint)
         return outcome
@@ -220,12 +222,14 @@ def apply_one_of(run: Run, rules: Sequence[RuleRunner]) -> bool | None:
 
 
 def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: str | None) -> bool | None:
-    """`fire_every` of each rule of a group, in order."""
+    """`fire_every` of the rules of a group, at the matches that all of them have now."""
+    run.count()
+    run.refusal = None
     changed = None
-    for rule in rules:
-        run.count()
+    for rule, rows in [(rule, list(rule.all_rows())) for rule in rules]:
+        changed = fire_every(run, rule, rows, site) or changed
+    if changed:
         run.refusal = None
-        changed = fire_every(run, rule, list(rule.all_rows()), site) or changed
     return changed
 
 

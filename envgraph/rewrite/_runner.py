@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from inspect import Parameter as Argument
 from inspect import signature
 from typing import Any, Protocol
@@ -341,6 +342,7 @@ class PythonRule(RuleRunner):
         matcher: Matcher,
         *,
         engine: object,
+        aside: Callable[[], AbstractContextManager[None]],
         weight: float,
         priority: int,
     ) -> None:
@@ -351,6 +353,7 @@ class PythonRule(RuleRunner):
         self._names, taken = wanted_arguments(function, shape, ("engine",))
         self._takes_engine = "engine" in taken
         self._engine = engine
+        self._aside = aside
 
     def fire(self, row: Row) -> Sequence[Any]:
         """Call the function; an exception takes back what it did."""
@@ -358,7 +361,7 @@ class PythonRule(RuleRunner):
         arguments: dict[str, object] = {name: match[name] for name in self._names}
         if self._takes_engine:
             arguments["engine"] = self._engine
-        with self.model.transaction():
+        with self._aside(), self.model.transaction():
             self.function(**arguments)
         return row
 

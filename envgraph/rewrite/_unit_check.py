@@ -270,13 +270,17 @@ class _Checker:
     def _shape_of_selection(self, call: Call) -> None:
         if call.limit is not None and call.limit < 1:
             self._error("bad-bounds", "`top` takes at least 1", call.span)
-        ordered = call.limit is not None or call.by is not None
-        if (ordered and (call.by is None or not call.every or call.first)) or (call.first and call.every):
+        if call.limit is not None and call.by is None:
+            hint = "write `by` and an expression: the matches with the largest values are taken"
+            self._error("missing-by", "`top` says how many, and not by what", call.span, hint)
+        if call.by is not None and not call.every:
+            hint = "write `top 1` before the rule for the match with the largest value, `all` for one after the other"
             self._error(
-                "wrong-selection",
-                "a call is one of: at random, `first`, `all`, `all` with `by`, `top` with `by`",
-                call.span,
+                "missing-top", "`by` puts several matches in order, and this is one", call.by.span, hint
             )
+        if (call.first or call.limit is not None) and call.every is not (call.limit is not None):
+            message = "a call takes the `first`, `all` or the `top` ones of the matches, not several of these"
+            self._error("wrong-selection", message, call.span)
 
     def _order(self, by: Expression, scope: Scope) -> None:
         type_, problems = check_expression(by, scope, self.metamodel, bare_objects=False)
@@ -287,15 +291,15 @@ class _Checker:
 
     def _arity(self, call: Call, callee: Signature) -> bool:
         required = [parameter.name for parameter in callee.parameters if parameter.required]
+        names = ", ".join(parameter.name for parameter in callee.parameters)
+        hint = f"write `{call.name}({names})`; `_` leaves one open" if names else f"write `{call.name}`"
         if not call.arguments:
             if required:
-                names = ", ".join(f"`{name}`" for name in required)
-                self._error("wrong-arity", f"`{call.name}` needs arguments for {names}", call.span)
+                missing = ", ".join(f"`{name}`" for name in required)
+                self._error("wrong-arity", f"`{call.name}` needs arguments for {missing}", call.span, hint)
             return not required
         if len(call.arguments) != len(callee.parameters):
-            names = ", ".join(parameter.name for parameter in callee.parameters)
             message = f"`{call.name}` takes {len(callee.parameters)} arguments, not {len(call.arguments)}"
-            hint = f"write `{call.name}({names})`; `_` leaves one open" if names else f"write `{call.name}`"
             self._error("wrong-arity", message, call.span, hint)
             return False
         return True

@@ -285,9 +285,11 @@ class UnitSource:
                 function.add(f"o = {name}(run{arguments})")
             else:
                 # `run.whole`, written out.
-                function.add("mark = savepoint()", "size = len(run.trace)", "run.opened.append(mark)")
-                function.add(f"o = {name}(run{arguments})", "run.opened.pop()")
-                function.add("if o is None:", " rollback(mark)", " del run.trace[size:]", " break")
+                function.add("mark = savepoint()", "size = len(run.trace)", "gaps = len(run.gaps)")
+                function.add("run.opened.append(mark)", f"o = {name}(run{arguments})", "run.opened.pop()")
+                function.add(
+                    "if o is None:", " rollback(mark)", " del run.trace[size:], run.gaps[gaps:]", " break"
+                )
                 function.add("release(mark)")
             function.add("if not o: break")
             self._changed("True")

@@ -63,6 +63,7 @@ COMMANDS = (
     "check",
     "match",
     "apply",
+    "replay",
     "format",
     "convert",
     "generate",
@@ -397,3 +398,43 @@ def test_what_cannot_be_drawn_is_said(envgraph: Envgraph, arguments: tuple[str, 
     ok(envgraph("new", "maze"))
     result = envgraph(*arguments)
     assert result.code == 1 and message in result.err
+
+
+def test_a_run_is_written_as_a_trace_and_replayed(envgraph: Envgraph) -> None:
+    domain = Path(__file__).parents[3] / "rules" / "burning_forest"
+    files = (domain / "target_8x8.model", domain / "burning_forest.rules")
+    printed = ok(envgraph("apply", *files, "burnDown", "--trace", "out.trace", "-o", "one.json")).out
+    assert printed.splitlines()[-2:] == ["wrote out.trace", "wrote one.json"]
+    again = ok(envgraph("replay", *files, "out.trace", "-o", "two.json"))
+    applications = len(Path("out.trace").read_text().splitlines()) - 2
+    assert again.out.startswith(f"{applications} applications; state ")
+    assert Path("one.json").read_text() == Path("two.json").read_text()
+    assert (
+        ok(envgraph("replay", *files, "out.trace", "--format", "json")).json["applications"] == applications
+    )
+
+
+def test_a_trace_that_was_changed_is_refused_at_its_place(envgraph: Envgraph) -> None:
+    domain = Path(__file__).parents[3] / "rules" / "burning_forest"
+    files = (domain / "target_8x8.model", domain / "burning_forest.rules")
+    ok(envgraph("apply", *files, "changeBurningToRoad", "--trace", "out.trace"))
+    text = Path("out.trace").read_text()
+    Path("bad.trace").write_text(text.replace('"tile": ', '"tile": 1000'))
+    result = envgraph("replay", *files, "bad.trace", "-o", "never.json")
+    assert result.code == 1 and result.err.startswith("bad.trace:2:") and "application 1" in result.err
+    assert not Path("never.json").exists()
+    assert envgraph("replay", *files, "missing.trace").err.startswith(
+        "missing.trace:1:1: there is no such file"
+    )
+    other = envgraph("replay", domain / "running_4x4.model", domain / "burning_forest.rules", "out.trace")
+    assert other.code == 1 and "the run began in state" in other.err
+
+
+def test_apply_tells_why_a_unit_failed(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    Path("twice.rules").write_text(
+        'import "maze/maze.rules"\nunit far { moveRight; moveUp; moveUp; moveUp; moveUp; moveUp; }\n'
+    )
+    lines = ok(envgraph("apply", "maze/maze.model", "twice.rules", "far")).out.splitlines()
+    assert lines[-1].startswith("far failed: `moveUp` has no match (twice.rules:2:")
+    assert len(lines) > 1 and lines[0].startswith("1: maze.moveRight(")

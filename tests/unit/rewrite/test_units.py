@@ -404,7 +404,7 @@ def test_arguments_of_a_run_are_checked() -> None:
 
 MISTAKES = [
     ("unit u { upp; }", "unknown-rule", "upp", "did you mean `up`?"),
-    ("unit u { mark; }", "wrong-arity", "mark", None),
+    ("unit u { mark; }", "wrong-arity", "mark", "write `mark(a, value)`; `_` leaves one open"),
     (
         "unit u(a : Item) { mark(a); }",
         "wrong-arity",
@@ -416,7 +416,12 @@ MISTAKES = [
     ('unit u(a : Item) { mark(a, "x"); }', "wrong-type", '"x"', None),
     ("unit u(a : Box) { mark(a, 1); }", "wrong-type", "a", None),
     ("unit v { up; } unit u { all v; }", "wrong-kind", "v", None),
-    ("unit v(a : Item) { mark(a, 1); } unit u { v; }", "wrong-arity", "v", None),
+    (
+        "unit v(a : Item) { mark(a, 1); } unit u { v; }",
+        "wrong-arity",
+        "v",
+        "write `v(a)`; `_` leaves one open",
+    ),
     ("unit u(a) { mark(a, 1); }", "missing-type", "a", "write `a : Class`, or a data type"),
     ("unit u(a : Itm) { mark(a, 1); }", "unknown-type", "Itm", "did you mean `Item`?"),
     ("unit u(a : Item, a : Item) { mark(a, 1); }", "duplicate-definition", "a", None),

@@ -1,0 +1,31 @@
+"""`envgraph replay`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import envgraph.lang
+from envgraph.cli._output import OutputFormat, print_json
+from envgraph.cli._query import open_engine, write_model
+from envgraph.graph import model_to_json
+
+
+def replay_trace(
+    model: str, rules: str, trace: Path, *, metamodel: str | None, output: Path | None, format: OutputFormat
+) -> None:
+    """Do what a trace says, and compare the states with those that it has."""
+    engine = open_engine(model, rules, metamodel)
+    source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), str(trace))
+    read = envgraph.lang.parse_trace(source, engine)
+    engine.replay(read)
+    state = f"{engine.model.state_hash():016x}"
+    if format is OutputFormat.JSON:
+        print_json({"applications": len(read), "state": state, "model": model_to_json(engine.model)})
+    else:
+        checked = len(read.states)
+        print(
+            f"{len(read)} application{'s' * (len(read) != 1)}; state {state}; "
+            f"{checked} state{'s' * (checked != 1)} compared"
+        )
+    if output is not None:
+        write_model(engine, output, format)
