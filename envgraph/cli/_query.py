@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import envgraph.lang
 from envgraph.cli._convert import metamodel_paths, model_text
-from envgraph.cli._output import OutputFormat, print_json, print_table
-from envgraph.errors import InvalidArgument, did_you_mean, with_article
+from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table
+from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, with_article
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
@@ -42,9 +42,13 @@ def open_engine(model: str, definitions: str, metamodel: str | None, seed: int =
         raise InvalidArgument(f"`{model}` is no model; a model is a .model, .xmi or .json file")
     paths = [*metamodel_paths(metamodel), definitions]
     if not model.endswith(".json"):
-        return envgraph.lang.open(*paths, model, seed=seed)
+        workspace = envgraph.lang.open_workspace(*paths, model)
+        engine = workspace.engine(seed=seed)
+        _warn(workspace.diagnostics)
+        return engine
     workspace = envgraph.lang.load_workspace(paths)
     workspace.raise_errors()
+    _warn(workspace.diagnostics)
     if workspace.metamodel is None:
         raise InvalidArgument(
             f"{definitions} imports no metamodel, and a model as JSON needs one; name it with --metamodel"
@@ -53,6 +57,11 @@ def open_engine(model: str, definitions: str, metamodel: str | None, seed: int =
     engine = Engine(envgraph.lang.parse_model(source, workspace.metamodel), seed=seed)
     engine.add(*workspace.definitions)
     return engine
+
+
+def _warn(diagnostics: Iterable[Diagnostic]) -> None:
+    """Prints the warnings of definitions; what a model lacks is for `envgraph check` to say."""
+    print_diagnostics(one for one in diagnostics if one.code != "conformance")
 
 
 def write_model(engine: Engine, output: Path, format: OutputFormat) -> None:

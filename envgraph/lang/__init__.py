@@ -25,7 +25,7 @@ from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, read_sourc
 from envgraph.lang._format import format_text, language_of
 from envgraph.lang._from_text import from_text
 from envgraph.lang._json import JsonPath, parse_json, parse_model
-from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open
+from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open, open_workspace
 from envgraph.lang._model import ModelText
 from envgraph.lang._pyecore import (
     metamodel_from_pyecore,
@@ -79,6 +79,7 @@ __all__ = [
     "model_from_pyecore",
     "model_to_pyecore",
     "open",
+    "open_workspace",
     "parse_ecore",
     "parse_json",
     "parse_model",

@@ -80,7 +80,12 @@ def open(*paths: StrPath, seed: int = 0) -> Engine:
     >>> engine.count("burningTile")
     20
     """
-    return load_workspace(_family_first(paths)).engine(seed=seed)
+    return open_workspace(*paths).engine(seed=seed)
+
+
+def open_workspace(*paths: StrPath) -> Workspace:
+    """What `open` makes an engine of, and all that is wrong with it, warnings too."""
+    return load_workspace(_family_first(paths))
 
 
 def load(engine: Engine, *paths: StrPath) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
+from typing import Final
 
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, has_errors, with_article
 from envgraph.metamodel import Metamodel, Reference, Scalar
@@ -34,6 +35,9 @@ from envgraph.pattern._queries import (
 )
 from envgraph.pattern._terms import Constant, Variable
 from envgraph.pattern._types import NUMBERS, compatible, static_type, type_hint, type_text
+
+_ONCE: Final = {"count": "counted", "sum": "added", "avg": "taken"}
+"""The aggregates for which it matters that a set has each element once, and what they do with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,12 +257,14 @@ class RelationCheck:
     def _aggregate(self, aggregate: Aggregate) -> Iterator[Diagnostic]:
         if aggregate.function != "count":
             yield from self._column(aggregate)
-        if isinstance(aggregate.over, PathConstraint):
+        if isinstance(aggregate.over, PathConstraint) and aggregate.function in _ONCE:
             path = self._types.path(aggregate.over)
-            if path and _branches(path):
-                message = "targets that are reached along several ways are aggregated once"
+            between = _branches(path) if path else []
+            if path and between:
+                message = _counted_once(path, aggregate.function)
+                names = " and ".join(f"the `{name}`" for name in between)
+                hint = f"to have them all, aggregate over a pattern that has {names} as a parameter, too"
                 span = aggregate.over.span or aggregate.span
-                hint = "a pattern with the steps in between as parameters keeps the ways apart"
                 yield Diagnostic("chain-aggregate", message, span, hint, Severity.WARNING)
 
     def _column(self, aggregate: Aggregate) -> Iterator[Diagnostic]:
@@ -278,6 +284,18 @@ class RelationCheck:
         return next((type_ for term, type_ in columns if isinstance(term, Hash)), None)
 
 
-def _branches(path: ResolvedPath) -> bool:
-    """Whether a step before the last may lead to several objects."""
-    return any(isinstance(step, Reference) and step.many for step in path.steps[:-1])
+def _branches(path: ResolvedPath) -> list[str]:
+    """The classes of the objects that the steps before the last lead to, where there may be several."""
+    steps = (step for step in path.steps[:-1] if isinstance(step, Reference) and step.many)
+    return list(dict.fromkeys(step.target for step in steps))
+
+
+def _counted_once(path: ResolvedPath, function: str) -> str:
+    """What a path leads to is a set, which matters where it branches on the way."""
+    last = path.steps[-1]
+    if isinstance(last, Reference):
+        return f"one `{last.target}` that `{path}` leads to in several ways is {_ONCE[function]} once"
+    return (
+        f"equal values are {_ONCE[function]} once for each `{path.cls}`, "
+        f"however many `{last.owner}` objects have that `{last.name}`"
+    )

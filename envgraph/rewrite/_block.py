@@ -218,7 +218,8 @@ class BlockBuilder:
             message = f"`{absorbed}` is created by this rule, so that there is nothing to merge"
             self.sight.error("duplicate-action", message, action.absorbed.span or span)
         elif all([self.sight.is_object(v.name, v.span or span) for v in (action.kept, action.absorbed)]):
-            self._absorbs.append(Absorb(self.sight.slot(kept), self.sight.slot(absorbed), span))
+            places = self.sight.slot(kept), self.sight.slot(absorbed), self.sight.add("")
+            self._absorbs.append(Absorb(*places, span))
             self.sight.deleted[absorbed] = None
             self.sight.absorbed[absorbed] = None
 

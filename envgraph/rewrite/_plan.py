@@ -69,10 +69,11 @@ class New:
 
 @dataclass(frozen=True, slots=True)
 class Absorb:
-    """Merge: links of `absorbed` go over to `kept`, and `absorbed` goes."""
+    """Merge: links of `absorbed` go over to `kept`, and `absorbed` goes; in between the slot `links` keeps them."""
 
     kept: int
     absorbed: int
+    links: int
     span: Span | None = field(default=None, compare=False, repr=False)
 
 

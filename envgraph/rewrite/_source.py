@@ -48,6 +48,9 @@ from envgraph.rewrite._plan import (
 Namer = Callable[[int], str]
 """The source that stands for a slot."""
 
+LinkFact = tuple[Reference, int, int]
+"""A link of a model: reference, source, target."""
+
 
 class Writer:
     """Writes the source of one function, and keeps the constants it names.
@@ -91,7 +94,8 @@ class Writer:
             "target": model.target,
             "unlink": model.unlink,
             "value": model.value,
-            "_absorb": lambda kept, absorbed: absorb(model, kept, absorbed, lossy=lossy),
+            "_absorb": lambda kept, absorbed, links: absorb(model, kept, absorbed, links, lossy=lossy),
+            "_strip": lambda node: strip(model, node),
             "_leave": lambda node, container, reference: leave(model, node, container, reference),
             "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
             "_extend": lambda node, reference, target: extend(model, node, reference, target),
@@ -133,8 +137,9 @@ class Writer:
         return [*map(self._unlink, plan.unlinks), *leaving]
 
     def delete(self, plan: BlockPlan) -> list[str]:
-        """Objects that go."""
-        return [self._delete(d) for d in plan.deletes]
+        """Objects that go, and links that those that are merged take along."""
+        stripped = [f"{self.slot(a.links)} = _strip({self.slot(a.absorbed)})" for a in plan.absorbs]
+        return [*(self._delete(d) for d in plan.deletes), *stripped]
 
     def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> str:
         """Makes sure that what the rule keeps has not gone with its container."""
@@ -204,7 +209,7 @@ class Writer:
         return f"if alive({self.slot(op.node)}): delete({self.slot(op.node)}, {self.semantics!r})"
 
     def _absorb(self, op: Absorb) -> str:
-        return f"_absorb({self.slot(op.kept)}, {self.slot(op.absorbed)})"
+        return f"_absorb({self.slot(op.kept)}, {self.slot(op.absorbed)}, {self.slot(op.links)})"
 
     def _link(self, op: Link, fresh: bool) -> str:
         """Adds a link unless it is there; `fresh` if that cannot be."""
@@ -414,7 +419,15 @@ def extend(model: Model, node: int, reference: Reference, target: int) -> None:
         model.link(node, reference, target)
 
 
-def absorb(model: Model, kept: int, absorbed: int, *, lossy: bool) -> None:
+def strip(model: Model, node: int) -> list[LinkFact]:
+    """Take away all links of an object that is going to be merged, and return them."""
+    links = links_of(model, node)
+    for reference, source, target in links:
+        model.unlink(source, reference, target)
+    return links
+
+
+def absorb(model: Model, kept: int, absorbed: int, links: list[LinkFact], *, lossy: bool) -> None:
     """Merge two objects: the links of `absorbed` go over to `kept`, then it is deleted.
 
     A link that both have becomes one, one between the two a loop. The container of `kept` stays, if it has one.
@@ -430,10 +443,8 @@ def absorb(model: Model, kept: int, absorbed: int, *, lossy: bool) -> None:
     cls = model.class_of(kept)
     house = model.container(kept)
     housed = house is not None and house[0] != absorbed
-    links = links_of(model, absorbed)
-    for reference, source, target in links:
-        model.unlink(source, reference, target)
-    for reference, source, target in links:
+    # Another merge may have handed links over to this one.
+    for reference, source, target in [*links, *strip(model, absorbed)]:
         source, target = (kept if end == absorbed else end for end in (source, target))
         if reference.containment and (source == target or (target == kept and housed)):
             continue
@@ -447,9 +458,9 @@ def absorb(model: Model, kept: int, absorbed: int, *, lossy: bool) -> None:
     model.delete(absorbed, "dpo")
 
 
-def links_of(model: Model, node: int) -> list[tuple[Reference, int, int]]:
+def links_of(model: Model, node: int) -> list[LinkFact]:
     """The links at an object; of an opposite pair by the reference that contains, else by the first."""
-    found: dict[tuple[Reference, int, int], None] = {}
+    found: dict[LinkFact, None] = {}
     cls = model.class_of(node)
     for reference in model.metamodel.references:
         opposite = model.metamodel.opposite(reference)

@@ -49,6 +49,22 @@ def test_matches_are_objects_with_class_id_and_attributes(run: Run) -> None:
     assert isinstance(first["id"], int) and matches[0]["length"] == -5
 
 
+def test_warnings_of_queries_are_no_part_of_the_matches(run: Run, tmp_path: Path) -> None:
+    queries = tmp_path / "long.query"
+    queries.write_text("pattern long(segment : Segment, length) { Segment.length(segment, length); }\n")
+    plain = "match", DATA / "railway.xmi", queries, "long", "-m", DATA / "railway.ecore"
+    for arguments in (plain, (*plain, "--format", "json")):
+        code, out, err = run(*arguments)
+        assert code == 0
+        assert "warning: no type declared for `length`, inferred `int`" in err
+        assert "hint: write `length : int`" in err
+        assert "warning" not in out
+    assert isinstance(json.loads(out), list)
+    model = tmp_path / "railway.json"
+    run("convert", DATA / "railway.xmi", model, "-m", DATA / "railway.ecore")
+    assert "warning: no type declared" in run("match", model, *plain[2:])[2]
+
+
 def test_the_table_names_objects_by_their_key(run: Run) -> None:
     code, out, _ = run("match", *RAILWAY, "switchMonitored", "-m", DATA / "railway.ecore")
     assert code == 0

@@ -745,3 +745,33 @@ def test_links_that_are_made_again_are_reported_once(caplog: pytest.LogCaptureFi
     assert [record.getMessage() for record in caplog.records] == [str(first), str(second)]
     made.apply("one", a=1)
     assert len(made.notices) == 2 and made.model.node(2) in made.model.node(1).links
+
+
+def test_what_a_merged_object_has_leaves_it_before_anything_is_linked() -> None:
+    model = Model(METAMODEL)
+    inner = model.create("Item")
+    outer = model.create("Item", kids=[inner])
+    made = engine(
+        """
+        rule r(a : Item, b : Item) {
+            lhs { a -kids-> b; }
+            forall { lhs { check a.n == 0; } modify { merge fresh <- a; } }
+            modify { create fresh : Item -kids-> b; }
+        }
+        """,
+        model=model,
+    )
+    application = made.apply("r", a=outer, b=inner)
+    assert application is not None and list(application.created["fresh"].kids) == [inner]
+    assert outer not in model
+    model.check_integrity()
+
+
+def test_objects_that_are_linked_to_each_other_are_merged_into_one() -> None:
+    made = engine(
+        "rule r(c : Item) { lhs { a : Item -next-> b : Item; } modify { merge c <- a; merge c <- b; } }",
+        model=chain(3),
+    )
+    made.model.node(1).next = None
+    made.apply("r", c=2)
+    assert [(node.id, node.next) for node in made.model.nodes()] == [(2, made.model.node(2))]
