@@ -1,0 +1,179 @@
+"""The queries of the bundled domains, each written once more in plain Python over the objects of a model.
+
+A row has objects as ids, and values as they are. No query is asked here, and no rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from envgraph.graph import Model, Node
+
+Rows = set[tuple[object, ...]]
+
+WAYS = ("west", "south", "east", "north")
+
+
+def every(model: Model, cls: str) -> list[Node]:
+    """The objects of a class and its subclasses."""
+    return list(model.nodes(cls))
+
+
+def ids(rows: Iterable[tuple[object, ...]]) -> Rows:
+    return {tuple(value.id if isinstance(value, Node) else value for value in row) for row in rows}
+
+
+def closure(steps: Rows) -> Rows:
+    """Pairs with at least one step between them."""
+    after: dict[object, set[object]] = {}
+    for start, end in steps:
+        after.setdefault(start, set()).add(end)
+    found: Rows = set()
+    for start, ends in after.items():
+        reached, todo = set(ends), list(ends)
+        while todo:
+            for end in after.get(todo.pop(), ()):
+                if end not in reached:
+                    reached.add(end)
+                    todo.append(end)
+        found |= {(start, end) for end in reached}
+    return found
+
+
+# --- burning forest
+
+
+def _placed(model: Model, cls: str, place: tuple[int, int]) -> Rows:
+    return ids(
+        (f, t) for f in every(model, "Forest") for t in f.states if t.cls == cls and (t.x, t.y) == place
+    )
+
+
+def _neighbours(model: Model) -> Iterator[tuple[Node, Node]]:
+    for tile in every(model, "Tile"):
+        for way in ("right", "left", "down", "up"):
+            if (other := getattr(tile, way)) is not None:
+                yield tile, other
+
+
+def _passages(model: Model) -> Rows:
+    return ids((a, b) for a, b in _neighbours(model) if "BurningTile" not in (a.cls, b.cls))
+
+
+def _solvable(model: Model) -> Rows:
+    ends = {(a.id, b.id) for a in every(model, "StartTile") for b in every(model, "GoalTile")}
+    return closure(_passages(model)) & ends
+
+
+def _density(model: Model) -> Rows:
+    return ids(
+        (f, sum(t.cls == "BurningTile" for t in f.states), len(f.states)) for f in every(model, "Forest")
+    )
+
+
+def _truck_on(model: Model, cls: str) -> Iterator[tuple[Node, Node]]:
+    for truck in every(model, "FireTruck"):
+        if truck.currentState.cls == cls:
+            yield truck, truck.currentState
+
+
+BURNING_FOREST: dict[str, Callable[[Model], Rows]] = {
+    "burningTile": lambda m: ids(
+        (f, t) for f in every(m, "Forest") for t in f.states if t.cls == "BurningTile"
+    ),
+    "startTileFixedLocation": lambda m: _placed(m, "StartTile", (0, 0)),
+    "goalTileFixedLocation": lambda m: _placed(m, "GoalTile", (7, 7)),
+    "waterTileFixedLocation": lambda m: _placed(m, "WaterTile", (3, 5)),
+    "neighbour": lambda m: ids(_neighbours(m)),
+    "passage": _passages,
+    "solvable": _solvable,
+    "fireDensity": _density,
+    "onGoal": lambda m: ids((truck,) for truck, _ in _truck_on(m, "GoalTile")),
+    "onFire": lambda m: ids((truck,) for truck, _ in _truck_on(m, "BurningTile")),
+    "onVegetation": lambda m: ids((truck,) for truck, _ in _truck_on(m, "VegetationTile")),
+    "onFreshWater": lambda m: ids((truck, at) for truck, at in _truck_on(m, "WaterTile") if not at.collected),
+    "truckOnStart": lambda m: ids(_truck_on(m, "StartTile")),
+    "collectedWater": lambda m: ids((w,) for w in every(m, "WaterTile") if w.collected),
+}
+
+
+# --- key and door, and the steps of the warehouse
+
+
+def _steps(model: Model) -> Rows:
+    found = ((cell, way, getattr(cell, way)) for cell in every(model, "Cell") for way in WAYS)
+    return ids((cell, way, to) for cell, way, to in found if to is not None)
+
+
+KEYDOOR: dict[str, Callable[[Model], Rows]] = {
+    "step": _steps,
+    "shut": lambda m: ids((d,) for d in every(m, "Door") if not d.open),
+    "enterable": lambda m: ids((c,) for c in every(m, "Floor") if c.cls != "Door" or c.open),
+    "atExit": lambda m: ids((h,) for h in every(m, "Hero") if h.at.cls == "Exit"),
+    "holds": lambda m: ids((h, key.colour) for h in every(m, "Hero") for key in h.inventory),
+    "keyless": lambda m: ids(
+        (d,) for d in every(m, "Door") if d.colour not in {key.colour for key in every(m, "Key")}
+    ),
+    "keyOf": lambda m: ids((key, key.colour) for key in every(m, "Key")),
+}
+
+
+# --- network
+
+
+def _connected(model: Model) -> Rows:
+    return ids((getattr(link, "from"), link.to) for link in every(model, "Link") if link.up)
+
+
+def _cut_off(model: Model) -> Rows:
+    routers = [router.id for router in every(model, "Router")]
+    return {(a, b) for a in routers for b in routers if a != b} - closure(_connected(model))
+
+
+def _degrees(model: Model) -> dict[int, int]:
+    sources = [getattr(link, "from").id for link in every(model, "Link")]
+    return {router.id: sources.count(router.id) for router in every(model, "Router")}
+
+
+NETWORK: dict[str, Callable[[Model], Rows]] = {
+    "connected": _connected,
+    "reaches": lambda m: closure(_connected(m)),
+    "cutOff": _cut_off,
+    "delivered": lambda m: ids((p,) for p in every(m, "Packet") if p.at == p.destination),
+    "lost": lambda m: ids((p,) for p in every(m, "Packet") if p.hops > 16),
+    "degree": lambda m: set(_degrees(m).items()),
+    "crowded": lambda m: {(router,) for router, links in _degrees(m).items() if links > 4},
+}
+
+
+# --- warehouse
+
+
+def _drivable(model: Model) -> Rows:
+    shelves = {cell.id for cell in every(model, "Shelf")}
+    return {(a, b) for a, _, b in _steps(model) if not {a, b} & shelves}
+
+
+def _fetchable(model: Model) -> Rows:
+    docks = {dock.id for dock in every(model, "Dock")}
+    ways = closure(_drivable(model)) | {(dock, dock) for dock in docks}
+    placed = [parcel for parcel in every(model, "Parcel") if parcel.at is not None]
+    return {(parcel.id, dock) for parcel in placed for dock in docks if (parcel.at.id, dock) in ways}
+
+
+WAREHOUSE: dict[str, Callable[[Model], Rows]] = {
+    "step": _steps,
+    "drivable": _drivable,
+    "fetchable": _fetchable,
+    "stranded": lambda m: {(p.id,) for p in every(m, "Parcel")} - {(p,) for p, _ in _fetchable(m)},
+    "pending": lambda m: ids((p,) for p in every(m, "Parcel") if not p.shipped),
+    "empty": lambda m: ids((r,) for r in every(m, "Robot") if r.battery == 0),
+    "parcels": lambda m: ids((hall, len(hall.parcels)) for hall in every(m, "Hall")),
+}
+
+BY_HAND = {
+    "burning_forest": BURNING_FOREST,
+    "keydoor": KEYDOOR,
+    "network": NETWORK,
+    "warehouse": WAREHOUSE,
+}
