@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar
 from envgraph.errors import InvalidArgument
 from envgraph.lang._from_text import Parts
 from envgraph.lang._text_rules import annotations_of, block_again, left_again, right_again, steps_again
-from envgraph.lang._text_terms import plain_doc
+from envgraph.lang._text_terms import TermText, plain_doc
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Action,
@@ -82,7 +82,7 @@ def Pattern(
 
     Raises:
         LoadError: mistakes in texts, each with its place.
-        InvalidArgument: something that is neither text nor the data that belongs there.
+        InvalidArgument: a name that is none; something that is neither text nor the data that belongs there.
 
     >>> from envgraph.lang import to_text
     >>> near = Pattern("near", "a : Tile, b : Tile", ["Tile.right(a, b)", "Tile.down(a, b)"])
@@ -140,7 +140,8 @@ def Rule(
 
     Raises:
         LoadError: mistakes in texts, each with its place.
-        InvalidArgument: something that is neither text nor the data that belongs there; `rhs` and `modify`.
+        InvalidArgument: a name that is none; something that is neither text nor the data that belongs there; `rhs`
+            and `modify`.
 
     >>> from envgraph.lang import to_text
     >>> burn = Rule("burn", lhs="tile : RoadTile", modify="retype tile : BurningTile", weight=2.0)
@@ -203,7 +204,7 @@ def Unit(
 
     Raises:
         LoadError: mistakes in texts, each with its place.
-        InvalidArgument: something that is neither text nor the data that belongs there.
+        InvalidArgument: a name that is none; something that is neither text nor the data that belongs there.
 
     >>> from envgraph.lang import to_text
     >>> print(to_text(Unit("day", "hog : Hedgehog", "walk(hog); repeat 1..3 { water | mow; }")), end="")
@@ -239,6 +240,7 @@ class _Reader:
     def __init__(self, kind: str, name: str) -> None:
         if not isinstance(name, str) or not name:
             raise InvalidArgument(f"a {kind} begins with its name, not with {name!r}")
+        TermText(name, ()).name(name)
         self._kind = kind
         self._name = name
         self._parts = Parts(kind, name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Set as AbstractSet
 from contextlib import AbstractContextManager, nullcontext
 from math import isfinite
 from typing import TYPE_CHECKING, Literal, TypeVar, cast, overload
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar, cast, overload
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
 from envgraph.graph import Model
 from envgraph.match import ViewMatcher
-from envgraph.pattern import Derivation, Pattern, Rule, Unit
+from envgraph.pattern import Call, Derivation, Pattern, Rule, Step, Unit
 from envgraph.rewrite._derive import derived_rules
 from envgraph.rewrite._described import described, describes
 from envgraph.rewrite._functions import PythonUnit, unit_signature_of
@@ -21,7 +22,9 @@ from envgraph.rewrite._notices import Notices
 from envgraph.rewrite._questions import Questions
 from envgraph.rewrite._register import Registration
 from envgraph.rewrite._runner import PythonRule, RuleRunner, graph_rule
+from envgraph.rewrite._unit_check import inner_steps
 from envgraph.rewrite._units import unit_program
+from envgraph.rewrite._well_formed import mistake_in
 
 if TYPE_CHECKING:
     from envgraph.rewrite._engine import Engine
@@ -47,7 +50,7 @@ class Definitions(Questions):
 
         Raises:
             ResolutionError: at least one has an error; all errors together. Nothing is added.
-            InvalidArgument: something that is no definition.
+            InvalidArgument: something that is no definition, or a definition with a part of the wrong type.
         """
         registration = self._registration(definitions)
         if has_errors(registration.problems):
@@ -92,6 +95,10 @@ class Definitions(Questions):
         if strange:
             hint = ": `envgraph.lang.from_text` reads definitions" if isinstance(strange[0], str) else ""
             raise InvalidArgument(f"a pattern, rule, unit or derivation is added, not {strange[0]!r}{hint}")
+        for one in definitions:
+            mistake = None if one.span is not None else mistake_in(one)
+            if mistake is not None:
+                raise InvalidArgument(f"{mistake}; `envgraph.Rule` and its like take texts, too")
         return Registration(definitions, self.library, self._directory)
 
     def rule(
@@ -279,6 +286,26 @@ class Definitions(Questions):
             kind = self._directory.signatures[qualified].kind
             raise InvalidArgument(f"`{rule}` is a {kind}, not a rule")
         return self._rules[qualified]
+
+    def _without_functions(self) -> list[Definition]:
+        """The definitions that can be added to another engine: none that calls a Python function."""
+        functions = {name for name, rule in self._rules.items() if isinstance(rule, PythonRule)}
+        functions |= {name for name, unit in self._units.items() if isinstance(unit, PythonUnit)}
+        found = list(self.definitions)
+        while functions:
+            calling = [one for one in found if isinstance(one, Unit) and self._calls(one, functions)]
+            functions = {unit.qualified_name for unit in calling}
+            found = [one for one in found if one not in calling]
+        return found
+
+    def _calls(self, unit: Unit, names: AbstractSet[str]) -> bool:
+        steps: list[Step] = [unit.body]
+        for step in steps:
+            steps += inner_steps(step)
+        calls = [step for step in steps if isinstance(step, Call)]
+        return any(
+            name in names for call in calls for name in self._directory.candidates(call.name, unit.package)
+        )
 
 
 def _incremental(definitions: Iterable[Definition]) -> list[str]:

@@ -95,15 +95,15 @@ class Engine(Definitions):
     def copy(self) -> Engine:
         """An independent engine: the same state of the model, the same definitions and watched patterns.
 
-        Its random choices begin anew from `seed`. Versions, listeners, event rules and rules made of Python functions
-        stay behind: a function belongs to the engine that it was registered with.
+        Its random choices begin anew from `seed`. Versions, listeners, event rules, rules and units made of Python
+        functions, and units that call those, stay behind: a function belongs to the engine that it was registered with.
         """
         twin = Engine(
             self.model.copy(),
             seed=self.seed,
             matcher="compiled" if isinstance(self.matcher, ViewMatcher) else "naive",
         )
-        twin.add(*self.definitions)
+        twin.add(*self._without_functions())
         twin.step_limit = self.step_limit
         if self.watched:
             twin._views.watch(*(name for name in self.watched if name in twin.library.names()))

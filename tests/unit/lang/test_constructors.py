@@ -212,6 +212,9 @@ def test_what_is_neither_text_nor_data_is_refused() -> None:
         Unit("u", body=None)  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="a rule begins with its name, not with None"):
         Rule(None)  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match="`a b` is not a name, which has letters, digits and `_`"):
+        Rule("a b")
+    assert to_text(Rule("rule")).startswith("rule rule {"), "a word of the language is a name like any other"
 
 
 def test_a_whole_text_is_read_and_its_imports_are_not_followed() -> None:

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from envgraph import Pattern, Rule
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.graph import Node
 from envgraph.lang import from_text, spelled_out, to_text
-from envgraph.pattern import Binary, Call, Check, Constant, Derivation, Navigation, Variable
+from envgraph.pattern import (
+    Binary,
+    Body,
+    Call,
+    Check,
+    Constant,
+    Derivation,
+    LeftSide,
+    Navigation,
+    Unit,
+    Variable,
+)
+from envgraph.pattern import Node as Node_
+from envgraph.pattern import Pattern as PatternData
+from envgraph.pattern import Rule as RuleData
 from envgraph.rewrite import Engine, Firing, Steps
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine
 
@@ -22,6 +38,33 @@ def test_only_definitions_are_added() -> None:
         made.add("rule r { lhs { } }")  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="a pattern, rule, unit or derivation is added, not 3"):
         made.check(3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("definition", "message"),
+    [
+        (RuleData("r", left="x : Item"), "`left` of `r` is a `LeftSide`, not 'x : Item'"),  # type: ignore[arg-type]
+        (
+            RuleData("r", left=LeftSide((Node_("x", 3),))),
+            "`left.nodes[0].type` of `r` is a `str` or None, not 3",
+        ),  # type: ignore[arg-type]
+        (RuleData("r", semantics="x"), "`semantics` of `r` is 'dpo' or 'spo', not 'x'"),  # type: ignore[arg-type]
+        (Unit("u", (), "r"), "`body` of `u` is a `Call`, "),  # type: ignore[arg-type]
+        (PatternData("p", (), []), "`bodies` of `p` is a tuple, not []"),  # type: ignore[arg-type]
+        (
+            PatternData("p", (), (Body((Check("x > 1"),)),)),
+            "`bodies[0].constraints[0].expression` of `p` is ",
+        ),  # type: ignore[arg-type]
+        (RuleData(3), "`name` of `Rule` is a `str`, not 3"),  # type: ignore[arg-type]
+    ],
+)
+def test_data_with_a_part_of_the_wrong_type_is_refused(
+    definition: RuleData | PatternData | Unit, message: str
+) -> None:
+    made = engine("")
+    with pytest.raises(InvalidArgument, match=re.escape(message)):
+        made.add(definition)
+    assert made.definitions == ()
 
 
 def test_definitions_are_found_by_their_names() -> None:
@@ -307,3 +350,24 @@ def test_functions_that_cannot_be_units_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="a function is registered, not 'walk'"):
         made.unit("walk")  # type: ignore[call-overload]
     assert made.units == ()
+
+
+def test_functions_and_what_calls_them_are_not_copied() -> None:
+    made = engine(RULES, model=chain(3))
+
+    @made.unit
+    def mine(engine: Engine) -> None:
+        engine.apply("cut")
+
+    @made.rule(when=LAST)
+    def drop(x: Node) -> None:
+        x.prev = None
+
+    made.add(
+        *from_text(
+            "unit a { try { mine; } } unit b { repeat 2 { a; } } unit c { drop | cut; } unit d { cut; }"
+        )
+    )
+    twin = made.copy()
+    assert twin.units == ("d",) and twin.rules == ("walk", "grow", "cut") and twin.patterns == ("last",)
+    assert twin.run("d") and made.count("cut") == 2

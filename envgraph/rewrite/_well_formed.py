@@ -1,0 +1,98 @@
+"""Definitions that are built in Python: whether each part of the data is what its field says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from envgraph.errors import with_article
+
+
+def mistake_in(definition: Any) -> str | None:
+    """What is wrong with the first part of a definition that is not of its type; None if all are.
+
+    >>> from envgraph.pattern import Rule
+    >>> mistake_in(Rule("burn", left="tile : RoadTile"))
+    "`left` of `burn` is a `LeftSide`, not 'tile : RoadTile'"
+    """
+    try:
+        found = _mistake(definition, type(definition), "")
+    except RecursionError:  # expressions that are nested too deeply are refused where they are checked
+        found = None
+    if found is None:
+        return None
+    path, wanted, value = found
+    name = definition.name if isinstance(definition.name, str) else type(definition).__name__
+    return f"`{path}` of `{name}` is {wanted}, not {value!r}"
+
+
+_Mistake = tuple[str, str, Any]
+"""Where, what should be there, what is there."""
+
+
+@cache
+def _hints(cls: type) -> Mapping[str, Any]:
+    hints = get_type_hints(cls)
+    return {field.name: hints[field.name] for field in fields(cls) if field.compare}
+
+
+def _mistake(value: Any, wanted: Any, path: str) -> _Mistake | None:
+    if not _fits(value, wanted):
+        return path, _text(wanted), value
+    if is_dataclass(value) and not isinstance(value, type):
+        for name, hint in _hints(type(value)).items():
+            found = _mistake(getattr(value, name), hint, f"{path}.{name}" if path else name)
+            if found is not None:
+                return found
+    elif isinstance(value, tuple):
+        for number, (part, hint) in enumerate(zip(value, _parts(value, wanted), strict=True)):
+            found = _mistake(part, hint, f"{path}[{number}]")
+            if found is not None:
+                return found
+    return None
+
+
+def _parts(value: tuple[Any, ...], wanted: Any) -> list[Any]:
+    """The types of the elements of a tuple that fits."""
+    (found,) = [one for one in _alternatives(wanted) if get_origin(one) is tuple and _fits(value, one)][:1]
+    arguments = get_args(found)
+    return [arguments[0]] * len(value) if arguments[-1] is ... else list(arguments)
+
+
+def _alternatives(wanted: Any) -> tuple[Any, ...]:
+    return get_args(wanted) if get_origin(wanted) in (Union, UnionType) else (wanted,)
+
+
+def _fits(value: Any, wanted: Any) -> bool:
+    """Whether a value is of a type, whatever its own parts are."""
+    return any(_fits_one(value, one) for one in _alternatives(wanted))
+
+
+def _fits_one(value: Any, wanted: Any) -> bool:
+    origin = get_origin(wanted)
+    if origin is Literal:
+        return isinstance(value, str) and value in get_args(wanted)
+    if origin is tuple:
+        arguments = get_args(wanted)
+        return isinstance(value, tuple) and (arguments[-1] is ... or len(value) == len(arguments))
+    if wanted is float:
+        return isinstance(value, int | float)
+    return isinstance(value, wanted)
+
+
+def _text(wanted: Any) -> str:
+    found = [_text_one(one) for one in _alternatives(wanted)]
+    return found[0] if len(found) == 1 else ", ".join(found[:-1]) + f" or {found[-1]}"
+
+
+def _text_one(wanted: Any) -> str:
+    if wanted is NoneType:
+        return "None"
+    if get_origin(wanted) is Literal:
+        return " or ".join(map(repr, get_args(wanted)))
+    if get_origin(wanted) is tuple:
+        return "a tuple"
+    return with_article(wanted.__name__)
