@@ -96,10 +96,10 @@ class Names:
         return ", ".join(map(self, variables))
 
 
-def steps_text(plan: Plan, names: Names, indent: str, counts: Sequence[int] = ()) -> Iterator[str]:
+def steps_text(plan: Plan, names: Names, indent: str, counts: Sequence[float] = ()) -> Iterator[str]:
     """One line for each step of a plan, and for those inside it; `counts` are actual rows of the outer ones."""
     for number, step in enumerate(plan.steps):
-        actual = f", actually {counts[number]}" if counts else ""
+        actual = f", actually {_exactly(counts[number])}" if counts else ""
         yield f"{indent}{_VERBS[step.kind]:7} {goal_text(step, names)}  (rows {_number(step.rows)}{actual})"
         for inner in step.inner:
             if not isinstance(step.goal, AggregateAtom):
@@ -156,6 +156,10 @@ def relation_text(relation: RelationAtom, names: Names, inside: Mapping[int, str
             sign = "*" if closure is Closure.STAR else "+"
             package, _, path = step.partition(".")
             return f"{path}{sign}({listed})" if package == PATHS else f"find {step}{sign}({listed})"
+
+
+def _exactly(value: float) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _number(value: float) -> str:

@@ -341,7 +341,7 @@ class DeltaTranslation(Translation):
     def _function(self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False) -> str:
         """As in `Translation`; the tuple goes along."""
         inputs_ = self._inputs(steps, sink)
-        inner = DeltaTranslation(self._planner, self._module, Block(), self._delta, self._tuple)  # type: ignore[arg-type]
+        inner = self._inner(Block(), continuation)
         inner._names = {v: f"v{v}" for v in inputs_}
         shared = sink.shared if continuation else ()
         inner._block.raw(() if shared else sink.head)
@@ -351,6 +351,11 @@ class DeltaTranslation(Translation):
         passed = [*shared, *self._tuple]
         self._module.function(name, [*passed, *(f"v{v}" for v in inputs_)], inner._block)
         return f"{name}({', '.join([*passed, *(self._source(v) for v in inputs_)])})"
+
+    def _inner(self, block: Block, continuation: bool) -> DeltaTranslation:
+        """Hook: the translation of a function inside this one, or of the rest of this one."""
+        kind = type(self) if continuation else DeltaTranslation
+        return kind(self._planner, self._module, block, self._delta, self._tuple)  # type: ignore[arg-type]
 
     # --- the relation without the tuple
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from envgraph.match._explain import Names, relation_text, steps_text
 from envgraph.match.views._delta import Delta, Role, delta_plan, delta_source
@@ -20,20 +20,29 @@ _ROLES = {
 }
 
 
-def explain_views(operators: list[Operator], deltas: list[Delta], planner: ViewPlanner, pattern: str) -> str:
+Actual = Callable[[Delta], Sequence[float]]
+"""Partial matches after each step of a delta's plan, on average; empty if there is no tuple to try."""
+
+
+def explain_views(
+    operators: list[Operator], deltas: list[Delta], planner: ViewPlanner, pattern: str, actual: Actual
+) -> str:
     """The operators behind a watched pattern, in the order of their turns, and the delta functions of the last one.
+
+    Rows are for one tuple that comes: as estimated, and as they are for those that there are.
 
     Args:
         operators: those that the pattern is made of, itself last.
         deltas: of all views.
         planner: made their plans.
         pattern: qualified name.
+        actual: see `Actual`.
     """
     lines = [f"{pattern} is watched (functions that hear of the same change run as one). It is made of:"]
     lines.extend(f"  {_operator(each)}" for each in operators)
     for delta in deltas:
         if delta.name == pattern:
-            lines.extend(["", *_delta(delta, planner)])
+            lines.extend(["", *_delta(delta, planner, actual)])
     return "\n".join(lines)
 
 
@@ -58,11 +67,11 @@ def _operator(operator: Operator) -> str:
     return f"{operator.name}: {size} rows"
 
 
-def _delta(delta: Delta, planner: ViewPlanner) -> Iterator[str]:
+def _delta(delta: Delta, planner: ViewPlanner, actual: Actual) -> Iterator[str]:
     names = _names(planner.library, delta)
     text = relation_text(delta.occurrence.relation, names)
     yield f"body {delta.body + 1}: when {text} comes or goes{_ROLES[delta.occurrence.role]}"
-    yield from steps_text(delta_plan(planner, delta), names, "  ")
+    yield from steps_text(delta_plan(planner, delta), names, "  ", actual(delta))
     if delta.own is not None:
         yield "  the rows that are lost are looked up in the view itself"
     yield delta_source(planner, delta, True).text

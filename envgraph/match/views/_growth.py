@@ -79,6 +79,7 @@ class Growth:
         operators: by name. What is named like a pattern holds its matches.
         definitions: of the views.
         edges: for each closure the relation that it follows, and whether that is crossed.
+        spreading: what rows of recursive patterns cause in each other.
 
     Args:
         store: what the views are about.
@@ -97,6 +98,7 @@ class Growth:
         self.operators: dict[str, Operator] = {}
         self.definitions: dict[str, Definition] = {}
         self.edges: dict[str, tuple[Key, bool]] = {}
+        self.spreading: list[Delta] = []
         self._planner = planner
         self._build = build
         self._evaluate = evaluate
@@ -233,6 +235,7 @@ class Growth:
                 target = self.operators[called(place) or ""]
                 assert isinstance(target, Member)
                 delta = Delta(member.name, number, body, place, (), queued=True)
+                self.spreading.append(delta)
                 target.spread = (*target.spread, self._build(delta_source(planner, delta, True)))
                 target.retract = (*target.retract, self._build(delta_source(planner, delta, False)))
         member.list_base, member.derivable = bases, derivable

@@ -569,7 +569,7 @@ class ViewMatcher:
     def explain(self, pattern: str, bound: tuple[int, ...] = (), values: Sequence[Any] = ()) -> str:
         """How matches are found, see `CompiledMatcher.explain`; of a watched pattern, how they are kept current."""
         if not bound and self._current(pattern) is not None:
-            return self._network.explain(pattern)
+            return self._network.explain(pattern, self.demand.build)
         return self.demand.explain(pattern, bound, values)
 
     def why_not(self, pattern: str, given: Mapping[int, Value]) -> WhyNot:

@@ -6,6 +6,9 @@ from envgraph.graph import Store
 from envgraph.match._calls import CallGraph
 from envgraph.match._live import LiveSizes
 from envgraph.match._symbols import Held
+from envgraph.match.views._actual import Build as DeltaBuild
+from envgraph.match.views._actual import actual_rows, tuples_of
+from envgraph.match.views._delta import Delta
 from envgraph.match.views._explain import explain_views
 from envgraph.match.views._growth import Build, Evaluate, Growth
 from envgraph.match.views._operators import Fold, Rows, View
@@ -134,8 +137,13 @@ class Network:
                 return operator.pairs
         raise AssertionError(symbol)
 
-    def explain(self, pattern: str) -> str:
-        """What a watched pattern is made of, and how it is kept current."""
+    def explain(self, pattern: str, build: DeltaBuild) -> str:
+        """What a watched pattern is made of, and how it is kept current.
+
+        Args:
+            pattern: qualified name.
+            build: makes a function of source; asks the second argument what is held.
+        """
         needed: set[str] = set()
         todo = [pattern]
         for name in todo:
@@ -143,7 +151,13 @@ class Network:
                 needed.add(name)
                 todo.extend(self._growth.made_of(name))
         operators = [operator for name, operator in self.operators.items() if name in needed]
-        return explain_views(operators, self._wiring.deltas, self._planner, pattern)
+
+        def actual(delta: Delta) -> list[float]:
+            tuples = tuples_of(delta, self._store, self.operators)
+            return actual_rows(self._planner, delta, tuples, build, self.held)
+
+        deltas = [*self._wiring.deltas, *self._growth.spreading]
+        return explain_views(operators, deltas, self._planner, pattern, actual)
 
     def check(self) -> None:
         """Assert that every operator holds what a new computation finds."""

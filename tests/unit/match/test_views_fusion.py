@@ -10,7 +10,7 @@ from envgraph.match.views._fusion import fused_source
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, LinkAtom
 from tests.unit.match.kinds import watched
-from tests.unit.match.writing import path, pattern
+from tests.unit.match.writing import find, path, pattern
 
 POSTS = Metamodel(
     "posts",
@@ -34,6 +34,7 @@ CHAIN = pattern(
         path("Post.next", "c", "d"),
     ],
 )
+FAR = [path("Post.next", "a", "c"), find("far", "c", "b")]
 LAST = pattern(
     "last(a : Post, b : Post, c : Post)", [path("Post.next", "a", "b"), path("Post.next", "b", "c")]
 )
@@ -77,3 +78,23 @@ def test_functions_that_are_one_find_what_each_would_find() -> None:
             model.unlink(source, NEXT, target)
             views.check_integrity()
     assert views.count("chain", (FREE,) * 4) == views.count("last", (FREE,) * 3) == 0
+
+
+def test_explain_tells_what_a_function_does_for_the_tuples_that_there_are() -> None:
+    library = Library(POSTS)
+    library.add(LAST, pattern("far(a : Post, b : Post)", [path("Post.next", "a", "b")], FAR))
+    model = Model(POSTS)
+    hub, *leaves = (model.new("Post") for _ in range(5))
+    views = watched(model, library)
+    assert "actually" not in views.explain("last")  # there is no link yet
+    for leaf in leaves:
+        model.link(leaf, NEXT, hub)
+    text = views.explain("last")
+    assert "when Post.next(a, b) comes" in text
+    assert text.count("actually 0)") == 2
+    model.link(hub, NEXT, leaves[0])
+    model.link(hub, NEXT, leaves[1])
+    # Of six links four lead to the hub, from which there are two; two lead to leaves, from which there is one each.
+    text = views.explain("last")
+    assert text.count("actually 1.67)") == 2
+    assert "when find far(" in views.explain("far")  # recursive patterns, too

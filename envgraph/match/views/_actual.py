@@ -1,0 +1,128 @@
+"""What delta functions do in the model as it is: how many partial matches each step leaves, on average."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain
+from typing import Any, Final
+
+from envgraph.graph import Store
+from envgraph.match._plan import Step
+from envgraph.match._sinks import Sink
+from envgraph.match._symbols import Held, Source
+from envgraph.match._write import Block, Module
+from envgraph.match.views._delta import Delta, DeltaTranslation, Role, delta_plan, tuple_names
+from envgraph.match.views._operators import Fold, Operator, Rows
+from envgraph.match.views._planning import ViewPlanner
+from envgraph.match.views._reach import Reach
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    ClosureAtom,
+    InstanceAtom,
+    LinkAtom,
+)
+
+SAMPLE: Final = 64
+"""Tuples that are tried, evenly spread over those that there are."""
+
+Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
+"""Makes a function of a source; the second argument gives what is held."""
+
+
+class _Tracing(DeltaTranslation):
+    """Reports every partial match."""
+
+    numbers: Mapping[int, int]
+    _deepens = True
+
+    def _after(self, step: Step) -> None:
+        if id(step) in self.numbers:
+            note = self._module.name(Held("note", ""))
+            self._block.line(f"{note}({self.numbers[id(step)]})")
+
+    def _inner(self, block: Block, continuation: bool) -> DeltaTranslation:
+        inner = super()._inner(block, continuation)
+        if continuation and isinstance(inner, _Tracing):
+            inner.numbers = self.numbers
+        return inner
+
+
+def actual_rows(
+    planner: ViewPlanner,
+    delta: Delta,
+    tuples: Iterable[tuple[Any, ...]],
+    build: Build,
+    held: Callable[[Held], object],
+) -> list[float]:
+    """Partial matches after each step of a delta's plan, for a tuple that has just come.
+
+    Args:
+        planner: made the plan.
+        delta: whose plan it is.
+        tuples: of the relation, as they are now.
+        build: see `Build`.
+        held: what views hold.
+
+    Returns:
+        The average over a sample of the tuples; empty if there are none.
+    """
+    known = list(tuples)
+    sample = known[:: max(1, len(known) // SAMPLE)]
+    counts = [0] * len(delta_plan(planner, delta).steps)
+
+    def note(step: int) -> None:
+        counts[step] += 1
+
+    run = build(_source(planner, delta), lambda symbol: note if symbol.what == "note" else held(symbol))
+    for row in sample:
+        run(*row)
+    return [count / len(sample) for count in counts] if sample else []
+
+
+def _source(planner: ViewPlanner, delta: Delta) -> Source:
+    module, block = Module(), Block()
+    occurrence = delta.occurrence
+    names = tuple_names(occurrence)
+    plan = delta_plan(planner, delta)
+    translation = _Tracing(planner, module, block, delta, names)
+    translation.numbers = {id(step): number for number, step in enumerate(plan.steps)}
+    given = {}
+    if occurrence.role is Role.NUMBER:
+        goal = delta.conjunction.goals[occurrence.goal]
+        assert isinstance(goal, AggregateAtom)
+        given = {goal.result: translation.number(occurrence, names, 0)}
+    alone = "" if given else translation.alone(occurrence, names)
+    translation.run(plan, Sink((), (), lambda _: ["pass"], ()), given, alone)
+    module.function("traced", names, block)
+    return module.source("traced")
+
+
+def tuples_of(delta: Delta, store: Store, operators: Mapping[str, Operator]) -> Iterator[tuple[Any, ...]]:
+    """The tuples of the relation that a delta starts from."""
+    match delta.occurrence.relation:
+        case InstanceAtom(cls, _, exact):
+            names = {cls} if exact else set(store.metamodel.concrete(cls))
+            extents = (
+                store.extents[i] for i, each in enumerate(store.metamodel.class_list) if each.name in names
+            )
+            yield from ((node,) for node in chain.from_iterable(extents))
+        case AttributeAtom(attribute):
+            column = store.values[attribute.index]
+            yield from ((node, value) for node, value in enumerate(column) if value is not None)
+        case LinkAtom(reference):
+            for node, ends in enumerate(store.forward[reference.index]):
+                yield from ((node, other) for other in ends)
+        case CallAtom(name) | ClosureAtom(name):
+            yield from _rows_of(operators[name])
+
+
+def _rows_of(operator: Operator) -> Iterator[tuple[Any, ...]]:
+    match operator:
+        case Rows() if operator.listed:
+            yield from operator.rows
+        case Fold():
+            yield from ((*key, value) for key, value in operator.values.items() if value is not None)
+        case Reach():
+            yield from operator.pairs()
