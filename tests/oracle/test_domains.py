@@ -15,6 +15,7 @@ from envgraph.pattern import conformance_patterns
 from envgraph.rewrite import Engine
 from envgraph.search import Domain
 from tests.oracle.domains_by_hand import BY_HAND
+from tests.unit.rewrite.domains import domain as domain_engine
 from tests.unit.rewrite.graphs import snapshot
 
 MODELS = [
@@ -33,11 +34,6 @@ NEVER = {
     "network.wiring.move.Link.links": "no match",
 }
 """Rules that apply to no model that the rules reach, and why."""
-
-
-def opened(name: str, model: str) -> Engine:
-    place = bundled_domain(name)
-    return load_workspace([str(place / f"{name}.rules"), str(place / f"{model}.model")]).engine()
 
 
 def asked(engine: Engine, pattern: str) -> set[tuple[object, ...]]:
@@ -63,7 +59,7 @@ def test_there_is_plain_python_for_every_query(name: str, model: str) -> None:
 
 @pytest.mark.parametrize(("name", "model"), MODELS)
 def test_queries_of_the_sample_model_find_what_plain_python_finds(name: str, model: str) -> None:
-    agree(name, opened(name, model))
+    agree(name, domain_engine(name, model))
 
 
 def walk(engine: Engine, rng: np.random.Generator, steps: int) -> Iterator[None]:
@@ -82,7 +78,7 @@ def walk(engine: Engine, rng: np.random.Generator, steps: int) -> Iterator[None]
 def test_queries_find_what_plain_python_finds_wherever_the_rules_lead(
     name: str, model: str, watched: bool
 ) -> None:
-    engine = opened(name, model)
+    engine = domain_engine(name, model)
     if watched:
         engine.watch(*(f"{name}.{pattern}" for pattern in BY_HAND[name]))
     for seed in range(3):
@@ -93,7 +89,7 @@ def test_queries_find_what_plain_python_finds_wherever_the_rules_lead(
 
 @pytest.mark.parametrize(("name", "model"), [one for one in MODELS if one[1] != "running_4x4"])
 def test_every_rule_applies_in_a_model_that_the_rules_reach(name: str, model: str) -> None:
-    engine = opened(name, model)
+    engine = domain_engine(name, model)
     start = engine.commit()
     applied: set[str] = set()
     reasons: dict[str, set[str]] = {}
@@ -134,7 +130,7 @@ def try_out(engine: Engine, rule: str, applied: set[str], reasons: dict[str, set
 
 
 def test_links_go_from_one_network_to_another_where_there_are_two() -> None:
-    engine = opened("network", "backbone")
+    engine = domain_engine("network", "backbone")
     model = engine.model
     routers = [model.create("Router", name=name) for name in ("Oslo", "Paris")]
     packet = model.create("Packet", at=routers[0], destination=routers[1])

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from envgraph.lang import load_workspace
+from envgraph.lang import bundled_domain, load_workspace
 from envgraph.match import CompiledMatcher, NaiveMatcher
 from envgraph.pattern import Library, conformance_patterns
 from tests.oracle.test_matchers_agree import assert_agree, snapshot
 from tests.oracle.worlds import Dice, World
 
-HERE = Path(__file__).parent / "domains"
-FOREST = Path(__file__).parents[2] / "rules" / "burning_forest"
-
-DOMAINS = {
-    "burning_forest": (FOREST / "burning_forest.query", FOREST / "running_4x4.model"),
-    "keydoor": (HERE / "keydoor.query", HERE / "two_rooms.model"),
-    "network": (HERE / "network.query", HERE / "backbone.model"),
-    "warehouse": (HERE / "warehouse.query", HERE / "small_hall.model"),
+MODELS = {
+    "burning_forest": "running_4x4",
+    "keydoor": "two_rooms",
+    "network": "backbone",
+    "warehouse": "small_hall",
 }
 
 
-@pytest.mark.parametrize("name", DOMAINS)
+@pytest.mark.parametrize("name", MODELS)
 def test_matchers_agree_on_the_queries_of_a_domain(name: str) -> None:
-    workspace = load_workspace(map(str, DOMAINS[name]))
+    files = (f"{name}.query", f"{MODELS[name]}.model")
+    workspace = load_workspace([str(bundled_domain(name) / file) for file in files])
     assert workspace.metamodel is not None
     library = Library(workspace.metamodel)
     library.add(*workspace.patterns)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Literal
 
 import pytest
 
 from envgraph.env import Action, Behaviour, Branch, Domain, RuleCall, Simulator, Tabular, explore
-from envgraph.lang import TextFiles, load_workspace
+from envgraph.lang import TextFiles, bundled_domain, load_workspace
 from envgraph.pattern import Constant, LeftSide, Modification, Node, Parameter, Rule, Set, Variable
 from envgraph.rewrite import Engine
 
-FILES = Path(__file__).parents[2] / "golden" / "shared"
+FILES = bundled_domain("keydoor")
 WAYS = {"west": (-1, 0), "south": (0, 1), "east": (1, 0), "north": (0, -1)}
 
 State = tuple[tuple[int, int], frozenset[tuple[int, int]], tuple[str, ...], frozenset[tuple[int, int]]]

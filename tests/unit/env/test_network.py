@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +10,10 @@ from gymnasium.wrappers import TimeLimit
 
 from envgraph.env import Behaviour, EnvgraphLiveEnv, Simulator, explore, render_text
 from envgraph.errors import EvaluationError
-from envgraph.lang import TextFiles, load_workspace
+from envgraph.lang import TextFiles, bundled_domain, load_workspace
 from envgraph.rewrite import Engine
 
-FILES = Path(__file__).parents[2] / "golden" / "shared" / "network"
+FILES = bundled_domain("network")
 CITIES = ("Amsterdam", "Berlin", "Budapest", "Geneva", "Lisbon")
 
 

@@ -25,7 +25,7 @@ LISTING = "burning_forest.query"
 def readable() -> list[Path]:
     """All texts of the languages in the repository that have no errors of syntax."""
     found = []
-    for root in (data_path("rules"), TESTS / "oracle" / "domains", TESTS / "golden"):
+    for root in (data_path("rules"), TESTS / "golden"):
         for path in sorted(root.rglob("*")):
             language = language_of(path.name)
             if language and path.is_file():

@@ -43,7 +43,7 @@ from envgraph.pattern import (
 from envgraph.rewrite import Engine, derived
 
 TESTS = Path(__file__).parents[2]
-QUERIES = sorted([*data_path("rules").rglob("*.query"), *(TESTS / "oracle" / "domains").glob("*.query")])
+QUERIES = sorted(data_path("rules").rglob("*.query"))
 RULES = sorted([*data_path("rules").rglob("*.rules"), *(TESTS / "golden" / "shared").rglob("*.rules")])
 
 
@@ -220,7 +220,7 @@ CLASSES = {"network": "Router", "warehouse": "Parcel", "keydoor": "Key"}
 @pytest.mark.parametrize("domain", ["network", "warehouse", "keydoor"])
 def test_derived_rules_and_their_texts_do_the_same(domain: str) -> None:
     """Spelled out, that is with names that a text can have; matches, order and what is drawn are the same."""
-    model = TESTS / "oracle" / "domains" / f"{MODELS[domain]}.model"
+    model = data_path("rules", domain, f"{MODELS[domain]}.model")
     metamodel = load_workspace([str(model)]).metamodel
     assert metamodel is not None
     made = derived(Derivation("all", "operators", (CLASSES[domain],), package="p"), metamodel)
