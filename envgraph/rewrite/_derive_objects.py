@@ -42,6 +42,9 @@ def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> It
         yield _create(Draft(schema, group), plan)
     yield _delete(Draft(schema, group), cls)
     yield from _rehome(Draft(schema, group), cls)
+    for end in schema.ends_of(cls):
+        if _goes_over(end, 1) and not schema.metamodel.overlap(end.near, end.far):
+            yield _share(Draft(schema, group), cls, end)
     for plan in plans:
         if plan.steals and len(plan.tops) == 1:
             yield _spread(Draft(schema, group), plan)
@@ -401,27 +404,61 @@ def _lacking_but(draft: Draft, end: End, name: str, moved: Sequence[tuple[End, s
 
 def _rehome(draft: Draft, cls: str) -> Iterator[Operator]:
     """Whatever would be left short goes over to one other object of the class."""
-    schema = draft.schema
     name, other = draft.node(variable_for(cls), cls, exact=True), draft.node("other", cls)
     draft.differ(name, other)
-    _empty(draft, name, cls)
-    rehomed = False
-    for end in schema.ends_of(cls):
-        fits = end.upper is None or 2 * end.lower <= end.upper
-        if end.association.frozen or not end.other.lower or end.contained or end.contains or not fits:
-            needy = draft.lacking(end, name)
-            if needy is not None:
-                draft.may_be(needy, other)
-            continue
-        rehomed = True
-        _rehome_end(draft, end, name, other)
-    if rehomed:
+    if _all_over(draft, cls, name, other):
         draft.delete(name)
         doc = f"A `{cls}` goes, and another one takes its place where it is needed."
         yield "delete", f"delete.{cls}.rehoming", draft, doc, True
 
 
-def _rehome_end(draft: Draft, end: End, name: str, other: str) -> None:
+def _share(draft: Draft, cls: str, end: End) -> Operator:
+    """As rehoming, but of those that would be left short at one end, one goes over to a third object."""
+    name, other = draft.node(variable_for(cls), cls, exact=True), draft.node("other", cls)
+    third = draft.node("third", cls)
+    for one, two in combinations((name, other, third), 2):
+        draft.differ(one, two)
+    needy = [draft.node(variable_for(end.far), end.far) for _ in range(2)]
+    draft.differ(*needy)
+    for target, receiver in zip(needy, (third, other), strict=True):
+        draft.edge(end, name, target)
+        draft.ask([Comparison("==", end.other.count(target), Constant(end.other.lower))])
+        draft.spared_ends(end, receiver, target)
+        draft.absent(end, receiver, target)
+        draft.link(end, receiver, target)
+    draft.ask(end.room(third))
+    _all_over(draft, cls, name, other, shared=end)
+    draft.delete(name)
+    doc = f"A `{cls}` goes, and two others take its place at `{end.name}`."
+    return "delete", f"delete.{cls}.spreading.{end.name}.all", draft, doc, True
+
+
+def _goes_over(end: End, elsewhere: int = 0) -> bool:
+    """Whether who needs an object at an end may go over to another one, all but some that go elsewhere."""
+    fits = end.upper is None or 2 * end.lower <= end.upper + elsewhere
+    return bool(end.other.lower) and fits and not (end.association.frozen or end.contained or end.contains)
+
+
+def _all_over(draft: Draft, cls: str, name: str, other: str, shared: End | None = None) -> bool:
+    """At every end, who would be left short goes over to the other object; whether there is such an end.
+
+    At the shared end one link goes elsewhere.
+    """
+    _empty(draft, name, cls)
+    ends = draft.schema.ends_of(cls)
+    objects = [one for one in draft.types if one != name]
+    for end in ends:
+        if not _goes_over(end, int(end == shared)):
+            needy = draft.lacking(end, name)
+            if needy is not None:
+                for one in objects:
+                    draft.may_be(needy, one)
+            continue
+        _rehome_end(draft, end, name, other, int(end == shared))
+    return any(map(_goes_over, ends))
+
+
+def _rehome_end(draft: Draft, end: End, name: str, other: str, elsewhere: int) -> None:
     if end.held:
         draft.spared(other, end.near)
     if end.other.held:
@@ -433,7 +470,7 @@ def _rehome_end(draft: Draft, end: End, name: str, other: str) -> None:
         for number, one in ((ours, name), (theirs, other)):
             draft.ask([Comparison("==", Variable(number), end.count(one))])
         together = Binary("+", Variable(ours), Variable(theirs))
-        draft.ask([Check(Binary("<=", together, Constant(end.upper)))])
+        draft.ask([Check(Binary("<=", together, Constant(end.upper + elsewhere)))])
     stuck, needy = draft.name("stuck"), draft.name("needy")
     short = {one: Comparison("==", end.other.count(one), Constant(end.other.lower)) for one in (stuck, needy)}
     edges = [end.edge(name, stuck), end.edge(other, stuck)]
@@ -448,7 +485,9 @@ def _rehome_end(draft: Draft, end: End, name: str, other: str) -> None:
         [link],
     )
     for one in (stuck, needy):
-        draft.may_be(one, other)
+        for known in draft.types:
+            if known != name and not (elsewhere and draft.types[known] == end.far):
+                draft.may_be(one, known)
 
 
 # --- new classes

@@ -7,7 +7,7 @@ Burdusel, Zschaler and John (2021), written down here once more, on all models o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import chain, combinations, product
+from itertools import chain, combinations, permutations, product
 
 import pytest
 
@@ -94,6 +94,16 @@ class Scheme:
             if a != other and fits and not any((other, b) in self.links for b in needy):
                 yield a, other
 
+    def share(self) -> Iterator[tuple[int, ...]]:
+        """As rehoming, but one of two or more that need it goes to a third."""
+        for a, other, third in permutations(SOURCES):
+            needy = [b for one, b in self.links if one == a and self.into(b) == self.k]
+            fits = self.m is None or self.out(a) - 1 + self.out(other) <= self.m
+            for moved, second in permutations(needy, 2):
+                rest = any((other, b) in self.links for b in needy if b != moved)
+                if fits and not rest and self.room(third) and (third, moved) not in self.links:
+                    yield a, other, third, moved, second
+
     def create(self) -> Iterator[tuple[int, ...]]:
         """A new source with the `n` targets that it needs, all of them there and with room."""
         for targets in combinations(TARGETS, self.n):
@@ -115,6 +125,7 @@ EXPECTED: dict[str, Callable[[Scheme], Iterator[tuple[int, ...]]]] = {
     "swap.A.e": Scheme.swap,
     "delete.A": Scheme.delete,
     "delete.A.rehoming": Scheme.rehome,
+    "delete.A.spreading.e.all": Scheme.share,
     "create.A": Scheme.create,
     "create.A.stealing.e": Scheme.steal,
 }
@@ -129,6 +140,7 @@ def expected_names(outer: Bounds, inner: Bounds) -> set[str]:
     found |= {"change.A.e.source"} if flexible else set()
     found |= {"change.A.e.target"} if wanted else set()
     found |= {"delete.A.rehoming"} if k and (m is None or 2 * n <= m) else set()
+    found |= {"delete.A.spreading.e.all"} if k and (m is None or 2 * n <= m + 1) else set()
     found |= {"create.A"} if n == 0 or wanted else set()
     found |= {"create.A.stealing.e"} if n == 1 and flexible and most is not None else set()
     return found
@@ -168,6 +180,12 @@ def test_operators_on_a_reference_are_those_of_the_scheme(outer: Bounds, inner: 
             if name == "create.A":
                 rows = sorted({tuple(sorted(row)) for row in rows})  # targets in any order
             assert sorted(rows) == sorted(EXPECTED[name](scheme)), (name, chosen)
+        for name in made.rules:
+            for match in made.matches(name)[:2]:
+                before = made.model.savepoint()
+                made.apply(name, match)
+                assert check_conformance(made.model) == [], (name, match)
+                made.model.rollback(before)
         made.model.rollback(savepoint)
 
 
@@ -279,7 +297,7 @@ def test_rehoming_leaves_alone_who_does_not_need_it() -> None:
 def test_spreading_gives_others_what_a_deleted_object_had() -> None:
     text = "class A { refers B[2..4] e opposite f } class B { refers A[1] f opposite e }"
     made = engine(text, "A")
-    spreading = [name for name in made.rules if ".spreading." in name]
+    spreading = [name for name in made.rules if ".spreading." in name and not name.endswith(".all")]
     assert spreading == ["d.delete.A.spreading.e.e", "d.delete.A.spreading.e.e.2"]
     homes = [made.model.create("A") for _ in range(3)]
     for home, size in zip(homes, (2, 3, 3), strict=True):
@@ -292,6 +310,19 @@ def test_spreading_gives_others_what_a_deleted_object_had() -> None:
     assert one_receiver == set() and two_receivers == {homes[0].id}, "three and two are more than four"
     applied(made, max(spreading, key=made.count).removeprefix("d."))
     assert [len(home.e) for home in homes[1:]] == [4, 4]
+
+
+def test_targets_that_need_an_object_are_spread_where_nobody_has_room_for_all() -> None:
+    text = "class A { refers B[0..3] e opposite f } class B { refers A[1] f opposite e }"
+    made = engine(text, "A")
+    homes = [made.model.create("A") for _ in range(3)]
+    for home, size in zip(homes, (3, 1, 2), strict=True):
+        home.e = [made.model.create("B") for _ in range(size)]
+    assert {match.a for match in made.matches("d.delete.A.rehoming")} == {homes[1], homes[2]}
+    assert made.exists("d.delete.A.spreading.e.all", a=homes[0])
+    assert not made.exists("d.delete.A.spreading.e.all", a=homes[0], other=homes[2])
+    made.apply("d.delete.A.spreading.e.all", a=homes[0])
+    assert [len(home.e) for home in homes[1:]] == [3, 3] and check_conformance(made.model) == []
 
 
 # --- add, remove, change, swap
