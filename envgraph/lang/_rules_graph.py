@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal, cast
 
 from lark import Token, Tree
@@ -37,10 +37,21 @@ class Graph:
     """Nodes and edges in the order of the text.
 
     A node is kept once, with the type of its declaration; a second declaration is kept too, for the check of rules.
+    A `_` of which more is said than that it is there has a name that no text can spell: `#1`, `#2`, ...
+
+    Attributes:
+        left: it is what a left side asks for, where `_` may stand for any object.
     """
 
+    left: bool = False
     nodes: list[Node] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
+    _anonymous: int = 0
+
+    def hide(self, node: Node) -> Node:
+        """The node with a name of its own, for a `_`."""
+        self._anonymous += 1
+        return replace(node, name=f"#{self._anonymous}")
 
     def add(self, node: Node) -> None:
         """Adds a mention of a node."""
@@ -55,7 +66,7 @@ class Graph:
 
 def left_side_of(reading: Reading, statements: Iterable[Tree[Token]], keyword: Token) -> LeftSide:
     """The statements of an `lhs`, or of a condition block, as one left side."""
-    graph = Graph()
+    graph = Graph(left=True)
     conditions: list[Tree[Token]] = []
     for statement in statements:
         if statement.data == "graph":
@@ -80,20 +91,27 @@ def read_graph(reading: Reading, tree: Tree[Token], graph: Graph) -> None:
     """Adds the vertices and arrows of `a -ref-> b : T -ref2-> c` to a graph."""
     vertices = trees(tree.children, "vertex")
     arrows = trees(tree.children, "forward", "backward", "half_arrow", "unnamed")
+    names: list[str] = []
     for position, vertex in enumerate(vertices):
         node = _node(reading, vertex)
         joined = len(arrows[max(0, position - 1) : position + 1])
+        says_more = joined > 1 or (joined == 1 and node.type is not None)
+        if node.name == "_" and says_more and graph.left:
+            node = graph.hide(node)
+        names.append(node.name)
         if node.name != "_":
             graph.add(node)
-        elif joined > 1 or (joined and node.type):
+        elif says_more:
             hint = "give it a name: each `_` is something else"
             reading.error("anonymous-node", "more is said of this `_` than that it is there", vertex, hint)
             reading.gap(vertex)
         elif not joined:
             graph.nodes.append(node)
-    for arrow, source, target in zip(arrows, vertices, vertices[1:], strict=False):
-        edge = _edge(reading, arrow, source, target)
-        graph.edges.extend([edge] if edge else [])
+    for position, arrow in enumerate(arrows):
+        ends = vertices[position : position + 2]
+        if len(ends) == 2:
+            edge = _edge(reading, arrow, ends, names[position : position + 2])
+            graph.edges.extend([edge] if edge else [])
 
 
 def _node(reading: Reading, vertex: Tree[Token]) -> Node:
@@ -114,10 +132,13 @@ def _assignment(reading: Reading, tree: Tree[Token]) -> Assignment:
     return Assignment(str(feature), value, reading.span(tree), feature_span=reading.span(feature))
 
 
-def _edge(reading: Reading, arrow: Tree[Token], left: Tree[Token], right: Tree[Token]) -> Edge | None:
-    ends = [tokens(vertex.children)[0] for vertex in (left, right)]
+def _edge(
+    reading: Reading, arrow: Tree[Token], vertices: Sequence[Tree[Token]], names: Sequence[str]
+) -> Edge | None:
+    left, right = (tokens(vertex.children)[0] for vertex in vertices)
+    ends = list(zip(names, (left, right), strict=True))
     if arrow.data == "unnamed":
-        hint = f"write `{ends[0]} -reference-> {ends[1]}`"
+        hint = f"write `{left} -reference-> {right}`"
         reading.error("unnamed-arrow", "an arrow names the reference that it follows", arrow, hint)
         reading.gap(arrow)
         return None
@@ -128,16 +149,16 @@ def _edge(reading: Reading, arrow: Tree[Token], left: Tree[Token], right: Tree[T
         before = reading.span(reference)
         hint = f"write `-{reading.text(arrow)}`"
         reading.error("missing-token", "missing `-`", before.source.span(before.start, before.start), hint)
-    source, target = ends
+    (source, source_token), (target, target_token) = ends
     return Edge(
         str(source),
         str(reference),
         str(target),
         closure_of(arrow).value,
-        reading.span(tokens(left.children)[0]).to(reading.span(tokens(right.children)[0])),
-        source_span=reading.span(source),
+        reading.span(left).to(reading.span(right)),
+        source_span=reading.span(source_token),
         reference_span=reading.span(reference),
-        target_span=reading.span(target),
+        target_span=reading.span(target_token),
     )
 
 

@@ -153,12 +153,13 @@ class RuleText(TermText):
     # --- graphs
 
     def _vertex(self, node: Node) -> str:
+        name = "_" if node.name.startswith("#") else self.name(node.name)
         if node.type is None:
             if node.assignments:
                 self.refuse(f"`{node.name}` has values and no class")
-            return self.name(node.name)
+            return name
         values = ", ".join(map(self._assignment, node.assignments))
-        return f"{self.name(node.name)} : {self.name(node.type)}" + (f" {{ {values} }}" if values else "")
+        return f"{name} : {self.name(node.type)}" + (f" {{ {values} }}" if values else "")
 
     def _assignment(self, one: Assignment) -> str:
         return f"{self.name(one.feature)} = {self.values(one.value)}"
@@ -182,7 +183,11 @@ class RuleText(TermText):
 
     def left(self, left: LeftSide) -> str:
         """What is in `lhs`, on one line."""
-        graph = [self.chain(chain) for chain in chains(left.nodes, left.edges)]
+        found = chains(left.nodes, left.edges)
+        hidden = [node.name for chain in found for node in chain.vertices if node.name.startswith("#")]
+        if len(hidden) > len(set(hidden)):
+            self.refuse("an object without a name stands in one place")
+        graph = [self.chain(chain) for chain in found]
         return " ".join(f"{one};" for one in (*graph, *map(self.condition, left.constraints)))
 
     def right(self, right: RightSide | Modification | None) -> str:

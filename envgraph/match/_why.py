@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from envgraph.errors import EnvgraphError
 from envgraph.match._explain import Names, goal_text
 from envgraph.match._options import Unplannable
 from envgraph.match._plan import BodyPlan, ViewKey
@@ -49,6 +50,7 @@ class WhyNot:
         failures: one for each body, the furthest first; none if there is a match.
         objects: the parameters that stand for objects.
         show: the text of an object, by its id.
+        refusal: of a rule that has the match, why it cannot be applied there; None if it can.
     """
 
     pattern: str
@@ -57,6 +59,7 @@ class WhyNot:
     failures: tuple[Failure, ...]
     objects: tuple[str, ...] = ()
     show: Callable[[int], str] = field(default="#{}".format, compare=False, repr=False)
+    refusal: EnvgraphError | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
         return "\n".join(self._lines(self.show, ""))
@@ -65,7 +68,9 @@ class WhyNot:
         given = _listed(self.given, self.objects, show)
         title = f"`{self.pattern}`" + (f" for {given}" if given else "")
         if self.match is not None:
-            return [f"{indent}{title} has a match: {_listed(self.match, self.objects, show)}"]
+            found = _listed(self.match, self.objects, show)
+            refused = str(self.refusal).splitlines() if self.refusal else []
+            return [f"{indent}{title} has a match" + (f": {found}" if found else ""), *refused]
         lines = [f"{indent}{title} has no match"]
         for failure in self.failures:
             found = _listed(failure.found, failure.objects, show) or "nothing"

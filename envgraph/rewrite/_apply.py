@@ -19,7 +19,7 @@ from envgraph.rewrite._conflicts import Conflicts, Contradiction, Fresh, told
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._notices import Report
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
-from envgraph.rewrite._source import Writer, check_kept
+from envgraph.rewrite._source import Dragged, Writer, check_kept
 
 Effect = Callable[[Row], Sequence[Any]]
 """Applies a rule at a row that is a match, and returns all slots of the rule, created objects among them.
@@ -80,7 +80,7 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
         lines += changes
     lines.append(f"return {writer.slots(tuple(range(body.slots)))}")
     unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
-    writer.namespace.update(refusals=REFUSALS, refused=lambda error: refusal(plan.name, error))
+    writer.namespace.update(refusals=REFUSALS, refused=lambda error: refusal(plan.name, error, model))
     caught = ["except refusals as error:", " raise refused(error) from None"]
     return _function("do_apply", "row", [unpack, "try:", *map(_indented, lines), *caught], writer.namespace)
 
@@ -161,12 +161,17 @@ def _function(
 REFUSALS: Final = (RuleError, EvaluationError)
 
 
-def refusal(rule: str, error: RuleError | EvaluationError) -> RuleError | EvaluationError:
-    """The reason that the model gives, with the name of the rule that was to be applied."""
+def refusal(rule: str, error: RuleError | EvaluationError, model: Model) -> RuleError | EvaluationError:
+    """The reason that the model gives, with the name of the rule that was to be applied; the model is as before."""
     message = f"rule `{rule}` cannot be applied: " + str(error).split("\n", 1)[0]
     if isinstance(error, EvaluationError):
         return EvaluationError(message)
-    return RuleError(message, rule=rule, reason=error.reason, details=error.details)
+    details = error.details
+    if isinstance(error, Dragged):
+        container = model.container(error.node)
+        assert container is not None
+        details = (f"{model.describe(error.node)} is in {model.describe(container[0])}",)
+    return RuleError(message, rule=rule, reason=error.reason, details=details)
 
 
 # --- rules with blocks
@@ -238,7 +243,7 @@ class _Staged:
                         self._check_kept(instances, wants)
                         self._tell(instances)
         except REFUSALS as error:
-            raise refusal(self.plan.name, error) from None
+            raise refusal(self.plan.name, error, self.model) from None
         return instances[0].slots
 
     def _run(self, instances: Sequence[Instance], phase: str) -> None:
@@ -274,10 +279,8 @@ class _Staged:
             check_kept(
                 self.model, tuple(slots[slot] for slot in kept), tuple(plan.names[slot] for slot in kept)
             )
-        for node in wants.changed:
-            if not isinstance(node, Fresh) and not self.model.alive(node):
-                message = "an object that the rule changes goes with a container that is deleted"
-                raise RuleError(message, reason="containment", details=[f"it was object {node}"])
+        changed = tuple(node for node in wants.changed if not isinstance(node, Fresh))
+        check_kept(self.model, changed, ("",) * len(changed))
 
     def _tell(self, instances: Sequence[Instance]) -> None:
         """Of links that are to be created, and are there."""

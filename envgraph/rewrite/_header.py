@@ -14,6 +14,8 @@ from envgraph.pattern import Library, Parameter, Pattern
 
 _GENERATED: Final = re.compile(r"\w#")
 """In a text: the name of a generated pattern, such as `walk#lhs`."""
+_HIDDEN: Final = re.compile(r"#\d+")
+"""In a text: the name of a `_` in an arrow."""
 
 
 def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | None) -> Iterable[Diagnostic]:
@@ -55,6 +57,9 @@ def left_problems(library: Library, *patterns: Pattern) -> list[Diagnostic]:
 
 
 def _plain(problem: Diagnostic, library: Library) -> Diagnostic:
+    if "`#" in problem.message:
+        hint = None if problem.hint is None else _HIDDEN.sub("_", problem.hint)
+        return replace(problem, message=_HIDDEN.sub("_", problem.message), hint=hint)
     if problem.hint is None or not _GENERATED.search(problem.hint):
         return problem
     quoted = problem.message.split("`")

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Literal, cast
 from weakref import ref
 
-from envgraph.errors import InvalidArgument, TypeMismatch
+from envgraph.errors import EnvgraphError, EvaluationError, InvalidArgument, RuleError, TypeMismatch
 from envgraph.graph import Model, Node
 from envgraph.match import FREE, Matcher, NaiveMatcher, ViewMatcher, WhyNot
 from envgraph.metamodel import Scalar, Value, accepts, type_name
 from envgraph.pattern import Library, ObjectType, Pattern
-from envgraph.rewrite._match import Match, Shape
+from envgraph.rewrite._match import Match, Row, Shape
 from envgraph.rewrite._names import Directory, Signature
-from envgraph.rewrite._runner import RuleRunner
+from envgraph.rewrite._runner import GraphRule, RuleRunner
 from envgraph.rewrite._units import UnitProgram
 
 
@@ -123,6 +124,8 @@ class Questions:
     def why_not(self, name: str, **bound: object) -> WhyNot:
         """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.
 
+        A rule that has a match is tried there, and taken back: `refusal` of the result says why it cannot be applied.
+
         Args:
             name: of the pattern or rule.
             **bound: values of variables; objects as `Node`s or ids.
@@ -142,7 +145,26 @@ class Questions:
             if shape.is_object(position) and not self.model.alive(cast("int", value)):
                 raise InvalidArgument(f"`{shape.names[position]}` is object {value}, which there is not")
         found = self.matcher.why_not(pattern, given)
-        return replace(found, show=self.model.describe)
+        runner, refusal = self._rules.get(shape.definition), None
+        if found.match is not None and isinstance(runner, GraphRule):
+            refusal = self._tried(runner, tuple(found.match[name] for name in shape.names))
+        return replace(found, pattern=shape.definition, show=self.model.describe, refusal=refusal)
+
+    def _tried(self, rule: GraphRule, row: Row) -> EnvgraphError | None:
+        """Why a rule cannot be applied at a match; the model stays as it is, and nobody notices."""
+        with self._aside():
+            savepoint = self.model.savepoint()
+            try:
+                rule.fire(row)
+            except (RuleError, EvaluationError) as error:
+                return error
+            finally:
+                self.model.rollback(savepoint)
+        return None
+
+    def _aside(self) -> AbstractContextManager[None]:
+        """The block leaves the model as it was, and nothing may notice it."""
+        return nullcontext()
 
     def _positions(self, shape: Shape, values: Mapping[str, object]) -> dict[int, Value]:
         ids = self.ids(shape, values)

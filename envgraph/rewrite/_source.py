@@ -11,7 +11,7 @@ from dataclasses import replace
 from sys import maxsize
 from typing import Any
 
-from envgraph.errors import EvaluationError, RuleError
+from envgraph.errors import EvaluationError, RuleError, with_article
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Reference, Value
 from envgraph.pattern import (
@@ -355,16 +355,24 @@ def amount(value: Value | None, attribute: Attribute) -> Value:
     return value
 
 
+class Dragged(RuleError):
+    """An object that a rule keeps or changes would go with its container; `node` is there again after a rollback."""
+
+    def __init__(self, message: str, node: int) -> None:
+        super().__init__(message, reason="containment")
+        self.node = node
+
+
 def check_kept(model: Model, nodes: tuple[int, ...], names: tuple[str, ...]) -> None:
     """Check that objects are still there.
 
     Raises:
-        RuleError: one went with its container ("containment").
+        Dragged: one went with its container.
     """
     for node, name in zip(nodes, names, strict=True):
         if not model.alive(node):
-            message = f"`{name}` is kept, and goes with a container that is deleted"
-            raise RuleError(message, reason="containment", details=[f"`{name}` is object {node}"])
+            what = f"`{name}` is kept" if name else "an object is changed"
+            raise Dragged(f"{what}, and goes with a container that is deleted", node)
 
 
 def present(targets: tuple[int | None, ...]) -> tuple[int, ...]:
@@ -445,6 +453,7 @@ def absorb(model: Model, kept: int, absorbed: int, links: list[LinkFact], *, los
     housed = house is not None and house[0] != absorbed
     # Another merge may have handed links over to this one.
     for reference, source, target in [*links, *strip(model, absorbed)]:
+        link = f"{model.describe(source)} -{reference.name}-> {model.describe(target)}"
         source, target = (kept if end == absorbed else end for end in (source, target))
         if reference.containment and (source == target or (target == kept and housed)):
             continue
@@ -452,8 +461,8 @@ def absorb(model: Model, kept: int, absorbed: int, links: list[LinkFact], *, los
         if not all(model.metamodel.is_a(cls, end) for end in ends):
             if lossy:
                 continue
-            message = f"a `{cls}` cannot take over links of `{reference}`"
-            raise RuleError(message, reason="lost-link")
+            message = f"{model.describe(kept)}, {with_article(cls)}, cannot take over links of `{reference}`"
+            raise RuleError(message, reason="lost-link", details=[link])
         model.link(source, reference, target)
     model.delete(absorbed, "dpo")
 

@@ -37,8 +37,8 @@ Types = dict[str, StaticType | None]
 
 
 def is_named(name: str) -> bool:
-    """Whether a variable belongs to the match: `_` and names that start with it are for single use."""
-    return not name.startswith("_")
+    """Whether a variable belongs to the match: `_`, names that start with it, and `#1` for a `_` do not."""
+    return not name.startswith(("_", "#"))
 
 
 def mentioned(constraint: Constraint) -> Iterator[Variable]:

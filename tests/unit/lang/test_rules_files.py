@@ -3,6 +3,7 @@
 import pytest
 
 from envgraph.errors import Source
+from envgraph.lang import to_text
 from envgraph.lang._parsing import parse
 from envgraph.lang._rules import RulesFile, read_rules
 from envgraph.pattern import (
@@ -293,3 +294,23 @@ def test_what_stands_before_a_missing_brace_is_read() -> None:
     first, second = file.definitions
     assert isinstance(first, Rule) and first.right == Modification((DeleteNode(Variable("x")),))
     assert second.name == "b" and len(file.diagnostics) == 1
+
+
+def test_a_nameless_object_in_an_arrow_is_one_object_and_printed_as_it_was() -> None:
+    text = "rule a { lhs { x : T -r-> _ : T -r-> _ -s-> y; _ : T -r-> x; } not { y -r-> _ : T; } modify { } }"
+    (found,) = read(text).definitions
+    assert isinstance(found, Rule)
+    names = [node.name for node in found.left.nodes]
+    assert names == ["x", "#1", "#2", "y", "#3"]
+    assert [(edge.source, edge.target) for edge in found.left.edges] == [
+        ("x", "#1"),
+        ("#1", "#2"),
+        ("#2", "y"),
+        ("#3", "x"),
+    ]
+    assert read(to_text(found)).definitions == (found,)
+
+
+def test_an_object_is_not_created_without_a_name() -> None:
+    file = read("rule a { lhs { x : T; } modify { create x -r-> _ : T; } }")
+    assert [one.code for one in file.diagnostics] == ["anonymous-node"]

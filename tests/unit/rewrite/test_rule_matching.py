@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from envgraph.errors import InvalidArgument, TypeMismatch
+from envgraph.errors import InvalidArgument, RuleError, TypeMismatch
 from envgraph.graph import Model
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine
 
@@ -193,3 +193,79 @@ def test_a_node_of_a_block_may_be_an_enclosing_one() -> None:
 def test_anonymous_ends_match_anything() -> None:
     made = engine("rule r { lhs { a : Item -next-> _; } }", model=chain(3))
     assert rows(made.matches("r")) == [(0,), (1,)]
+
+
+def test_a_nameless_object_may_have_a_class_and_more_than_one_arrow() -> None:
+    model = chain(4)
+    model.node(2).links = [model.create("Special"), model.create("Special")]
+    made = engine(
+        """
+        rule typed { lhs { a : Item -links-> _ : Special; } modify { } }
+        rule between { lhs { a : Item -next-> _ -next-> b; } modify { } }
+        rule both { lhs { a : Item -next-> _ : Item; a -prev-> _ : Item; } modify { } }
+        rule none { lhs { a : Item; } not { a -next-> _ : Item -next-> _; } modify { } }
+        """,
+        model=model,
+    )
+    assert rows(made.matches("typed")) == [(2,)]
+    assert rows(made.matches("between")) == [(0, 2), (1, 3)]
+    assert rows(made.matches("both")) == [(1,), (2,)]
+    assert rows(made.matches("none")) == [(2,), (3,), (4,), (5,)]
+
+
+def test_nameless_objects_are_not_told_from_others() -> None:
+    model = chain(1)
+    model.node(0).next = model.node(0)
+    made = engine("rule r { lhs { a : Item -next-> _ -next-> _ : Item; } modify { } }", model=model)
+    assert rows(made.matches("r")) == [(0,)]
+
+
+def test_what_a_reflexive_closure_leads_to_may_be_where_it_starts() -> None:
+    model = chain(2)
+    special = model.create("Special")
+    made = engine(
+        """
+        rule arrow { lhs { x : Item -favourite*-> y; } modify { } }
+        rule path { lhs { x : Special; Special.favourite*(x, y); } modify { } }
+        rule block { lhs { x : Special -favourite*-> x; } not { y : Item; } modify { } }
+        """.replace("rule arrow { lhs { x : Item", "rule arrow { lhs { x : Special"),
+        model=model,
+    )
+    assert made.matches("arrow") == [] and made.matches("path") == [] and made.matches("block") == []
+    special.favourite = model.node(0)
+    assert rows(made.matches("arrow")) == rows(made.matches("path")) == [(special.id, 0)]
+
+
+def test_conditions_and_blocks_nest_deeply() -> None:
+    opened = "".join(f"not {{ x{level} -next-> x{level + 1} : Item; " for level in range(60))
+    made = engine(f"rule r {{ lhs {{ x0 : Item; }} {opened}{'}' * 60} modify {{ }} }}", model=chain(5))
+    assert rows(made.matches("r")) == [(0,), (2,), (4,)]
+    deep = "".join(f"forall {{ lhs {{ x{level} -next-> x{level + 1}; }} " for level in range(40))
+    made = engine(
+        f"rule r {{ lhs {{ x0 : Item; }} {deep} modify {{ set x40.done = true; }} {'}' * 40} }}",
+        model=chain(42),
+    )
+    made.apply("r", x0=1)
+    assert [node.id for node in made.model.nodes() if node.done] == [41]
+
+
+def test_a_rule_says_why_it_cannot_be_applied_at_its_match() -> None:
+    made = engine(
+        """
+        rule drop(a : Item) { lhs { a -next-> b; } modify { delete a; } }
+        rule halve(a : Item) { lhs { } modify { set a.n = 1 / a.n; } }
+        """,
+        model=chain(3),
+    )
+    before = made.model.state_hash()
+    why = made.why_not("drop", a=1)
+    assert str(why).splitlines() == [
+        "`drop` for a = `Item#1` has a match: a = `Item#1`, b = `Item#2`",
+        "rule `drop` cannot be applied: `Item#1` cannot be deleted: 1 link would be left dangling",
+        "  `Item#1` -prev-> `Item#0`",
+    ]
+    assert isinstance(why.refusal, RuleError) and why.refusal.reason == "dangling"
+    assert made.why_not("drop", a=0).refusal is None
+    assert made.why_not("drop", a=2).match is None
+    assert "division by zero" in str(made.why_not("halve", a=0))
+    assert made.model.state_hash() == before and not made.model.in_transaction
