@@ -1,6 +1,6 @@
 """Queries and rules as frozen data, independent of any text; their checks, their types and their normal form."""
 
-from envgraph.pattern._bodies import children, terms_in, terms_of, variables_in, with_children
+from envgraph.pattern._bodies import children, navigations, terms_in, terms_of, variables_in, with_children
 from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
@@ -175,6 +175,7 @@ __all__ = [
     "conformance_patterns",
     "evaluate",
     "holds",
+    "navigations",
     "renumbered_relation",
     "static_type",
     "terms_in",

@@ -326,11 +326,15 @@ class Engine(Definitions):
             InvalidArgument: an unknown rule or variable, a match of something else, or a choice that is none.
             RuleError: the match is none any more, or the rule cannot be applied there. The model is as before.
         """
-        with self._holding() or _NOTHING:
-            if choose != "random" or where is not None or by is not None:
-                if match is not None or (by is not None and choose != "random"):
-                    raise InvalidArgument("one of `match`, `choose` and `by` says where the rule is applied")
+        if choose != "random" or where is not None or by is not None:
+            if match is not None or (by is not None and choose != "random"):
+                raise InvalidArgument("one of `match`, `choose` and `by` says where the rule is applied")
+            with self._holding() or _NOTHING:
                 return self._apply_chosen(rule, choose, where, by, arguments)
+        holding = self._holding()
+        if holding is None:
+            return self._apply(rule, match, arguments)
+        with holding:
             return self._apply(rule, match, arguments)
 
     def apply_all(

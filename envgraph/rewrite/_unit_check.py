@@ -315,11 +315,20 @@ class _Checker:
         if isinstance(argument, Variable) and argument.name not in scope and parameter.output and not every:
             scope[argument.name] = parameter.type
             return
+        if parameter.output and callee.kind == "rule" and self._is_created(parameter, callee):
+            message = f"`{parameter.name}` of `{callee.simple}` is a new object, and no value that there is"
+            self._error("bound-output", message, argument.span, "write a new name, or `_`")
+            return
         type_, problems = check_expression(argument, scope, self.metamodel, expected=_data(parameter.type))
         self.result.problems.extend(problems)
         if not problems and type_ and parameter.type and not self._may_be(type_, parameter.type):
             message = f"`{parameter.name}` of `{callee.simple}` is {with_article(type_text(parameter.type))}"
             self._error("wrong-type", f"{message}, not {with_article(type_text(type_))}", argument.span)
+
+    def _is_created(self, parameter: Taken, callee: Signature) -> bool:
+        return all(variable.name != parameter.name for variable in callee.variables) and (
+            isinstance(parameter.type, ObjectType)
+        )
 
     def _may_be(self, type_: StaticType, wanted: StaticType) -> bool:
         """An object may turn out to be of the wanted class; if it is not, the rule has no match."""

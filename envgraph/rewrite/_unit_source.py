@@ -33,6 +33,7 @@ from envgraph.pattern import (
     Variable,
     evaluate,
     holds,
+    navigations,
     value_of,
     variables_in,
 )
@@ -136,7 +137,7 @@ class UnitSource:
             "apply_every_of": apply_every_of,
             "apply_one_of": apply_one_of,
             "best": best,
-            "evaluate": evaluate,
+            "argument": argument_value,
             "fire_another": fire_another,
             "fire_every": fire_every,
             "fire_next": fire_next,
@@ -468,7 +469,7 @@ class UnitSource:
         if isinstance(expression, Constant):
             return self._constant(expression.value)
         used = {variable.name: scope.names[variable.name] for variable in variables_in(expression)}
-        function.add(f"{local} = evaluate({self._constant(expression)}, {self._values(used)}, read)")
+        function.add(f"{local} = argument({self._constant(expression)}, {self._values(used)}, read)")
         with function.block(f"if {local} is None:"):
             self._fails(f"an argument of `{call.name}` has no value", expression.span or call.span)
         return local
@@ -483,6 +484,11 @@ class UnitSource:
         function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {site})", "run.refusal = None")
         given, new = self._arguments(call, callee, scope)
         maybe = {scope.names[name] for name in scope.maybe}
+        for name, local in given:
+            if name not in rule.shape.names:  # an object that the rule creates
+                with function.block(f"if {local} is not UNSET:"):
+                    self._fails(f"`{name}` of `{callee.simple}` is a new object", call.span)
+        given = [pair for pair in given if pair[0] in rule.shape.names]
         self._check_alive(call, rule, [pair for pair in given if pair[1] not in maybe])
         if any(local in maybe for _, local in given):
             names = self._constant(tuple(name for name, _ in given))
@@ -600,8 +606,23 @@ def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) ->
     return [row for _, row in valued[:limit]]
 
 
+def argument_value(
+    expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None]
+) -> Value | None:
+    """The value of an argument, or None if a path in it has none.
+
+    Raises:
+        EvaluationError: division by zero, overflow, a function outside its domain.
+    """
+    if any(evaluate(path, values, read) is None for path in navigations(expression)):
+        return None
+    return evaluate(expression, values, read)
+
+
 def read_feature(model: Model, node: int, feature: str) -> Value | None:
-    """A single-valued feature of an object, for `evaluate`."""
+    """A single-valued feature of an object, for `evaluate`; one that was deleted has none."""
+    if not model.alive(node):
+        return None
     found = model.metamodel.feature(model.class_of(node), feature)
     if found is None:
         return None

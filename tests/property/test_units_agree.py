@@ -1,0 +1,81 @@
+"""Random units: the generated functions do what the naive interpreter does, and everything can be taken back."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from random import Random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from envgraph.errors import EvaluationError, Source
+from envgraph.lang import parse_trace
+from envgraph.rewrite import Engine, trace_to_text
+from tests.oracle.random_units import QUERIES, RULES, Writer
+from tests.oracle.unit_interpreter import Interpreter
+from tests.unit.rewrite.graphs import chain, definitions, patterns, snapshot
+
+BASE = (*patterns(QUERIES), *definitions(RULES))
+seeds = st.integers(0, 2**32 - 1)
+
+
+def start(text: str, length: int, seed: int) -> Engine:
+    model = chain(length)
+    model.node(length - 1).links.append(model.node(0))
+    made = Engine(model, seed=seed)
+    made.add(*BASE, *definitions(text))
+    made.step_limit = 3_000
+    made.rng = Random(seed)  # type: ignore[assignment]
+    return made
+
+
+@settings(max_examples=80)
+@given(seeds, st.integers(1, 4))
+def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int) -> None:
+    text = Writer(Random(seed)).unit()
+    made, plain = start(text, length, seed), start(text, length, seed)
+    interpreter = Interpreter(plain, seed)
+    try:
+        result = made.run("u", a=0)
+    except EvaluationError as error:  # too many steps, or a sum that is too large: then nothing is left of it
+        assert "steps" in str(error)
+        assert snapshot(made.model) == snapshot(start(text, length, seed).model)
+        return
+    assert interpreter.run("u", a=0) is bool(result), text
+    assert result.firings == tuple(interpreter.trace), text
+    assert snapshot(made.model) == snapshot(plain.model), text
+    assert made.rng.random() == interpreter.random.random(), text
+    assert (result.reason is None) is bool(result)
+    made.model.check_integrity()
+
+
+@settings(max_examples=50)
+@given(seeds, st.integers(1, 4))
+def test_a_random_unit_can_be_taken_back_and_replayed(seed: int, length: int) -> None:
+    text = Writer(Random(seed)).unit()
+    made = start(text, length, seed)
+    before, savepoint = snapshot(made.model), made.model.savepoint()
+    try:
+        with made.recording() as trace:
+            made.run("u", a=0)
+    except EvaluationError:
+        assert snapshot(made.model) == before
+        return
+    after = snapshot(made.model)
+    made.model.rollback(savepoint)
+    assert snapshot(made.model) == before
+    made.model.check_integrity()
+    other = start(text, length, seed)
+    other.replay(parse_trace(Source("u.trace", trace_to_text(made, trace)), other))
+    assert snapshot(other.model) == after
+
+
+@settings(max_examples=25)
+@given(seeds, st.integers(1, 4))
+def test_a_random_unit_that_is_atomic_is_all_or_nothing(seed: int, length: int) -> None:
+    text = Writer(Random(seed)).unit()
+    made = start(f"{text} unit whole(a : Item) {{ atomic {{ u(a); never; }} }}", length, seed)
+    before = snapshot(made.model)
+    with suppress(EvaluationError):
+        assert not made.run("whole", a=0)
+    assert snapshot(made.model) == before
