@@ -120,21 +120,22 @@ class Parts:
         own = Source(f"{part} of {self._name}", text)
         empty, _, _ = _read(frame.language, Source(own.name, frame.before + frame.after))
         lexemes = grammar(frame.language).core.scan(own).lexemes
-        stray = _stray(lexemes)
-        if stray is not None:
-            self._error(own.span(stray.start, stray.end), f"`{stray.value}` closes nothing in this text")
+        misplaced = _misplaced(part, own, lexemes, several=frame.language == "query")
+        if misplaced is not None:
+            self._problems.append(misplaced)
             return empty[0]
         last = lexemes[-2].value if len(lexemes) > 1 else ""
         end = "\n;" if frame.ends and last and last not in frame.ends else "\n"
         framed = Source(own.name, frame.before + text + end + frame.after)
         found, problems, header = _read(frame.language, framed)
         move = _Move(own, len(frame.before))
-        self._problems += [move(one) for one in problems]
+        self._problems += map(move, _of_the_part(problems, len(frame.before), len(text)))
         if any(one.severity is Severity.ERROR for one in problems) or not found:
             return empty[0]
         alone = len(found) == 1 and header == Header()
         if not alone or _filled(empty[0], found[0]) - {*frame.fills}:
-            self._error(own.span(0, len(text)), f"there is more here than what belongs into `{part}`")
+            message = f"there is more here than what belongs into `{part}`"
+            self._problems.append(Diagnostic("misplaced-part", message, own.span(0, len(text))))
         return move(found[-1])
 
     def finish(self) -> None:
@@ -145,8 +146,50 @@ class Parts:
         """
         _raise_errors(self._problems)
 
-    def _error(self, span: Span, message: str) -> None:
-        self._problems.append(Diagnostic("misplaced-part", message, span))
+
+_BLOCKS: Final = ("not", "require", "forall", "optional")
+_SIDES: Final = ("lhs", "rhs", "modify")
+
+
+def _misplaced(part: str, source: Source, lexemes: Sequence[Lexeme], *, several: bool) -> Diagnostic | None:
+    """What does not belong into a part, where the parser could only be puzzled by the frame."""
+
+    def problem(lexeme: Lexeme, message: str, hint: str | None) -> Diagnostic:
+        return Diagnostic("misplaced-part", message, source.span(lexeme.start, lexeme.end), hint)
+
+    stray = _stray(lexemes)
+    if stray is not None:
+        return problem(stray, f"`{stray.value}` closes nothing in this text", None)
+    words = [_word(lexeme) for lexeme in lexemes]
+    if part == "parameters" and words[0] == "(":
+        return problem(
+            lexemes[0], "`parameters` takes what stands between the brackets", "leave the brackets out"
+        )
+    if part in (*_SIDES, "body") and (words[0] == "{" or words[:2] == [part, "{"]):
+        hint = "leave them out; several bodies are a list of texts" if several else "leave them out"
+        return problem(lexemes[0], f"`{part}` takes what stands between its braces", hint)
+    if part == "blocks" and words[0] and words[0] not in _BLOCKS:
+        hint = "conditions belong into `lhs`, and what happens into `rhs` or `modify`"
+        message = "`blocks` takes `not`, `require`, `forall` and `optional` blocks"
+        return problem(lexemes[0], message, hint)
+    for number, word in enumerate(words if part in _SIDES else ()):
+        begins = number == 0 or words[number - 1] in (";", "}")
+        after = words[number + 1 : number + 3]
+        if begins and word in (*_BLOCKS, *_SIDES) and (after[:1] == ["{"] or after == ["+", "{"]):
+            hint = f"give it as `{'blocks' if word in _BLOCKS else word}`"
+            return problem(lexemes[number], f"`{word} {{ .. }}` does not stand in `{part}`", hint)
+    return None
+
+
+def _word(lexeme: Lexeme) -> str:
+    """A sign, or a word that may be a keyword; "" for anything else."""
+    return lexeme.value if lexeme.kind in ("NAME", "punctuation") and not lexeme.escaped else ""
+
+
+def _of_the_part(problems: Sequence[Diagnostic], start: int, length: int) -> Sequence[Diagnostic]:
+    """The problems inside a part; if they are all behind it, the first of them."""
+    inside = [one for one in problems if one.span is None or one.span.start < start + length]
+    return inside or problems[:1]
 
 
 def _stray(lexemes: Sequence[Lexeme]) -> Lexeme | None:

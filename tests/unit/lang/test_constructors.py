@@ -185,6 +185,16 @@ def test_what_names_mean_is_told_with_the_place_too() -> None:
             'import "x.query" @weight(2)',
             "there is more here than what belongs into `annotations`",
         ),
+        ("lhs", "x : Item; not { Item(y); }", "`not { .. }` does not stand in `lhs`"),
+        ("lhs", "x : Item; forall+ { lhs { } }", "`forall { .. }` does not stand in `lhs`"),
+        ("modify", "delete x; rhs { }", "`rhs { .. }` does not stand in `modify`"),
+        ("lhs", "lhs { x : Item; }", "`lhs` takes what stands between its braces"),
+        ("rhs", "{ x : Item; }", "`rhs` takes what stands between its braces"),
+        ("parameters", "(x : Item)", "`parameters` takes what stands between the brackets"),
+        ("blocks", "neg Item(x)", "`blocks` takes `not`, `require`, `forall` and `optional` blocks"),
+        ("blocks", "not x -next-> _", "missing `{`"),
+        ("lhs", "x -next->", "unexpected `;`"),
+        ("annotations", "weight(2)", "unexpected `weight`"),
         ("lhs", "x : Item; /* open", "the comment is not closed"),
         ("lhs", '"open', "the string is not closed on its line"),
         ("modify", "create y : Item { n = 1", "missing `}`"),
@@ -193,8 +203,13 @@ def test_what_names_mean_is_told_with_the_place_too() -> None:
 def test_a_part_cannot_be_more_than_a_part(part: str, text: str, message: str) -> None:
     with pytest.raises(LoadError) as caught:
         Rule("r", **{part: text})
-    assert caught.value.diagnostics[0].message == message
+    assert [one.message for one in caught.value.diagnostics] == [message]
     assert all(one.span and one.span.source.text == text for one in caught.value.diagnostics)
+
+
+def test_several_bodies_are_several_texts() -> None:
+    with pytest.raises(LoadError, match="hint: leave them out; several bodies are a list of texts"):
+        Pattern("p", "x : Item", "{ Item(x); } or { Item(x); }")
 
 
 def test_what_is_neither_text_nor_data_is_refused() -> None:
