@@ -189,6 +189,10 @@ def _comparison(reading: Reading, tree: Tree[Token]) -> Comparison | Check | Non
             reading.error("unexpected-token", "`=` does not compare", comparator, "write `==`")
             return Comparison("==", left, right, span)
     hint = f"write `check({reading.text(tree)})`"
+    counted = next((side for side in (left, right) if isinstance(side, Aggregate)), None)
+    if counted is not None and counted.span is not None:
+        shown = reading.text(tree).replace(counted.span.text, "n")
+        hint = f"write `n == {counted.span.text}; check({shown});`"
     reading.error("misplaced-expression", f"`{comparator}` stands in a `check`", comparator, hint)
     sides = [side for side in (left, right) if isinstance(side, Variable | Constant | EnumLiteral)]
     return Check(Binary(str(comparator), sides[0], sides[1], span), span) if len(sides) == 2 else None

@@ -340,7 +340,9 @@ class BlockBuilder:
             self.sight.warn("duplicate-action", f"{text} is deleted already", edge.span)
         else:
             word = "redirected" if key in self._redirected else "deleted"
-            message = f"{text} is {word} already, and cannot be {what} too"
+            message = f"{text} is {word} already, and cannot be {what} " + (
+                "again" if word == what else "too"
+            )
             self.sight.problems.append(Diagnostic("duplicate-action", message, edge.span, notes=notes))
 
     def _contradictions(self) -> None:

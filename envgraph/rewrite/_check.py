@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from itertools import combinations, zip_longest
@@ -13,6 +13,7 @@ from envgraph.pattern import (
     Create,
     Library,
     Modification,
+    Node,
     ObjectType,
     Parameter,
     Pattern,
@@ -74,15 +75,11 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     lowered = lowering.lower(_created(rule))
     patterns = tuple(lowering.patterns)
     problems += lowering.problems
+    problems += _left_problems(library, lowering, problems)
     known = None
-    if not lowering.problems and not has_errors(problems):
-        left = [p for p in left_problems(library, *patterns) if p.severity is Severity.ERROR]
-        problems += left
-        if not left:
-            known = copy(
-                library
-            )  # a library never changes what it has, so that a shallow copy is one of its own
-            known.add(*patterns)
+    if not has_errors(problems):
+        known = copy(library)  # a library never changes what it has: a shallow copy is one of its own
+        known.add(*patterns)
     sight = Sight(library.metamodel, problems)
     for parameter in rule.parameters:
         if parameter.type:
@@ -111,6 +108,28 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
         exact=_exact_class(lowered),
     )
     return CheckedRule(rule, patterns, plan, tuple(problems))
+
+
+def _left_problems(library: Library, lowering: LeftLowering, told: Sequence[Diagnostic]) -> list[Diagnostic]:
+    """The errors that the library finds in left sides, without what has been told of the same places and names."""
+    places = {problem.span for problem in told if problem.span}
+    declared: list[Parameter | Node] = [*lowering.rule.parameters, *_nodes(lowering.rule)]
+    unknown = {one.name for one in declared if one.type and not static_type(one.type, library.metamodel)}
+
+    def echoes(problem: Diagnostic) -> bool:
+        if problem.code == "untyped-source":
+            return any(f"`{name}`" in problem.message for name in unknown)
+        return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
+
+    found = left_problems(library, *lowering.patterns)
+    return [one for one in found if one.severity is Severity.ERROR and not echoes(one)]
+
+
+def _nodes(part: Rule | Block) -> Iterator[Node]:
+    """The nodes of the left sides of a rule and its blocks."""
+    yield from part.left.nodes
+    for block in part.blocks:
+        yield from _nodes(block)
 
 
 def _depth(rule: Rule) -> int:

@@ -79,6 +79,7 @@ class LeftLowering:
     Attributes:
         patterns: every pattern made, callees before callers.
         problems: what is wrong with arrows and blocks; the library checks the rest, on the patterns.
+        untyped: the names of which nothing says what they are, which is among the problems.
     """
 
     def __init__(self, rule: Rule, library: Library) -> None:
@@ -87,6 +88,7 @@ class LeftLowering:
         self.reader = TypeReader(library, rule.package)
         self.patterns: list[Pattern] = []
         self.problems: list[Diagnostic] = []
+        self.untyped: set[str] = set()
         self._numbers = count(1)
         self._groups = [frozenset(group) for group in rule.homomorphic]
 
@@ -174,6 +176,7 @@ class LeftLowering:
                 self._untyped(node.name, node.span)
 
     def _untyped(self, name: str, span: Span | None) -> None:
+        self.untyped.add(name)
         message = f"nothing says of what class `{name}` is"
         self.problems.append(Diagnostic("untyped-variable", message, span, f"write `{name} : Class`"))
 
@@ -189,16 +192,15 @@ class LeftLowering:
             feature = self.reader.feature(types.get(edge.source), edge.reference)
             if isinstance(feature, Attribute):
                 self._attribute_in_arrow(edge, feature)
-            else:
-                yield PathConstraint(
-                    "",
-                    (edge.reference,),
-                    Variable(edge.source, edge.source_span or edge.span),
-                    Variable(edge.target, edge.target_span or edge.span),
-                    Closure(edge.closure),
-                    edge.span,
-                    feature_spans=(edge.reference_span,) if edge.reference_span else (),
-                )
+            yield PathConstraint(
+                "",
+                (edge.reference,),
+                Variable(edge.source, edge.source_span or edge.span),
+                Variable(edge.target, edge.target_span or edge.span),
+                Closure(edge.closure),
+                edge.span,
+                feature_spans=(edge.reference_span,) if edge.reference_span else (),
+            )
 
     def _attribute_in_arrow(self, edge: Edge, feature: Attribute) -> None:
         self.problems.append(
@@ -253,7 +255,8 @@ class LeftLowering:
                     )
                 )
         conditions = tuple(inner for inner in block.blocks if inner.kind in _CONDITIONS)
-        lowered = self._helper(replace(block, blocks=conditions), outside, ())
+        misplaced = len(conditions) < len(block.blocks)
+        lowered = self._helper(replace(block, blocks=conditions), outside, (), quiet=misplaced)
         call = _call(lowered, span_of=block)
         return Negation(call, block.span) if block.kind == "not" else call
 
@@ -261,13 +264,15 @@ class LeftLowering:
         types = self.reader.left_side(block.left, outside)
         return self._helper(block, outside, [name for name in types if name not in outside])
 
-    def _helper(self, block: Block, outside: Types, exported: Sequence[str]) -> LoweredBlock:
+    def _helper(
+        self, block: Block, outside: Types, exported: Sequence[str], *, quiet: bool = False
+    ) -> LoweredBlock:
         """The pattern of a block, over the enclosing variables that it uses and the `exported` ones of its own."""
         types = self.reader.left_side(block.left, outside)
         enclosing = list(outside)
         number = next(self._numbers)
         constraints, nested = self._body(block.left, block.blocks, types, enclosing)
-        if not constraints:
+        if not constraints and not quiet:
             self.problems.append(
                 Diagnostic("empty-block", f"this `{block.kind}` block asks for nothing", block.span)
             )
