@@ -104,14 +104,20 @@ def new(
         Path | None,
         typer.Option("--directory", "-d", help="Where to put it.", show_default="a directory of that name"),
     ] = None,
+    domain: Annotated[
+        str | None,
+        typer.Option(help="Copy the files of this bundled domain instead.", show_default=False),
+    ] = None,
 ) -> None:
-    """Write a small domain to start from: a grid, a robot, rules, rewards, and a family of mazes."""
-    from envgraph.cli._new import write_domain
+    """Write a small domain to start from: a grid, a robot, rules, rewards, a family of mazes. Or copy a bundled one."""
+    from envgraph.cli._new import copy_domain, write_domain
 
-    files = write_domain(directory or Path(name), name)
+    place = directory or Path(name)
+    files = write_domain(place, name) if domain is None else copy_domain(place, name, domain)
     for path in files:
         typer.echo(f"wrote {path}")
-    typer.echo(f"next: envgraph generate {directory or name}")
+    has_family = any(path.name == "family.toml" for path in files)
+    typer.echo(f"next: envgraph generate {place}" if has_family else f"next: envgraph check {files[0]}")
 
 
 @app.command()

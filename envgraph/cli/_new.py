@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from envgraph.errors import InvalidArgument
+from envgraph.lang import bundled_domain
 
 _KINDS = ("metamodel", "model", "query", "rules", "environment")
 
@@ -21,10 +23,7 @@ def write_domain(directory: Path, name: str) -> list[Path]:
     Raises:
         InvalidArgument: the name is no identifier, or one of the files exists.
     """
-    if not re.fullmatch("[a-z][a-z0-9_]*", name):
-        raise InvalidArgument(
-            f"`{name}` cannot name a domain: use small letters, digits and `_`, a letter first"
-        )
+    _check_name(name)
     templates = Environment(
         loader=PackageLoader("envgraph.cli", "templates/new"),
         undefined=StrictUndefined,
@@ -33,11 +32,36 @@ def write_domain(directory: Path, name: str) -> list[Path]:
     )
     files = {directory / f"{name}.{kind}": f"{kind}.j2" for kind in _KINDS}
     files[directory / "family.toml"] = "family.toml.j2"
-    for path in files:
+    words = {"name": name, "environment": "".join(word.capitalize() for word in name.split("_"))}
+    return _write({path: templates.get_template(template).render(words) for path, template in files.items()})
+
+
+def copy_domain(directory: Path, name: str, domain: str) -> list[Path]:
+    """Write the files of a bundled domain, under their own names; nothing is overwritten.
+
+    Returns:
+        The files, sorted by name.
+
+    Raises:
+        InvalidArgument: the name is no identifier, there is no such domain, or one of the files exists.
+    """
+    _check_name(name)
+    files = sorted(path for path in bundled_domain(domain).iterdir() if path.is_file())
+    return _write({directory / path.name: path.read_text(encoding="utf-8") for path in files})
+
+
+def _check_name(name: str) -> None:
+    if not re.fullmatch("[a-z][a-z0-9_]*", name):
+        raise InvalidArgument(
+            f"`{name}` cannot name a domain: use small letters, digits and `_`, a letter first"
+        )
+
+
+def _write(texts: Mapping[Path, str]) -> list[Path]:
+    for path in texts:
         if path.exists():
             raise InvalidArgument(f"{path} exists already; nothing was written")
-    directory.mkdir(parents=True, exist_ok=True)
-    words = {"name": name, "environment": "".join(word.capitalize() for word in name.split("_"))}
-    for path, template in files.items():
-        path.write_text(templates.get_template(template).render(words), encoding="utf-8")
-    return list(files)
+    for path, text in texts.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return list(texts)

@@ -17,7 +17,8 @@ from envgraph.env._tabular import Tabular
 from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 
-DEFAULT_LIMIT = 1_000_000
+DEFAULT_LIMIT = 250_000
+"""About half a minute, and half a gigabyte: nobody should wait longer to be told that there are too many."""
 
 
 def enumerate_states(

@@ -98,6 +98,22 @@ def test_a_new_domain_checks_generates_trains_and_reports(envgraph: Envgraph, tm
     assert "<svg" in (tmp_path / "runs" / "m" / "report.html").read_text()
 
 
+@pytest.mark.parametrize("domain", ["burning_forest", "keydoor", "network", "social_media", "warehouse"])
+def test_a_bundled_domain_can_be_copied_to_start_from(envgraph: Envgraph, domain: str) -> None:
+    done = ok(envgraph("new", "mine", "--domain", domain))
+    assert "wrote mine/" in done.out and "next: envgraph " in done.out
+    names = sorted(path.name for path in Path("mine").iterdir())
+    assert names == sorted(path.name for path in bundled_domain(domain).iterdir())
+    ok(envgraph("check", *(f"mine/{name}" for name in names)))
+    again = envgraph("new", "mine", "--domain", domain)
+    assert again.code == 1 and "exists already" in again.err
+
+
+def test_a_domain_that_is_not_bundled_is_not_copied(envgraph: Envgraph) -> None:
+    done = envgraph("new", "mine", "--domain", "keydor")
+    assert done.code == 1 and "did you mean `keydoor`?" in done.err
+
+
 def test_new_overwrites_nothing_and_wants_a_plain_name(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     again = envgraph("new", "maze")
