@@ -247,7 +247,7 @@ class Conflicts:
                 self._end_targets(slots[node], reference, None, want)
                 for target in (slots[value] for value in values if slots[value] is not None):
                     if operator == "+=":
-                        self._link(reference, slots[node], target, want, False)
+                        self._link(reference, slots[node], target, want, True)
                     else:
                         self._withdrawn.setdefault(self.canonical(reference, slots[node], target), want)
             case _:

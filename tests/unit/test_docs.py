@@ -184,7 +184,7 @@ def test_rules_and_units_of_the_reference_apply_wherever_they_match() -> None:
     engine = envgraph.open("garden.model", "garden.rules", "garden.behaviour.rules")
     start = engine.commit()
     for rule in engine.rules:
-        for match in engine.matches(rule):
+        for match in engine.matches(rule, **dict.fromkeys(engine.prepare(rule).inputs, 1.5)):
             assert engine.apply(rule, match) is not None
             engine.model.check_integrity()
             engine.checkout(start, discard=True)

@@ -212,3 +212,21 @@ def test_objects_are_merged_into_one_by_several_matches() -> None:
     made.apply("r", a=0)
     assert [node.id for node in made.model.nodes()] == [0]
     assert list(made.model.node(0).links) == [made.model.node(0)]
+
+
+def test_an_added_target_takes_what_a_created_link_wants() -> None:
+    made = engine(
+        """
+        @match(homomorphic) rule r(a : Item, b : Item) {
+            lhs { }
+            forall { lhs { check b.n == 1; } modify { create b -kids-> c : Item; create c -kids-> a; } }
+            modify { set b.kids += [a]; }
+        }
+        """,
+        model=chain(2),
+    )
+    with pytest.raises(RuleError) as caught:
+        made.apply("r", a=0, b=1)
+    assert caught.value.reason == "ambiguous" and "`Item#0` gets two values of `Item.parent`" in str(
+        caught.value
+    )
