@@ -6,6 +6,7 @@ namespace. Slot number 3 is the local variable `e3`, or `e[3]` where blocks shar
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from sys import maxsize
@@ -161,7 +162,17 @@ class Writer:
             for m in plan.moves
         ]
         fresh = {new.node for new in plan.creates}
-        links = [self._link(link, link.source in fresh or link.target in fresh) for link in plan.links]
+        housed = Counter(content_of(op.reference, op.source, op.target, self.model) for op in plan.links)
+        housed.update(op.node for op in plan.moves)
+        links = [
+            self._link(
+                op,
+                fresh=op.source in fresh or op.target in fresh,
+                homeless=(content := content_of(op.reference, op.source, op.target, self.model)) in fresh
+                and housed[content] == 1,
+            )
+            for op in plan.links
+        ]
         return [*map(self._absorb, plan.absorbs), *moves, *links]
 
     def assign(self, plan: BlockPlan) -> list[str]:
@@ -181,12 +192,12 @@ class Writer:
         forward, disconnect = self.constant(relation.forward), self.constant(relation.disconnect)
         return f"if {target} in {forward}[{source}]: {disconnect}({source}, {target})"
 
-    def _make(self, source: str, reference: Reference, target: str) -> str:
-        """Add a link that is not there."""
+    def _make(self, source: str, reference: Reference, target: str, homeless: bool) -> str:
+        """Add a link that is not there; `homeless` if what it contains, if anything, is surely in no container."""
         relation = self.model.store.relations[reference.index]
         ends = f"({source}, {self.constant(reference)}, {target})"
         if relation.containment or relation.contained:
-            return f"_house{ends}"
+            return f"link{ends}" if homeless else f"_house{ends}"
         if not self.sure:
             return f"link{ends}"
         forward, backward = self.constant(relation.forward), self.constant(relation.backward)
@@ -211,11 +222,11 @@ class Writer:
     def _absorb(self, op: Absorb) -> str:
         return f"_absorb({self.slot(op.kept)}, {self.slot(op.absorbed)}, {self.slot(op.links)})"
 
-    def _link(self, op: Link, fresh: bool) -> str:
-        """Adds a link unless it is there; `fresh` if that cannot be."""
+    def _link(self, op: Link, *, fresh: bool, homeless: bool) -> str:
+        """Adds a link unless it is there; `fresh` if that cannot be, `homeless` as for `_make`."""
         source, target = self.slot(op.source), self.slot(op.target)
         forward = self.constant(self.model.store.relations[op.reference.index].forward)
-        made = f"if {target} not in {forward}[{source}]: {self._make(source, op.reference, target)}"
+        made = f"if {target} not in {forward}[{source}]: {self._make(source, op.reference, target, homeless)}"
         if self.again is not None and not fresh:
             made += f"\n else: _again({self.constant(op)}, {source}, {target})"
         return f"if {target} is not None:\n {made}"
@@ -396,6 +407,14 @@ def leave(model: Model, node: int, container: int | None, reference: Reference) 
     old = model.container(node) if model.alive(node) else None
     if old is not None and old != (container, reference):
         model.unlink(old[0], old[1], node)
+
+
+def content_of(reference: Reference, source: int, target: int, model: Model) -> int | None:
+    """Which end of a link is contained in the other; None if neither is."""
+    opposite = model.metamodel.opposite(reference)
+    if opposite is not None and opposite.containment:
+        return source
+    return target if reference.containment else None
 
 
 def house(model: Model, source: int, reference: Reference, target: int) -> None:
