@@ -38,6 +38,12 @@ class CallGraph:
         """Whether the pattern calls itself, directly or through others."""
         return bool(self.component(pattern))
 
+    def linear(self, pattern: str) -> bool:
+        """Whether no body of the patterns that call each other with this one has two such calls."""
+        component = self.component(pattern)
+        bodies = (body for name in component for body in self._library.lowered(name).bodies)
+        return all(sum(name in component for a in body.atoms for name in _names(a)) < 2 for body in bodies)
+
     def paths(self, pattern: str) -> int:
         """In how many ways one comes down from a pattern by calls; those of recursive patterns are not followed."""
         if pattern not in self._paths:

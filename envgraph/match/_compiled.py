@@ -21,6 +21,7 @@ from envgraph.match._options import Unplannable
 from envgraph.match._plan import BodyPlan, ViewKey
 from envgraph.match._planner import Planner
 from envgraph.match._recursion import Recursion
+from envgraph.match._suspend import evaluation_source
 from envgraph.match._symbols import (
     Backward,
     Builtin,
@@ -85,7 +86,7 @@ class CompiledMatcher:
         self.library = library
         self.calls = CallGraph(library)
         self._planner = Planner(library, self.calls)
-        self._recursion = Recursion(model, self.calls, self._evaluation)
+        self._recursion = Recursion(model, library, self.calls, self._evaluation)
         self._functions: dict[Place, Function] = {}
         self._closures: dict[tuple[str, bool], ClosureView] = {}
         self._answers: dict[tuple[str, tuple[int, ...], Mode], Function] = {}
@@ -172,6 +173,7 @@ class CompiledMatcher:
         self._functions.clear()
         self._answers.clear()
         self._closures.clear()
+        self._recursion = Recursion(self.model, self.library, self.calls, self._evaluation)
 
     def source(self, pattern: str, bound: tuple[int, ...] = ()) -> str:
         """The generated source of `rows` for values at the bound positions.
@@ -240,7 +242,7 @@ class CompiledMatcher:
                 pending.pop()
                 continue
             if place not in sources:
-                sources[place] = view_source(self._planner, place[0], place[1])
+                sources[place] = self._source(*place)
             called = [(s.key, s.mode, _NOWHERE) for _, s in sources[place].symbols if isinstance(s, View)]
             missing = [other for other in called if other not in self._functions]
             pending.extend(missing)
@@ -248,8 +250,11 @@ class CompiledMatcher:
                 self._functions[place] = self._build(sources[place], place[2])
         return self._functions[key, mode, inside]
 
+    def _source(self, key: ViewKey, mode: Mode, inside: frozenset[str]) -> Source:
+        return evaluation_source(self._planner, key) if inside else view_source(self._planner, key, mode)
+
     def _evaluation(self, pattern: str, bound: tuple[int, ...]) -> Function:
-        """Evaluates a call of a recursive pattern once, with the rows that its component has so far."""
+        """Evaluates a call of a recursive pattern, as far as it gets without rows of its component."""
         return self._function(self._key(pattern, bound, Mode.ROWS), Mode.ROWS, self.calls.component(pattern))
 
     def build(self, source: Source, held: Callable[[Held], object]) -> Function:
@@ -285,9 +290,8 @@ class CompiledMatcher:
                 many = self.calls.paths(key.pattern) > MOST_PATHS
                 return self._remembering(function) if many else function
             case Recursive(pattern, bound):
-                recursion = self._recursion
                 within = self.calls.component(pattern) == inside
-                return recursion.reader(pattern, bound) if within else self._solver(pattern, bound)
+                return self._recursion.calls(pattern, bound) if within else self._solver(pattern, bound)
             case Closed(step, reflexive, question):
                 return self._closure(step, reflexive, question)
             case Held():

@@ -52,6 +52,8 @@ OPAQUE_ROWS: Final = 10.0
 """Matches of a recursive pattern, for each free parameter that matters."""
 OPAQUE_COST: Final = 500.0
 """Work of finding them."""
+OPAQUE_WHOLE: Final = 100.0
+"""How many times that is for all matches, without a value for any parameter."""
 DEEPEST: Final = 12
 """Chains of calls longer than this are not followed for an estimate."""
 
@@ -264,7 +266,8 @@ class Options:
         if unbound:
             raise Unplannable(frozenset(unbound))
         if self._opaque(goal.pattern):
-            return OPAQUE_ROWS ** len(needed), OPAQUE_COST
+            times = 1.0 if not bound.isdisjoint(goal.arguments) else OPAQUE_WHOLE
+            return times * OPAQUE_ROWS ** len(needed), times * OPAQUE_COST
         view = self._views.view(call_key(goal, bound, needed))
         return view.rows, view.cost + CALL
 

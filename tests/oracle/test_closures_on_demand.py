@@ -105,10 +105,10 @@ PATTERNS = (
 )
 
 
-def places(dice: Random) -> Model:
+def places(dice: Random, most: int = 7) -> Model:
     """A few places, thinly linked or crowded."""
     model = Model(PLACES)
-    nodes = [model.new(dice.choice(["Place", "Place", "Red", "Inn"])) for _ in range(dice.randint(1, 7))]
+    nodes = [model.new(dice.choice(["Place", "Place", "Red", "Inn"])) for _ in range(dice.randint(1, most))]
     n = PLACES.attributes[0]
     for node in nodes:
         if dice.random() < 0.8:

@@ -8,11 +8,11 @@ import pytest
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, _recursion
 from envgraph.match.views import _recursive
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
-from envgraph.pattern import Binary, Comparison, Constant, Evaluation, Library
-from tests.unit.match.writing import find, path, pattern, v
+from envgraph.pattern import Binary, Comparison, Constant, Constraint, Evaluation, Library
+from tests.unit.match.writing import find, is_a, neg, path, pattern, v
 
 METAMODEL = Metamodel(
     "hosts", (Class("Host", features=(Reference("next", "Host", 0, None), Attribute("load", Scalar.INT))),)
@@ -64,6 +64,78 @@ def test_the_rows_follow_the_model() -> None:
     ):
         change()
         assert compiled.rows("reach", (FREE, FREE)) == naive.rows("reach", (FREE, FREE))
+
+
+LINEAR = {
+    "left": [find("asked", "a", "c"), path("Host.next", "c", "b")],
+    "right": [path("Host.next", "a", "c"), find("asked", "c", "b")],
+    "both": [find("asked", "a", "c"), find("asked", "c", "b")],
+}
+
+
+@pytest.mark.parametrize("body", LINEAR.values(), ids=LINEAR)
+@pytest.mark.parametrize("bound", [(0,), (1,), (0, 1)])
+def test_from_given_values_only_what_they_lead_to_is_derived(
+    body: list[Constraint], bound: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    length = 400
+    monkeypatch.setattr(_recursion, "MOST_ROWS", 4 * length)
+    patterns = Library(METAMODEL)
+    patterns.add(pattern("asked(a : Host, b : Host)", [path("Host.next", "a", "b")], body))
+    matcher = CompiledMatcher(chain(length), patterns)
+    ends = (0, length - 1)
+    arguments = tuple(ends[position] if position in bound else FREE for position in (0, 1))
+    assert matcher.count("asked", arguments) == (1 if len(bound) == 2 else length - 1)
+
+
+@pytest.mark.parametrize("body", LINEAR.values(), ids=LINEAR)
+def test_rows_with_a_value_that_is_asked_about_often_are_derived_once(body: list[Constraint]) -> None:
+    length = 500
+    patterns = Library(METAMODEL)
+    apart = [path("Host.load", "b", 1), is_a("Host", "a"), neg(find("asked", "a", "b"))]
+    patterns.add(
+        pattern("asked(a : Host, b : Host)", [path("Host.next", "a", "b")], body),
+        pattern("apart(a : Host)", apart),
+    )
+    model = chain(length)
+    model.set_value(length - 1, METAMODEL.attributes[0], 1)
+    matcher = CompiledMatcher(model, patterns)
+    assert matcher.rows("apart", (FREE,)) == [(length - 1,)]
+    assert matcher._recursion._kept < 12 * length
+
+
+def test_a_call_whose_rows_another_one_takes_over_reads_no_more_than_its_own() -> None:
+    metamodel = Metamodel(
+        "places",
+        (
+            Class(
+                "Place",
+                features=tuple(Reference(name, "Place", 0, None) for name in ("to", "near", "up")),
+            ),
+        ),
+    )
+    patterns = Library(metamodel)
+    patterns.add(
+        pattern(
+            "p(a : Place, b : Place)",
+            [path("Place.to", "a", "b")],
+            [find("p", "a", "c"), path("Place.near", "c", "b")],
+            [path("Place.up", "a", "c"), find("q", "c", "b")],
+        ),
+        pattern(
+            "q(a : Place, b : Place)",
+            [path("Place.up", "a", "b")],
+            [path("Place.near", "a", "c"), find("p", "c", "b")],
+        ),
+    )
+    model = Model(metamodel)
+    first, second, third, last = (model.new("Place") for _ in range(4))
+    _, near, up = metamodel.references
+    model.link(first, near, second)
+    model.link(first, up, third)
+    model.link(third, near, last)
+    compiled, naive = (kind(model, patterns) for kind in (CompiledMatcher, NaiveMatcher))
+    assert compiled.rows("q", (first, FREE)) == naive.rows("q", (first, FREE)) == [(first, third)]
 
 
 def test_numbers_without_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
