@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import tomllib
 import zipfile
 from importlib.metadata import PackageNotFoundError, distribution
@@ -74,6 +75,18 @@ def test_wheel_ships_package_grammars_and_rules(wheel: Path) -> None:
     assert not {name for name in names if not name.startswith(("envgraph/", "envgraph-"))}
 
 
+def test_source_distribution_ships_what_a_wheel_is_built_from(tmp_path: Path) -> None:
+    run(sys.executable, "-m", "build", "--sdist", "--no-isolation", "--outdir", tmp_path, cwd=ROOT)
+    (built,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(built) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    expected = {"pyproject.toml", "LICENSE", "README.md"}
+    for top in ("envgraph", "grammars", "rules"):
+        files = [path for path in (ROOT / top).rglob("*") if path.is_file() and path.suffix != ".pyc"]
+        expected |= {path.relative_to(ROOT).as_posix() for path in files}
+    assert expected <= names
+
+
 def test_fresh_environment_imports_the_wheel(scripts: Path, tmp_path: Path) -> None:
     package = installed_package(scripts, tmp_path)
     assert package.is_relative_to(scripts.parent)
@@ -87,9 +100,14 @@ def test_wheel_checks_and_generates_from_an_empty_directory(scripts: Path, tmp_p
     run(scripts / "envgraph", "check", domain, cwd=tmp_path)
     run(scripts / "envgraph", "check", *sorted(domain.glob("*.query")), cwd=tmp_path)
 
-    family = ("generate", "burning_forest", "--generations", "5", "--population", "3", "--seed", "1")
-    run(scripts / "envgraph", *family, "--name", "small", cwd=tmp_path)
-    assert (tmp_path / "runs" / "small" / "run.sqlite").is_file()
+    run(scripts / "envgraph", "check", "keydoor", "network", "warehouse", cwd=tmp_path)
+
+    for name in ("burning_forest", "keydoor", "network"):
+        family = ("generate", name, "--generations", "5", "--population", "3", "--seed", "1")
+        run(scripts / "envgraph", *family, "--name", name, cwd=tmp_path)
+        assert (tmp_path / "runs" / name / "run.sqlite").is_file()
+    make = "import gymnasium, envgraph.env; print(gymnasium.make('envgraph/Warehouse-v0').reset(seed=0)[1])"
+    assert "'agent': 'left'" in run(scripts / "python", "-c", make, cwd=tmp_path)
 
 
 def test_constraints_are_names_and_versions_only() -> None:
