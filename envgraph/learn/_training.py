@@ -25,6 +25,9 @@ Backend = Literal["auto", "python", "numba"]
 # Importing numba and compiling the loop takes as long as this many steps on lists.
 COMPILING_PAYS = 8_000_000
 
+MOST_Q_VALUES = 10**8
+"""Eight hundred megabytes."""
+
 
 @dataclass(frozen=True, slots=True)
 class Curve:
@@ -115,6 +118,11 @@ def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
     if not tabulars:
         raise InvalidArgument("a curriculum needs an environment")
     first = tabulars[0]
+    if first.n_observations * first.n_actions > MOST_Q_VALUES:
+        raise InvalidArgument(
+            f"a table of values for {first.n_observations} observations and {first.n_actions} actions is too large, "
+            f"at most {MOST_Q_VALUES} are possible: observe less, or in smaller ranges"
+        )
     for tabular in tabulars:
         tabular.check()
         if (tabular.n_observations, tabular.action_names) != (first.n_observations, first.action_names):

@@ -176,6 +176,10 @@ def test_states_that_look_alike_share_their_values(backend: Backend) -> None:
             "same observations",
         ),
         ({"tabulars": [replace(table([[[(1.0, 0, 0.0, 0)]]]), action_names=())]}, "action_names"),
+        (
+            {"tabulars": [replace(table([[[(1.0, 0, 0.0, 0)]]]), n_observations=10**12)]},
+            "1000000000000 observations and 1 actions is too large",
+        ),
     ],
 )
 def test_arguments_that_do_not_fit_are_refused(arguments: dict[str, object], message: str) -> None:
