@@ -14,12 +14,12 @@ from envgraph.lang._xml import xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
 LARGEST_MODEL = 256 * 1024 * 1024
-"""Of files that programs write: models as XMI or JSON."""
+"""Of files that programs write: models as XMI or JSON, traces."""
 LARGEST_QUERIES = 4 * 1024 * 1024
 """Of files with definitions that are checked together, which takes about 10 seconds for each MB."""
 
 _XML = ("ecore", "xmi")
-_MODELS = ("xmi", "json")
+_MODELS = ("xmi", "json", "trace")
 _LARGEST = dict.fromkeys(_MODELS, LARGEST_MODEL) | dict.fromkeys(
     ("query", "vql", "rules", "environment"), LARGEST_QUERIES
 )
@@ -146,8 +146,8 @@ def read_source(files: Files, name: str) -> Source:
     """The text of a file.
 
     Raises:
-        LoadError: the file is missing, a directory, unreadable, larger than 16 MB (a model as XMI or JSON: 256 MB;
-            queries, rules and environments: 4 MB), or not UTF-8 (XML: not what it declares). The diagnostic is at the
+        LoadError: the file is missing, a directory, unreadable, larger than 16 MB (a model as XMI or JSON, a
+            trace: 256 MB; queries, rules and environments: 4 MB), or not UTF-8 (XML: not what it declares). The diagnostic is at the
             start of the file.
     """
     extension = name.rpartition(".")[2]

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from envgraph.errors import RuleError, Span
+from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model
 from envgraph.match import Matcher
 from envgraph.metamodel import Attribute, Value
@@ -469,7 +469,8 @@ class UnitSource:
         if isinstance(expression, Constant):
             return self._constant(expression.value)
         used = {variable.name: scope.names[variable.name] for variable in variables_in(expression)}
-        function.add(f"{local} = argument({self._constant(expression)}, {self._values(used)}, read)")
+        place = self._constant(at(expression.span or call.span))
+        function.add(f"{local} = argument({self._constant(expression)}, {self._values(used)}, read, {place})")
         with function.block(f"if {local} is None:"):
             self._fails(f"an argument of `{call.name}` has no value", expression.span or call.span)
         return local
@@ -607,16 +608,19 @@ def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) ->
 
 
 def argument_value(
-    expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None]
+    expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None], place: str
 ) -> Value | None:
-    """The value of an argument, or None if a path in it has none.
+    """The value of an argument that is written at a place, or None if a path in it has none.
 
     Raises:
         EvaluationError: division by zero, overflow, a function outside its domain.
     """
     if any(evaluate(path, values, read) is None for path in navigations(expression)):
         return None
-    return evaluate(expression, values, read)
+    try:
+        return evaluate(expression, values, read)
+    except EvaluationError as error:
+        raise EvaluationError(f"{error}{place}") from None
 
 
 def read_feature(model: Model, node: int, feature: str) -> Value | None:

@@ -19,21 +19,26 @@ BASE = (*patterns(QUERIES), *definitions(RULES))
 seeds = st.integers(0, 2**32 - 1)
 
 
-def start(text: str, length: int, seed: int) -> Engine:
+WATCHED = ("up", "heavy", "urgent", "link", "adopt", "drop", "next")
+
+
+def start(text: str, length: int, seed: int, watched: bool = False) -> Engine:
     model = chain(length)
     model.node(length - 1).links.append(model.node(0))
     made = Engine(model, seed=seed)
     made.add(*BASE, *definitions(text))
+    if watched:
+        made.watch(*WATCHED)
     made.step_limit = 3_000
     made.rng = Random(seed)  # type: ignore[assignment]
     return made
 
 
 @settings(max_examples=80)
-@given(seeds, st.integers(1, 4))
-def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int) -> None:
+@given(seeds, st.integers(1, 4), st.booleans())
+def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int, watched: bool) -> None:
     text = Writer(Random(seed)).unit()
-    made, plain = start(text, length, seed), start(text, length, seed)
+    made, plain = start(text, length, seed, watched), start(text, length, seed, watched)
     interpreter = Interpreter(plain, seed)
     try:
         result = made.run("u", a=0)
@@ -46,7 +51,7 @@ def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int) ->
     assert snapshot(made.model) == snapshot(plain.model), text
     assert made.rng.random() == interpreter.random.random(), text
     assert (result.reason is None) is bool(result)
-    made.model.check_integrity()
+    made.check_integrity()
 
 
 @settings(max_examples=50)
