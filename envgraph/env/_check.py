@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import prod
 
 from envgraph.env._behaviour import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
@@ -28,7 +29,15 @@ def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
     """
     checker = _Checker(engine, [])
     checker.check(behaviour)
-    return sort_diagnostics(checker.problems)
+    return sort_diagnostics([_hinted(problem, behaviour) for problem in checker.problems])
+
+
+def _hinted(problem: Diagnostic, behaviour: Behaviour) -> Diagnostic:
+    """Say of an agent's own name where it is known."""
+    for agent in behaviour.agents:
+        if problem.code == "unknown-variable" and problem.message == f"unknown variable `{agent.variable}`":
+            return replace(problem, hint=f"`{agent.variable}` is known in its `agent` block alone")
+    return problem
 
 
 class _Checker(CallChecking, ViewChecking):
