@@ -146,9 +146,9 @@ def read_source(files: Files, name: str) -> Source:
     """The text of a file.
 
     Raises:
-        LoadError: the file is missing, a directory, unreadable, larger than 16 MB (a model as XMI or JSON, a
-            trace: 256 MB; queries, rules and environments: 4 MB), or not UTF-8 (XML: not what it declares). The diagnostic is at the
-            start of the file.
+        LoadError: the file is missing, a directory, unreadable, larger than 16 MB (a model as XMI or JSON, a trace:
+            256 MB; queries, rules and environments: 4 MB), or not UTF-8 (XML: not what it declares). The diagnostic is
+            at the start of the file.
     """
     extension = name.rpartition(".")[2]
     most = _LARGEST.get(extension, LARGEST_FILE)

@@ -8,6 +8,7 @@ import pytest
 
 from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Model
+from envgraph.lang import from_text, to_text
 from envgraph.pattern import Binary, Call, Choice, Constant, Navigation, Unary, Unit, Variable
 from envgraph.rewrite import Engine, Match
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, snapshot
@@ -166,3 +167,15 @@ def test_units_made_in_python_choose_like_those_of_a_file() -> None:
     for code, call in wrong.items():
         assert [problem.code for problem in one.check(Unit("u", (), call))] == [code]
     assert Model(METAMODEL).metamodel is one.model.metamodel
+
+
+def test_choices_among_matches_are_printed_as_they_are_read() -> None:
+    text = """\
+unit u(a : Item) {
+    first up;
+    all up where find big(a), neg find linked(a, _) by -a.n * 2;
+    top 2 up(a) where check(a.n > 1) by a.n + 1 | ^first | ^top;
+    first first;
+}
+"""
+    assert to_text(*from_text(text)) == text
