@@ -80,7 +80,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     if not has_errors(problems):
         known = copy(library)  # a library never changes what it has: a shallow copy is one of its own
         known.add(*patterns)
-    sight = Sight(library.metamodel, problems)
+    sight = Sight(library.metamodel, problems, elsewhere=_block_names(rule.blocks))
     for parameter in rule.parameters:
         if parameter.type:
             sight.declared[parameter.name] = {parameter.type}
@@ -151,18 +151,23 @@ def _types_of(block: LoweredBlock, known: Library | None) -> Mapping[str, Static
 
 def _created(rule: Rule) -> set[str]:
     """Parameters that the right side creates: they are `out`, and no part of the match."""
-    match rule.right:
-        case Modification(actions):
-            nodes = [node for action in actions if isinstance(action, Create) for node in action.nodes]
-        case RightSide():
-            nodes = list(rule.right.nodes)
-        case None:
-            nodes = []
     outputs = {p.name for p in rule.parameters if p.direction == "out"}
     left = {node.name for node in rule.left.nodes} | {
         e for edge in rule.left.edges for e in (edge.source, edge.target)
     }
-    return {node.name for node in nodes if node.type and node.name in outputs and node.name not in left}
+    return {name for name in _created_nodes(rule.right) if name in outputs and name not in left}
+
+
+def _created_nodes(right: RightSide | Modification | None) -> list[str]:
+    """The names that a right side gives a class: new objects, and in `rhs` also those that it retypes."""
+    match right:
+        case Modification(actions):
+            nodes = [node for action in actions if isinstance(action, Create) for node in action.nodes]
+        case RightSide():
+            nodes = list(right.nodes)
+        case None:
+            nodes = []
+    return [node.name for node in nodes if node.type]
 
 
 def _exact_class(lowered: LoweredBlock) -> str | None:
@@ -283,6 +288,16 @@ def _check_homomorphic(rule: Rule, sight: Sight, problems: list[Diagnostic]) -> 
                 message = f"`{name}` is a data value; values are never compared"
                 problems.append(Diagnostic("not-an-object", message, span))
         problems.extend(_never_one(group, spans, sight))
+
+
+def _block_names(blocks: Iterable[Block]) -> dict[str, str]:
+    """The variables of blocks and the objects that they create, with the kind of the block."""
+    found: dict[str, str] = {}
+    for block in blocks:
+        names = [*own_variables(block.left, ()), *_created_nodes(block.right)]
+        for name, kind in (*dict.fromkeys(names, block.kind).items(), *_block_names(block.blocks).items()):
+            found.setdefault(name, kind)
+    return found
 
 
 def _block_variables(blocks: Iterable[Block]) -> dict[str, None]:

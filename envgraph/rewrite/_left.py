@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 
-from envgraph.errors import Diagnostic, Span
+from envgraph.errors import Diagnostic, Span, with_article
 from envgraph.metamodel import Attribute
 from envgraph.pattern import (
     Binary,
@@ -36,6 +36,7 @@ from envgraph.pattern import (
     StaticType,
     TypeConstraint,
     Variable,
+    static_type,
     terms_in,
     type_text,
 )
@@ -172,8 +173,15 @@ class LeftLowering:
         explained |= all_names(LeftSide(constraints=left.constraints))
         explained |= {parameter.name for parameter in self.rule.parameters}
         for node in left.nodes:
-            if node.type is None and node.name not in explained and node.name not in enclosing:
+            if node.name in explained or node.name in enclosing:
+                continue
+            if node.type is None:
                 self._untyped(node.name, node.span)
+            elif not isinstance(static_type(node.type, self.metamodel) or ObjectType(""), ObjectType):
+                hint = f"bind it, as in `Class.feature(object, {node.name});`, or make it a parameter"
+                message = f"nothing gives `{node.name}`, {with_article(node.type)}, a value"
+                self.problems.append(Diagnostic("unbound-value", message, node.span, hint))
+                self.untyped.add(node.name)
 
     def _untyped(self, name: str, span: Span | None) -> None:
         self.untyped.add(name)

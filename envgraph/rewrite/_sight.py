@@ -40,6 +40,7 @@ class Sight:
         called: the variables of each pattern call.
         unlinked: the arrows whose links go.
         equated: pairs of variables that a left side says are the same.
+        elsewhere: names that blocks of the rule have for themselves, with the word that the block begins with.
     """
 
     metamodel: Metamodel
@@ -56,6 +57,7 @@ class Sight:
     called: list[set[str]] = field(default_factory=list)
     unlinked: dict[LinkKey, ResolvedEdge] = field(default_factory=dict)
     equated: set[frozenset[str]] = field(default_factory=set)
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
     _reported: set[str] = field(default_factory=set)
 
     def inner(self, names: Mapping[str, StaticType | None]) -> Sight:
@@ -75,6 +77,7 @@ class Sight:
             list(self.called),
             dict(self.unlinked),
             set(self.equated),
+            self.elsewhere,
         )
 
     # --- problems
@@ -109,6 +112,14 @@ class Sight:
         if name not in self._reported:
             self._reported.add(name)
             hint = did_you_mean(name, [*self.types, *self.created])
+            if name in self.elsewhere:
+                kind = self.elsewhere[name]
+                advice = (
+                    "ask for it in the left side"
+                    if kind in ("not", "require")
+                    else "say in there what happens"
+                )
+                hint = f"{with_article(kind)} block has `{name}` for itself: {advice}"
             if name.startswith("_"):
                 hint = "a name that starts with `_` stands for anything, once; give the variable another name"
             self.error(
