@@ -41,10 +41,11 @@ def check_conformance(model: Model) -> list[Violation]:
     """
     violations: list[Violation] = []
     for cls in model.metamodel.class_list:
-        features = [feature for feature in model.metamodel.features(cls.name).values() if _demands(feature)]
-        if not features:
+        nodes = model.exact_extent(cls.name)
+        if not nodes:
             continue
-        for node in model.exact_extent(cls.name):
+        features = [feature for feature in model.metamodel.features(cls.name).values() if _demands(feature)]
+        for node in nodes:
             for feature in features:
                 violations.extend(_violations(model, node, feature))
     return violations

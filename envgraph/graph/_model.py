@@ -264,9 +264,10 @@ class Model:
 
         Not to be kept, nor written to the model while iterating.
         """
-        extents = self._layout.extents.get(cls)
-        if extents is None:
+        index = self._layout.numbers.get(cls)
+        if index is None:
             raise refusals.unknown_class(self.metamodel, cls)
+        extents = self._layout.extents[index]
         if len(extents) == 1:
             return extents[0]
         return [node for extent in extents for node in extent]

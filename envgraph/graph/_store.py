@@ -74,8 +74,8 @@ class Relation:
         self.symmetric = opposite is not None and opposite.index == reference.index
         self.forward = forward
         self.backward = backward
-        self.source_ok = _accepted(metamodel, reference.owner)
-        self.target_ok = _accepted(metamodel, reference.target)
+        self.source_ok = metamodel.instances(reference.owner)
+        self.target_ok = metamodel.instances(reference.target)
         self.upper = maxsize if reference.upper is None else reference.upper
         self.opposite_upper = maxsize if opposite is None or opposite.upper is None else opposite.upper
         self.containment = reference.containment
@@ -96,10 +96,6 @@ class Relation:
         if self.flipped or (self.symmetric and source > target):
             return target, source
         return source, target
-
-
-def _accepted(metamodel: Metamodel, above: str) -> tuple[bool, ...]:
-    return (*(metamodel.is_a(cls.name, above) for cls in metamodel.class_list), False)
 
 
 class Follower(Protocol):

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from envgraph.errors import ResolutionError, has_errors
-from envgraph.metamodel._above import linearise
+from envgraph.metamodel._above import components, linearise
 from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference
 
 if TYPE_CHECKING:
     from envgraph.metamodel.picture import Picture
+
+
+_FEW: Final = 256
+"""Up to so many classes, what holds for each of them is kept where it is read fastest."""
+
+
+_DIGITS: Final = bytes.maketrans(b"01", b"\0\1")
 
 
 def _numbered(classes: Iterable[Class]) -> tuple[Class, ...]:
@@ -62,11 +69,14 @@ class Metamodel:
         self.class_list = declared
         self.classes: Mapping[str, Class] = {cls.name: cls for cls in declared}
         self.enums: Mapping[str, EnumType] = {enum.name: enum for enum in self.enum_types}
+        self._order = {cls.name: place for place, cls in enumerate(declared)}
+        self._kinds = self._masks()
+        self._instantiable = sum(1 << place for place, cls in enumerate(declared) if not cls.abstract)
         # These are worked out when they are asked for: all together may be as large as the square of the classes.
         self._supers: dict[str, tuple[str, ...]] = {}
         self._features: dict[str, Mapping[str, Feature]] = {}
         self._concrete: dict[str, tuple[str, ...]] = {}
-        self._order = {cls.name: place for place, cls in enumerate(declared)}
+        self._instances: dict[str, Sequence[int]] = {}
         self._below: dict[str, list[str]] = {cls.name: [] for cls in declared}
         for cls in declared:
             for above in cls.supertypes:
@@ -77,6 +87,14 @@ class Metamodel:
         self.references: tuple[Reference, ...] = tuple(
             f for cls in declared for f in cls.features if isinstance(f, Reference)
         )
+
+    def _masks(self) -> dict[str, int]:
+        """For each class the places of itself and its subclasses, as bits."""
+        found = {name: 1 << place for name, place in self._order.items()}
+        for (name,) in reversed(components(self.classes)):
+            for above in self.classes[name].supertypes:
+                found[above] |= found[name]
+        return found
 
     def supertypes(self, name: str) -> tuple[str, ...]:
         """The class itself and all its supertypes, nearest first."""
@@ -101,11 +119,23 @@ class Metamodel:
 
     def is_a(self, name: str, above: str) -> bool:
         """Whether a class is the other or one of its subclasses."""
-        return above in self.supertypes(name)
+        place = self._order[name]
+        return bool(self._kinds.get(above, 0) >> place & 1)
+
+    def instances(self, name: str) -> Sequence[int]:
+        """For each class, in the order of declaration, 1 if its objects are instances of this one; 0 at the end."""
+        found = self._instances.get(name)
+        if found is None:
+            digits = format(self._kinds[name], f"0{len(self.class_list)}b")
+            table = digits[::-1].encode().translate(_DIGITS) + b"\0"
+            # A tuple is read faster, and takes eight times the memory.
+            found = tuple(table) if len(table) <= _FEW else table
+            self._instances[name] = found
+        return found
 
     def overlap(self, one: str, other: str) -> bool:
         """Whether some object can be an instance of both classes."""
-        return not set(self.concrete(one)).isdisjoint(self.concrete(other))
+        return bool(self._kinds[one] & self._kinds[other] & self._instantiable)
 
     def features(self, name: str) -> Mapping[str, Feature]:
         """All features of a class, inherited ones first, by name."""
@@ -114,19 +144,14 @@ class Metamodel:
 
     def _collect(self, name: str) -> Mapping[str, Feature]:
         """The features of a class; one that adds nothing to its only supertype shares that one's."""
-        path = []
-        while name not in self._features and len(self.classes[name].supertypes) == 1:
-            path.append(name)
-            name = self.classes[name].supertypes[0]
-        if name not in self._features:
-            supers = reversed(self.supertypes(name))
-            self._features[name] = {f.name: f for above in supers for f in self.classes[above].features}
-        found = self._features[name]
-        for one in reversed(path):
-            own = {f.name: f for f in self.classes[one].features}
-            if own:
-                found = {**found, **own}
-            self._features[one] = found
+        same = [name]
+        while not self.classes[same[-1]].features and len(self.classes[same[-1]].supertypes) == 1:
+            same.append(self.classes[same[-1]].supertypes[0])
+        found = self._features.get(same[-1])
+        if found is None:
+            supers = reversed(self.supertypes(same[-1]))
+            found = {f.name: f for above in supers for f in self.classes[above].features}
+        self._features.update(dict.fromkeys(same, found))
         return found
 
     def feature(self, name: str, feature: str) -> Feature | None:
