@@ -230,6 +230,13 @@ def test_svg_has_a_shape_for_every_cell_and_token() -> None:
     assert fills == ["#b0b0b0", "#94d82d", "#e8590c", "#4dabf7", "#d0d0d0", "#2f9e44"]
 
 
+def test_letters_stand_in_the_middle_of_their_cells_in_every_viewer() -> None:
+    root = ElementTree.fromstring(render_svg(forest.model(ROWS), DRAW))
+    assert "dominant-baseline" not in root.attrib
+    letters = [part for part in root if part.tag.endswith("text")]
+    assert letters and {float(letter.get("y", "")) % 1 for letter in letters} <= {0.675, 0.655}
+
+
 def test_svg_escapes_what_comes_from_a_model() -> None:
     model = net()
     model.node(0).name = '<b> & "Rome"'
