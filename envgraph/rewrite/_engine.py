@@ -478,7 +478,8 @@ class Engine(Definitions):
             self._record(run.firings, run.gaps)
         reason = None
         if outcome is None:
-            reason = str(run.refusal).split("\n", 1)[0] if run.refusal is not None else run.failure
+            refusal = "" if run.refusal is None else f": {str(run.refusal).split(chr(10), 1)[0]}"
+            reason = f"{run.failure}{refusal}"
         return RunResult(name, run.trace, reason, run.refusal, outputs, run.limit - run.steps)
 
     def _run(
@@ -515,7 +516,7 @@ class Engine(Definitions):
         if name in self._groups:
             if arguments:
                 raise InvalidArgument(f"`{name}` is a group: its rules have no arguments in common")
-            run.failure = f"no rule of `{name}` has a match"
+            run.failure = f"no rule of `{name}` could be applied"
             return apply_one_of(run, [self._rules[member] for member in self._groups[name]]), {}
         program = self._units[name]
         environment = self._environment(program, arguments)
@@ -529,6 +530,8 @@ class Engine(Definitions):
         run.failure = f"`{rule.name}` has no {'such ' if arguments else ''}match"
         found = fire_one(run, rule, rule.rows_known(self.ids(rule.shape, arguments)))
         if found is None:
+            if run.refusal is not None:
+                run.failure = f"`{rule.name}` was refused at each match"
             return None, {}
         run.put(rule)
         run.put(found[0])
@@ -546,6 +549,8 @@ class Engine(Definitions):
 
     def _environment(self, program: UnitProgram, arguments: Mapping[str, object]) -> dict[str, Value]:
         taken = program.signature.parameters
+        if not taken and not arguments:
+            return {}
         types = tuple(parameter.type for parameter in taken)
         assert all(type_ is not None for type_ in types), "parameters of units have types"
         shape = Shape(program.name, tuple(p.name for p in taken), cast("Any", types))

@@ -246,7 +246,11 @@ Tier = tuple[tuple[Callable[..., Any], ...], tuple[float, ...]]
 
 
 def run_one_of(run: Run, tiers: Sequence[Tier], *arguments: Any) -> bool | None:
-    """Try alternatives until one succeeds, tier by tier, in a tier drawn by weight."""
+    """Try alternatives until one succeeds, tier by tier, in a tier drawn by weight.
+
+    The refusal of any of them is a reason for all of them to fail.
+    """
+    refusal = None
     for alternatives, weights in tiers:
         left, heavy = list(alternatives), list(weights)
         while left:
@@ -254,7 +258,9 @@ def run_one_of(run: Run, tiers: Sequence[Tier], *arguments: Any) -> bool | None:
             outcome: bool | None = left[number](run, *arguments)
             if outcome is not None:
                 return outcome
+            refusal = refusal or run.refusal
             del left[number], heavy[number]
+    run.refusal = refusal
     return None
 
 

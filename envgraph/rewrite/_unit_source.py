@@ -423,7 +423,7 @@ class UnitSource:
         else:
             function.add(f"o = apply_one_of(run, {members})")
         with function.block("if o is None:"):
-            self._fails(f"no rule of `{callee.simple}` has a match", call.span)
+            self._fails(f"no rule of `{callee.simple}` could be applied", call.span)
         self._changed("o")
 
     def _call_unit(self, call: Call, callee: Signature, scope: Scope) -> None:
@@ -525,7 +525,7 @@ class UnitSource:
         function.add(f" s = {'fire_next' if call.first else 'fire_another'}(run, {own}, rows, i, error)")
         with function.block(" if s is None:"):
             function.level += 1
-            self._fails(f"`{callee.simple}` was refused", call.span)
+            self._fails(f"`{callee.simple}` was refused at each match", call.span)
             function.level -= 1
         function.add(" row, s = s", f"run.put({own})", "run.put(row)")
         slots = dict(rule.plan.outputs) if isinstance(rule, GraphRule) else {}
@@ -539,6 +539,8 @@ class UnitSource:
         function, site = self._now, self._constant(f"`{callee.simple}`{at(call.span)}")
         function.add(f"o = fire_every(run, {self._constant(rule)}, list({rows}), {site})")
         with function.block("if o is None:"):
+            with function.block("if run.refusal is not None:"):
+                self._fails(f"`{callee.simple}` was refused at each match", call.span)
             self._fails(f"`{callee.simple}` has no {'such ' if call.where else ''}match", call.span)
         self._changed("o")
 

@@ -119,7 +119,8 @@ def test_a_refused_application_is_a_failure_like_any_other_and_the_result_has_th
     assert not result and (result.applications, n(made)) == (1, 1)
     assert result.refusal is not None
     assert (result.refusal.rule, result.refusal.reason) == ("bad", "dangling")
-    assert str(result.reason) == str(result.refusal).split("\n")[0]
+    refusal = str(result.refusal).split("\n")[0]
+    assert result.reason == f"`bad` was refused at each match (test.rules:9:14): {refusal}"
     with pytest.raises(RuleError) as caught:
         result.or_raise()
     assert caught.value is result.refusal
