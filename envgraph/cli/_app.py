@@ -44,11 +44,12 @@ Seed = Annotated[
 
 Model = Annotated[str, typer.Argument(help="A .model or .xmi file, or a model as JSON.", show_default=False)]
 Metamodel = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--metamodel",
         "-m",
-        help="A .ecore or .metamodel file; the other files may import it by its uri, or not at all.",
+        help="A .ecore or .metamodel file; the other files may import it by its uri, or not at all. "
+        "Several .ecore files, each with this option before it, become one metamodel.",
         show_default=False,
     ),
 ]
@@ -129,12 +130,13 @@ def check(
             show_default=False,
         ),
     ],
+    metamodel: Metamodel = None,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
     from envgraph.cli._check import check_files
 
-    raise typer.Exit(check_files(files, format))
+    raise typer.Exit(check_files(files, metamodel, format))
 
 
 @app.command("format")
@@ -236,7 +238,7 @@ def apply(
         rules,
         rule,
         where or [],
-        metamodel=metamodel,
+        metamodels=metamodel,
         times=times,
         seed=seed,
         output=output,
@@ -265,7 +267,7 @@ def replay(
     """Do again what a trace says, and compare each state with the recorded one. Exit code 1 where they differ."""
     from envgraph.cli._replay import replay_trace
 
-    replay_trace(model, rules, trace, metamodel=metamodel, output=output, format=format)
+    replay_trace(model, rules, trace, metamodels=metamodel, output=output, format=format)
 
 
 @app.command()
@@ -328,8 +330,8 @@ def show(
     run: Annotated[
         str,
         typer.Argument(
-            help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json), a .model "
-            "or a .metamodel.",
+            help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json), a model "
+            "(.model, .xmi) or a metamodel (.metamodel, .ecore).",
             show_default=False,
         ),
     ],
@@ -337,18 +339,17 @@ def show(
         str | None, typer.Option(help="Only this environment: its name (E6) or number.", show_default=False)
     ] = None,
     directory: Directory = RUNS,
+    metamodel: Metamodel = None,
     format: Annotated[
         ShowFormat,
-        typer.Option(
-            "--format", help="text or json; a .model and a .metamodel also as a picture: dot or svg."
-        ),
+        typer.Option("--format", help="text or json; models and metamodels also as a picture: dot or svg."),
     ] = ShowFormat.TEXT,
 ) -> None:
     """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
     from envgraph.cli._picture import PICTURED, show_file
 
     if run.endswith(PICTURED):
-        show_file(run, variant, format)
+        show_file(run, variant, metamodel, format)
         return
     from envgraph.cli._family import show_family
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from envgraph.cli._convert import metamodel_paths
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json
 from envgraph.errors import Diagnostic, LoadError, has_errors
 
 
-def check_files(files: list[str], format: OutputFormat) -> int:
-    """Print all problems of the files; the exit code."""
-    diagnostics = tuple(dict.fromkeys(one for group in _groups(files) for one in _problems(group)))
+def check_files(files: list[str], metamodels: list[str] | None, format: OutputFormat) -> int:
+    """Print all problems of the files, each group of which is read with the metamodels; the exit code."""
+    known = metamodel_paths(metamodels)
+    groups = [[*known, *group] for group in _groups(files)]
+    diagnostics = tuple(dict.fromkeys(one for group in groups for one in _problems(group)))
     failed = has_errors(diagnostics)
     if format is OutputFormat.JSON:
         print_json({"ok": not failed, "diagnostics": [diagnostic.to_dict() for diagnostic in diagnostics]})

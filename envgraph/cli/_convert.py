@@ -13,20 +13,23 @@ from envgraph.metamodel import metamodel_to_ecore
 _FORMATS = (".ecore", ".xmi", ".json")
 
 
-def convert_file(file: str, output: Path, metamodel: str | None) -> None:
+def convert_file(file: str, output: Path, metamodels: list[str] | None) -> None:
     """Write the metamodel or model of a file in the format that the name of another one asks for."""
     if output.suffix not in _FORMATS:
         hint = did_you_mean(output.suffix, _FORMATS) or f"there are {', '.join(_FORMATS)}"
         raise InvalidArgument(f"`{output}` is of no format that can be written; {hint}")
-    text = _metamodel(file) if output.suffix == ".ecore" else model_text(read_model(file, metamodel), output)
+    if output.suffix == ".ecore":
+        text = _metamodel(file, metamodels)
+    else:
+        text = model_text(read_model(file, metamodels), output)
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, "utf-8")
     print(f"wrote {output}")
 
 
-def read_model(file: str, metamodel: str | None) -> Model:
+def read_model(file: str, metamodels: list[str] | None) -> Model:
     """The model of a `.model` or `.xmi` file, or of a JSON file, which needs a metamodel."""
-    paths = metamodel_paths(metamodel)
+    paths = metamodel_paths(metamodels)
     if not file.endswith(".json"):
         workspace = envgraph.lang.load_workspace([*paths, file])
         workspace.raise_errors()
@@ -41,13 +44,12 @@ def read_model(file: str, metamodel: str | None) -> Model:
     return envgraph.lang.parse_model(source, workspace.metamodel)
 
 
-def metamodel_paths(metamodel: str | None) -> list[str]:
-    """The value of `--metamodel`, if it was given."""
-    if metamodel is None:
-        return []
-    if not metamodel.endswith((".ecore", ".metamodel")):
-        raise InvalidArgument(f"`{metamodel}` is no metamodel: its name would end with .ecore or .metamodel")
-    return [metamodel]
+def metamodel_paths(metamodels: list[str] | None) -> list[str]:
+    """The values of `--metamodel`, if any were given."""
+    for one in metamodels or ():
+        if not one.endswith((".ecore", ".metamodel")):
+            raise InvalidArgument(f"`{one}` is no metamodel: its name would end with .ecore or .metamodel")
+    return metamodels or []
 
 
 def model_text(model: Model, output: Path) -> str:
@@ -57,8 +59,8 @@ def model_text(model: Model, output: Path) -> str:
     return json.dumps(model_to_json(model), ensure_ascii=False, indent=1) + "\n"
 
 
-def _metamodel(file: str) -> str:
-    workspace = envgraph.lang.load_workspace([file])
+def _metamodel(file: str, metamodels: list[str] | None) -> str:
+    workspace = envgraph.lang.load_workspace([file, *metamodel_paths(metamodels)])
     workspace.raise_errors()
     if workspace.metamodel is None:
         raise InvalidArgument(f"`{file}` is no metamodel, and imports none")

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from envgraph.cli._convert import metamodel_paths
 from envgraph.cli._output import ShowFormat, print_json, print_table
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model, model_to_json
 from envgraph.lang import load_workspace
 from envgraph.metamodel import Attribute, Class, Metamodel
 
-PICTURED = (".model", ".metamodel")
+PICTURED = (".model", ".metamodel", ".ecore", ".xmi")
 """Files that are shown as they are; everything else is a run."""
 
 
-def show_file(path: str, variant: str | None, format: ShowFormat) -> None:
+def show_file(path: str, variant: str | None, metamodels: list[str] | None, format: ShowFormat) -> None:
     """Print a model or a metamodel: as a table, as JSON, or as a picture."""
     if variant is not None:
         raise InvalidArgument("`--variant` chooses from a run; a file has no variants")
-    workspace = load_workspace([path])
+    of_model = path.endswith((".model", ".xmi"))
+    known = metamodel_paths(metamodels)
+    workspace = load_workspace([*known, path] if of_model else [path, *known])
     workspace.raise_errors()
-    shown = workspace.model() if path.endswith(".model") else workspace.metamodel
+    shown = workspace.model() if of_model else workspace.metamodel
     if shown is None:
         raise InvalidArgument(f"there is no metamodel in {path}")
     if format is ShowFormat.DOT:

@@ -19,10 +19,15 @@ _NO_MODELS = (".metamodel", ".ecore", ".query", ".vql", ".rules", ".environment"
 
 
 def print_matches(
-    model: str, queries: str, pattern: str, where: list[str], metamodel: str | None, format: OutputFormat
+    model: str,
+    queries: str,
+    pattern: str,
+    where: list[str],
+    metamodels: list[str] | None,
+    format: OutputFormat,
 ) -> None:
     """Print the matches of a pattern."""
-    engine = open_engine(model, queries, metamodel)
+    engine = open_engine(model, queries, metamodels)
     bound = _bound(engine, _pattern_types(engine, pattern), where)
     matches = engine.matches(pattern, **bound)
     if format is OutputFormat.JSON:
@@ -36,11 +41,11 @@ def print_matches(
     print_table(count, names or ("",), [tuple(_shown(match[name]) for name in names) for match in matches])
 
 
-def open_engine(model: str, definitions: str, metamodel: str | None, seed: int = 0) -> Engine:
+def open_engine(model: str, definitions: str, metamodels: list[str] | None, seed: int = 0) -> Engine:
     """An engine on a `.model` or `.xmi` file, or on a model as JSON, such as `envgraph apply --output` writes."""
     if model.endswith(_NO_MODELS):
         raise InvalidArgument(f"`{model}` is no model; a model is a .model, .xmi or .json file")
-    paths = [*metamodel_paths(metamodel), definitions]
+    paths = [*metamodel_paths(metamodels), definitions]
     if not model.endswith(".json"):
         workspace = envgraph.lang.open_workspace(*paths, model)
         engine = workspace.engine(seed=seed)
@@ -78,7 +83,7 @@ def apply_rule(
     rule: str,
     where: list[str],
     *,
-    metamodel: str | None,
+    metamodels: list[str] | None,
     times: int,
     seed: int,
     output: Path | None,
@@ -86,7 +91,7 @@ def apply_rule(
     format: OutputFormat,
 ) -> None:
     """Apply a rule or a unit some times, and print each application."""
-    engine = open_engine(model, rules, metamodel, seed)
+    engine = open_engine(model, rules, metamodels, seed)
     bound = _bound(engine, {p.name: p.type for p in engine.signature(rule).parameters}, where)
     done: list[dict[str, Any]] = []
     failure: str | None = None

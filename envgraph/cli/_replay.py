@@ -11,10 +11,16 @@ from envgraph.graph import model_to_json
 
 
 def replay_trace(
-    model: str, rules: str, trace: Path, *, metamodel: str | None, output: Path | None, format: OutputFormat
+    model: str,
+    rules: str,
+    trace: Path,
+    *,
+    metamodels: list[str] | None,
+    output: Path | None,
+    format: OutputFormat,
 ) -> None:
     """Do what a trace says, and compare the states with those that it has."""
-    engine = open_engine(model, rules, metamodel)
+    engine = open_engine(model, rules, metamodels)
     source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), str(trace))
     read = envgraph.lang.parse_trace(source, engine)
     engine.replay(read)

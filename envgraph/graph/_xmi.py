@@ -18,6 +18,7 @@ from envgraph.metamodel import (
     Scalar,
     Value,
     default_of,
+    simple_name,
     xml_value,
 )
 
@@ -165,7 +166,7 @@ class _Writer:
 
     def _qualified(self, name: str) -> str:
         cls: Class = self.model.metamodel.classes[name]
-        return f"{self._prefixes[cls.package]}:{name}"
+        return f"{self._prefixes[cls.package]}:{simple_name(name)}"
 
     def _quoted(self, text: str, node: int) -> str:
         if _FORBIDDEN.search(text):

@@ -1,4 +1,4 @@
-"""`.ecore` files: the XML to a `Metamodel`.
+"""`.ecore` files: the XML to a `Metamodel`. Files that name each other become one.
 
 Read from the XML itself and not by pyecore, whose reader ends at the first mistake, knows lines alone, and lets much
 pass. The two are compared in the tests.
@@ -6,9 +6,12 @@ pass. The two are compared in the tests.
 
 from __future__ import annotations
 
+import posixpath
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
+from urllib.parse import unquote
 
 from envgraph.errors import (
     Diagnostic,
@@ -22,10 +25,11 @@ from envgraph.errors import (
     has_errors,
     sort_diagnostics,
 )
+from envgraph.lang._ecore_document import EcoreDocument
 from envgraph.lang._ecore_types import ECORE, ECORE_TYPES, DataType, java_type, library_types, value_of
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._metamodel import MetamodelFile
-from envgraph.lang._xml import XMI, XSI, Element, XmlPlaces, read_tree
+from envgraph.lang._xml import XMI, XSI, Element
 from envgraph.metamodel import (
     Annotation,
     Attribute,
@@ -78,18 +82,33 @@ _CHILDREN: Mapping[str, str] = {
 }
 
 
-def read_ecore(source: Source) -> MetamodelFile:
-    """The metamodel of an `.ecore` file, and all that is wrong with it."""
-    reader = _Reader(XmlPlaces(source))
+def read_ecore(
+    documents: Sequence[EcoreDocument], doubles: Mapping[str, EcoreDocument] = MappingProxyType({})
+) -> MetamodelFile:
+    """The one metamodel of some `.ecore` files, and all that is wrong with it.
+
+    The package of the first file is the metamodel's own; those of the others are nested in it. Classes and enums of
+    one name in different packages are called after their packages, as `package::Name`.
+
+    Args:
+        documents: the files, one at least.
+        doubles: by the names of other files: the one of the documents that has the same package.
+    """
+    joint = _Joint()
+    joint.readers = [_Reader(one, joint) for one in documents]
+    joint.by_file = {one.document.source.name: one for one in joint.readers}
+    joint.by_file |= {name: joint.by_file[one.source.name] for name, one in doubles.items()}
     metamodel, stopped = None, False
     try:
-        metamodel = reader.read()
+        metamodel = _read_all(joint)
     except _Enough:
         stopped = True
-    found = without_consequences(reader.diagnostics, frozenset(reader.lost))
+    found = without_consequences(joint.diagnostics, frozenset(joint.lost))
     # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
-    lost = reader.names() if stopped else reader.lost - reader.left_out.keys()
-    return MetamodelFile(metamodel, reader.span, tuple(found), frozenset(lost))
+    lost = joint.lost - joint.left_out.keys()
+    if stopped:
+        lost = {name for reader in joint.readers for name in reader.names()}
+    return MetamodelFile(metamodel, joint.readers[0].span, tuple(found), frozenset(lost))
 
 
 def parse_ecore(source: Source) -> Metamodel:
@@ -98,7 +117,7 @@ def parse_ecore(source: Source) -> Metamodel:
     Raises:
         LoadError: all that is wrong with it.
     """
-    found = read_ecore(source)
+    found = read_ecore([EcoreDocument(source)])
     if found.metamodel is None:
         raise LoadError(sort_diagnostics(found.diagnostics))
     return found.metamodel
@@ -106,11 +125,12 @@ def parse_ecore(source: Source) -> Metamodel:
 
 @dataclass(frozen=True, slots=True)
 class _Target:
-    """What a reference between the parts of a file names: `span` is where it does."""
+    """What a reference between the parts of files names: `span` is where it does, `reader` reads its file."""
 
     element: Element | None
     data: DataType | None
     span: Span
+    reader: _Reader
 
 
 @dataclass(slots=True)
@@ -132,71 +152,142 @@ def _left_out(element: Element) -> str | None:
 
 
 @dataclass(slots=True)
-class _Reader:
-    """One reading.
+class _Joint:
+    """What the readings of all files share.
 
     Attributes:
-        lost: names of what is in the file but could not be read: to mention them is no mistake.
+        lost: names of what is in the files but could not be read: to mention them is no mistake.
         left_out: names of features that are left out, with the features that have them.
+        names: what classes and enums are called in the metamodel.
+        missing: files that are named and are not there, which has been reported.
     """
 
-    places: XmlPlaces
     diagnostics: list[Diagnostic] = field(default_factory=list)
     lost: set[str] = field(default_factory=set)
     left_out: dict[str, dict[Element, str]] = field(default_factory=dict)
-    span: Span = field(init=False)
-    _root: Element = field(init=False)
-    _ids: dict[str, Element] = field(default_factory=dict)
-    _packages: list[tuple[str, Element]] = field(default_factory=list)
-    _owners: dict[Element, Element] = field(default_factory=dict)
-    _names: dict[Element, Mapping[str, Element]] = field(default_factory=dict)
-    _enums: dict[Element, EnumType] = field(default_factory=dict)
-    _kinds: dict[Element, str] = field(default_factory=dict)
-    _listed: dict[tuple[Element, str], list[Element]] = field(default_factory=dict)
-    _errors: int = 0
-    _warnings: int = 0
-    _quiet: bool = False
+    readers: list[_Reader] = field(default_factory=list)
+    by_file: dict[str, _Reader] = field(default_factory=dict)
+    owners: dict[Element, Element] = field(default_factory=dict)
+    kinds: dict[Element, str] = field(default_factory=dict)
+    names: dict[Element, str] = field(default_factory=dict)
+    enums: dict[Element, EnumType] = field(default_factory=dict)
+    missing: set[tuple[str, str]] = field(default_factory=set)
+    errors: int = 0
+    warnings: int = 0
+    quiet: bool = False
 
-    def read(self) -> Metamodel | None:
+
+def _read_all(joint: _Joint) -> Metamodel | None:
+    readers = [one for one in joint.readers if one.begin()]
+    if not readers:
+        return None
+    paths: set[str] = set()
+    for reader in readers:
+        reader.enter(paths)
+    packages = [(path, one, reader) for reader in readers for path, one in reader.packages]
+    named = _qualifiers([(path, one) for path, one, _ in packages])
+    classifiers = [
+        (path, one, reader) for path, package, reader in packages for one in _inside(package, "eClassifiers")
+    ]
+    homes: dict[str, dict[str, None]] = {}
+    for path, one, _ in classifiers:
+        if joint.kinds.get(one) in ("EClass", "EEnum"):
+            homes.setdefault(one.attributes.get("name", ""), {})[path] = None
+    for path, one, _ in classifiers:
+        name = one.attributes.get("name", "")
+        joint.names[one] = f"{named[path]}::{name}" if name and len(homes.get(name, ())) > 1 else name
+    return _built(joint, packages, classifiers)
+
+
+def _built(
+    joint: _Joint,
+    packages: Sequence[tuple[str, Element, _Reader]],
+    classifiers: Sequence[tuple[str, Element, _Reader]],
+) -> Metamodel | None:
+    _, root, first = packages[0]
+    name = first.begin_metamodel(root)
+    for path, one, reader in classifiers:
+        if joint.kinds.get(one) == "EEnum":
+            joint.enums[one] = reader.enum(path, one)
+    classes = [reader.cls(path, one) for path, one, reader in classifiers if joint.kinds.get(one) == "EClass"]
+    for _, one, reader in classifiers:
+        reader.check_instance(one)
+    known = [reader.package(path, one) for path, one, reader in packages]
+    uri = root.attributes.get("nsURI") or None
+    try:
+        metamodel = Metamodel(name, classes, joint.enums.values(), uri, known)
+    except ResolutionError as error:
+        joint.diagnostics.extend(error.diagnostics)
+        return None
+    return None if has_errors(joint.diagnostics) else metamodel
+
+
+def _qualifiers(packages: Sequence[tuple[str, Element]]) -> dict[str, str]:
+    """What stands before `::` for each package, by path: its name, else its prefix, if none before it has that."""
+    found: dict[str, str] = {}
+    for path, one in packages:
+        words = (one.attributes.get("name", ""), one.attributes.get("nsPrefix", ""), re.sub(r"\W", "_", path))
+        free = [word for word in words if word.isidentifier() and word not in found.values()]
+        word = free[0] if free else "package"
+        while word in found.values():
+            word += "_"
+        found[path] = word
+    return found
+
+
+def _inside(element: Element, name: str) -> Iterator[Element]:
+    return (child for child in element.children if child.name == name)
+
+
+class _Reader:
+    """The reading of one file.
+
+    Attributes:
+        packages: with their paths.
+    """
+
+    def __init__(self, document: EcoreDocument, joint: _Joint) -> None:
+        self.document = document
+        self.places = document.places
+        self.packages: list[tuple[str, Element]] = []
         self.span = self.places.source.span(0, 0)
-        root, problem = read_tree(self.places)
+        self._joint = joint
+        self._kinds = joint.kinds
+        self._owners = joint.owners
+
+    def begin(self) -> bool:
+        """Whether the file has a package."""
+        root, problem = self.document.root, self.document.problem
         if problem or root is None:
-            self.diagnostics.extend([problem] if problem else [])
-            self.lost |= self.names()
-            return None
-        if not self._is_package(root):
-            return None
-        self._root = root
-        self._index(root)
-        self._enter_package("", root)
-        metamodel = self._metamodel(root)
-        return None if has_errors(self.diagnostics) else metamodel
+            self._joint.diagnostics.extend([problem] if problem else [])
+            self._joint.lost |= self.names()
+            return False
+        return self._is_package(root)
+
+    def enter(self, paths: set[str]) -> None:
+        """Notes the packages and what is in them; those of a second file are inside of the first one's."""
+        self.document.index(self._owners)
+        root = self._root
+        path = root.attributes.get("name") or "package" if paths else ""
+        while path in paths:
+            path += "_"
+        self._enter_package(path, root)
+        paths |= {path for path, _ in self.packages}
+
+    @property
+    def _root(self) -> Element:
+        assert self.document.root is not None
+        return self.document.root
 
     def names(self) -> set[str]:
         """All words of the text: each may be a name of something that was not read."""
         return set(re.findall(r"[^\W\d]\w*", self.places.source.text))
 
-    def _metamodel(self, root: Element) -> Metamodel | None:
-        name = self._name(root, "package")
+    def begin_metamodel(self, root: Element) -> str:
+        """The name of the outermost package."""
         if "name" in root.attributes:
             self.span = self._at(root, "name")
-        classifiers = [
-            (path, one) for path, package in self._packages for one in self._inside(package, "eClassifiers")
-        ]
-        for path, element in classifiers:
-            if self._kinds.get(element) == "EEnum":
-                self._enums[element] = self._enum(path, element)
-        classes = [self._class(path, one) for path, one in classifiers if self._kinds.get(one) == "EClass"]
-        for _, element in classifiers:
-            self._check_instance(element)
-        packages = [self._package(path, element) for path, element in self._packages]
-        try:
-            return Metamodel(
-                name, classes, self._enums.values(), root.attributes.get("nsURI") or None, packages
-            )
-        except ResolutionError as error:
-            self.diagnostics.extend(error.diagnostics)
-            return None
+        return self._name(root, "package")
 
     # --- packages and what is in them ---
 
@@ -217,45 +308,35 @@ class _Reader:
         self._error("not-ecore", message, where, hint)
         return False
 
-    def _index(self, root: Element) -> None:
-        waiting = [root]
-        for element in waiting:
-            key = element.qualified("id", XMI)
-            if key:
-                self._ids.setdefault(element.attributes[key], element)
-            for child in element.children:
-                self._owners[child] = element
-            waiting.extend(element.children)
-
     def _enter_package(self, path: str, element: Element, depth: int = 0) -> None:
-        self._packages.append((path, element))
+        self.packages.append((path, element))
         self._kinds[element] = "EPackage"
         self._check_parts(element, "EPackage")
         if depth > _DEEPEST:
             self._error("nested-too-deeply", "packages are nested too deeply", self.places.tag(element.byte))
             return
-        for classifier in self._inside(element, "eClassifiers"):
+        for classifier in _inside(element, "eClassifiers"):
             self._enter_classifier(classifier)
-        for inner in self._inside(element, "eSubpackages"):
+        for inner in _inside(element, "eSubpackages"):
             name = inner.attributes.get("name", "")
             self._enter_package(f"{path}.{name}" if path else name, inner, depth + 1)
 
     def _enter_classifier(self, element: Element) -> None:
         kind = self._kind(element, ("EClass", "EEnum", "EDataType"), "a classifier")
         if kind is None:
-            self.lost.add(element.attributes.get("name", ""))
+            self._joint.lost.add(element.attributes.get("name", ""))
             return
         self._kinds[element] = kind
         self._check_parts(element, kind)
         features = ("EAttribute", "EReference")
-        for member in self._inside(element, "eStructuralFeatures") if kind == "EClass" else ():
+        for member in _inside(element, "eStructuralFeatures") if kind == "EClass" else ():
             found = self._kind(member, features, "a feature")
             if found is None:
-                self.lost.add(member.attributes.get("name", ""))
+                self._joint.lost.add(member.attributes.get("name", ""))
             else:
                 self._kinds[member] = found
                 self._check_parts(member, found)
-        for literal in self._inside(element, "eLiterals") if kind == "EEnum" else ():
+        for literal in _inside(element, "eLiterals") if kind == "EEnum" else ():
             self._check_parts(literal, "EEnumLiteral")
 
     def _kind(self, element: Element, known: Sequence[str], what: str) -> str | None:
@@ -301,7 +382,7 @@ class _Reader:
                 hint = did_you_mean(child.name, (*children, "eAnnotations"))
                 self._error("unknown-element", message, self.places.tag(child.byte), hint)
 
-    def _package(self, path: str, element: Element) -> Package:
+    def package(self, path: str, element: Element) -> Package:
         uri, prefix = element.attributes.get("nsURI", ""), element.attributes.get("nsPrefix", "")
         name = element.attributes.get("name", "")
         if not uri:
@@ -315,21 +396,21 @@ class _Reader:
 
     # --- enums ---
 
-    def _enum(self, path: str, element: Element) -> EnumType:
+    def enum(self, path: str, element: Element) -> EnumType:
         literals, labels, numbers, places = [], [], [], []
-        for index, literal in enumerate(self._inside(element, "eLiterals")):
+        for index, literal in enumerate(_inside(element, "eLiterals")):
             name = self._name(literal, "literal")
             literals.append(name)
             labels.append(literal.attributes.get("literal", name))
             # As in EMF, where the number is that of the enumeration's author, and 0 if nothing is said.
             numbers.append(self._integer(literal, "value", 0))
-            places.append((f"literal {index}", self._named(literal)))
+            places.append((f"literal {index}", self.named(literal)))
         usual = tuple(range(len(literals)))
         return EnumType(
-            self._name(element, "enum"),
+            self._called(element, "enum"),
             tuple(literals),
             doc=self._doc(element),
-            span=self._named(element),
+            span=self.named(element),
             places=tuple(places),
             package=path,
             labels=() if labels == literals else tuple(labels),
@@ -338,18 +419,18 @@ class _Reader:
 
     # --- classes ---
 
-    def _class(self, path: str, element: Element) -> Class:
+    def cls(self, path: str, element: Element) -> Class:
         supertypes, places = [], []
         for target in self._supertypes(element):
-            name = target.element.attributes.get("name", "") if target.element else ""
+            name = self._joint.names.get(target.element, "") if target.element else ""
             supertypes.append(name)
             places.append((f"extends {name}", target.span))
-        features = [one for one in map(self._feature, self._inside(element, "eStructuralFeatures")) if one]
+        features = [one for one in map(self._feature, _inside(element, "eStructuralFeatures")) if one]
         abstract = self._boolean(element, "abstract", False)
         marks = self._marks(element, features)
         self._check_class(element)
         return Class(
-            self._name(element, "class"),
+            self._called(element, "class"),
             abstract=self._boolean(element, "interface", False) or abstract,
             supertypes=tuple(supertypes),
             features=tuple(features),
@@ -358,19 +439,16 @@ class _Reader:
             frozen=marks.frozen,
             doc=self._doc(element),
             annotations=self._annotations(element),
-            span=self._named(element),
+            span=self.named(element),
             places=(*places, *marks.places),
             package=path,
             left_out=self._left_out_of(element),
         )
 
     def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
-        members = [
-            (one.attributes.get("name", ""), one) for one in self._inside(element, "eStructuralFeatures")
-        ]
-        return tuple(
-            (name, self.left_out[name][one]) for name, one in members if one in self.left_out.get(name, ())
-        )
+        members = [(one.attributes.get("name", ""), one) for one in _inside(element, "eStructuralFeatures")]
+        known = self._joint.left_out
+        return tuple((name, known[name][one]) for name, one in members if one in known.get(name, ()))
 
     def _supertypes(self, element: Element) -> Iterator[_Target]:
         targets = [*self._targets(element, "eSuperTypes"), *self._generic(element, "eGenericSuperTypes")]
@@ -382,9 +460,9 @@ class _Reader:
                 self._error("wrong-type", "a class extends classes only", target.span)
 
     def _check_class(self, element: Element) -> None:
-        for part in self._inside(element, "eTypeParameters"):
+        for part in _inside(element, "eTypeParameters"):
             self._no_generics(self.places.tag(part.byte))
-        operations = list(self._inside(element, "eOperations"))
+        operations = list(_inside(element, "eOperations"))
         if operations:
             name = element.attributes.get("name", "")
             message = f"the operations of `{name}` are left out"
@@ -420,9 +498,9 @@ class _Reader:
         return tuple(found)
 
     def _details(self, element: Element) -> Iterator[tuple[Element, str, str]]:
-        for annotation in self._inside(element, "eAnnotations"):
+        for annotation in _inside(element, "eAnnotations"):
             if annotation.attributes.get("source") == _OWN:
-                for one in self._inside(annotation, "details"):
+                for one in _inside(annotation, "details"):
                     yield one, one.attributes.get("key", ""), one.attributes.get("value", "")
 
     # --- features ---
@@ -439,24 +517,24 @@ class _Reader:
             return None
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
         if found is None:
-            self.lost.add(element.attributes.get("name", ""))
+            self._joint.lost.add(element.attributes.get("name", ""))
         return found
 
     def _leave_out(self, element: Element, why: str) -> None:
         name = element.attributes.get("name", "")
-        self.lost.add(name)
-        self.left_out.setdefault(name, {})[element] = why
+        self._joint.lost.add(name)
+        self._joint.left_out.setdefault(name, {})[element] = why
 
     def _type(self, element: Element, what: str) -> _Target | None:
         """The one type of a feature; None if it has none or it cannot be read, which has been reported."""
-        before = len(self.diagnostics)
+        before = len(self._joint.diagnostics)
         found = [*self._targets(element, "eType"), *self._generic(element, "eGenericType")]
         if found:
             return found[0]
-        if len(self.diagnostics) == before and not self._mentions(element, ("eType", "eGenericType")):
+        if len(self._joint.diagnostics) == before and not self._mentions(element, ("eType", "eGenericType")):
             name = element.attributes.get("name", "")
             self._error(
-                "missing-type", f"{what} `{name}` has no type", self._named(element), 'write `eType="..."`'
+                "missing-type", f"{what} `{name}` has no type", self.named(element), 'write `eType="..."`'
             )
         return None
 
@@ -480,7 +558,7 @@ class _Reader:
             default,
             doc=self._doc(element),
             annotations=self._annotations(element),
-            span=self._named(element),
+            span=self.named(element),
             places=(("type", target.span), ("default", self._at(element, "defaultValueLiteral"))),
             optional=lower == 0 and data.nullable and default is None,
             identifier=self._boolean(element, "iD", False),
@@ -494,7 +572,7 @@ class _Reader:
             return None
         kind = self._kinds.get(target.element)
         if kind == "EEnum":
-            return DataType(self._enums[target.element])
+            return DataType(self._joint.enums[target.element])
         type_name = target.element.attributes.get("name", "")
         if kind == "EDataType":
             java = target.element.attributes
@@ -557,14 +635,14 @@ class _Reader:
             places.append(("opposite", opposite[1]))
         return Reference(
             name,
-            target.element.attributes.get("name", ""),
+            self._joint.names.get(target.element, ""),
             lower,
             upper,
             containment=self._boolean(element, "containment", False),
             opposite=opposite[0] if opposite else None,
             doc=self._doc(element),
             annotations=self._annotations(element),
-            span=self._named(element),
+            span=self.named(element),
             places=tuple(places),
         )
 
@@ -579,14 +657,19 @@ class _Reader:
                 return None
             if _left_out(other):
                 return None
-            back = {one.element for one in self._quietly(other, "eOpposite")}
-            types = {one.element for one in self._quietly(other, "eType", "eGenericType")}
+            there_reader = target.reader
+            back = {one.element for one in there_reader.quietly(other, "eOpposite")}
+            types = {one.element for one in there_reader.quietly(other, "eType", "eGenericType")}
+            told = ("eOpposite",), ("eType", "eGenericType")
+            if not (back and types) and all(self._mentions(other, names) for names in told):
+                return None  # what it says of itself cannot be read, which is reported there
             owner = self._owners[element]
             if self._owners[other] is not there or owner not in types or element not in back:
                 mine, its = self._path(element), self._path(other)
-                note = Note("the other reference is here", self._named(other))
+                note = Note("the other reference is here", there_reader.named(other))
                 cls = owner.attributes.get("name", "")
-                hint = f'write `eOpposite="{self._fragment(element)}"` there, and `{cls}` as its type'
+                file = "" if there_reader is self else self.places.source.name.rpartition("/")[2]
+                hint = f'write `eOpposite="{file}{self._fragment(element)}"` there, and `{cls}` as its type'
                 if self._owners[other] is not there:
                     hint = (
                         f"declare the opposite in `{there.attributes.get('name')}`, to which `{mine}` leads"
@@ -597,11 +680,11 @@ class _Reader:
             return other.attributes.get("name", ""), target.span
         return None
 
-    def _quietly(self, element: Element, *names: str) -> list[_Target]:
+    def quietly(self, element: Element, *names: str) -> list[_Target]:
         """The targets, without another word on what is wrong with them."""
-        self._quiet = True
+        self._joint.quiet = True
         found = [one for name in names for one in self._targets(element, name)]
-        self._quiet = False
+        self._joint.quiet = False
         return found
 
     def _fragment(self, element: Element) -> str:
@@ -623,7 +706,7 @@ class _Reader:
 
     def _generic(self, element: Element, tag: str) -> Iterator[_Target]:
         """Types that are written as generic ones; without arguments they are plain types."""
-        for child in self._inside(element, tag):
+        for child in _inside(element, tag):
             if "eTypeParameter" in child.attributes or child.children:
                 self._no_generics(self.places.tag(child.byte))
                 continue
@@ -643,7 +726,7 @@ class _Reader:
             target = self._find(word, self.places.attribute(element.byte, name, word))
             if target:
                 yield target
-        for child in self._inside(element, name):
+        for child in _inside(element, name):
             if "href" in child.attributes:
                 target = self._find(child.attributes["href"], self._at(child, "href"))
                 if target:
@@ -657,22 +740,59 @@ class _Reader:
         types = library_types(document)
         if types is not None:
             if last in types:
-                return _Target(None, types[last], span)
+                return _Target(None, types[last], span, self)
             self._unknown_library_type(last, types, span)
             return None
-        own = (self._root.attributes.get("nsURI"), self.places.source.name.rpartition("/")[2])
-        if document and document not in own and not document.endswith(f"/{own[1]}"):
-            hint = "one engine has one metamodel: put the classes together"
-            self._error("other-file", f"`{last}` is in another file, which is not read", span, hint)
+        reader, base = self._reader_of(document)
+        if reader is None:
+            self._no_file(document, last, span)
             return None
-        element = self._at_fragment(fragment)
+        if base is None:
+            return None  # the file is no metamodel, which has been reported
+        element = reader.document.at(fragment, base)
         if element is None:
-            self._unknown_part(fragment, span)
+            self._unknown_part(fragment, span, reader, base)
             return None
-        return _Target(element, None, span)
+        return _Target(element, None, span, reader)
+
+    def _reader_of(self, text: str) -> tuple[_Reader | None, Element | None]:
+        """Who reads the file that is called so, and the package in it that is meant."""
+        if not text:
+            return self, self._root
+        for reader in self._joint.readers:
+            for package in reader.document.packages:
+                if package.attributes.get("nsURI") == text:
+                    return reader, package
+        known = self._joint.by_file
+        path = unquote(text)
+        here = self.places.source.name.rpartition("/")[0]
+        exact = self.document.paths.get(text) or posixpath.normpath(posixpath.join(here, path))
+        found = known.get(exact)
+        # Files that were given, but not where this one says.
+        last = path.rpartition("/")[2]
+        near = [name for name in known if name.rpartition("/")[2] == last]
+        if found is None and near and "://" not in path:
+            near.sort(key=lambda name: len(posixpath.commonprefix([name[::-1], path[::-1]])))
+            found = known[near[-1]]
+        return found, found.document.root if found and found.document.is_package else None
+
+    def _no_file(self, text: str, part: str, span: Span) -> None:
+        key = (self.places.source.name, text)
+        if self._joint.quiet or key in self._joint.missing:
+            return
+        self._joint.missing.add(key)
+        if "://" in text:
+            known = [uri for one in self._joint.readers for uri in one.document.calls()]
+            message, file = f"none of the files has the package `{text}`", "its file"
+            hint = did_you_mean(text, known)
+        else:
+            last = unquote(text).rpartition("/")[2]
+            message, file, hint = f"`{text}`: there is no such file", f"`{last}`", None
+        hint = hint or f"name {file}, which has `{part}`, too: for example with `--metamodel`"
+        self._error("missing-file", message, span, hint)
 
     def _unknown_library_type(self, name: str, types: Mapping[str, DataType], span: Span) -> None:
-        if self._quiet:
+        if self._joint.quiet:
             return
         if name == "EObject":
             message, hint = (
@@ -690,63 +810,31 @@ class _Reader:
             hint = did_you_mean(name, types) or ""
         self._error("unknown-type", message, span, hint or None)
 
-    def _unknown_part(self, fragment: str, span: Span) -> None:
-        if self._quiet:
+    def _unknown_part(self, fragment: str, span: Span, reader: _Reader, base: Element) -> None:
+        if self._joint.quiet:
             return
+        document = reader.document
         steps = [step for step in fragment.split("/") if step]
         name = steps[-1] if steps else fragment
-        if name in self.lost:
+        if name in self._joint.lost:
             return
-        around = self._at_fragment("/" + "/".join(["", *steps[:-1]])) if len(steps) > 1 else self._root
+        around = document.at("/" + "/".join(["", *steps[:-1]]), base) if len(steps) > 1 else base
         if around is None:  # the class is unknown, and not only its feature
-            name, around = steps[0], self._root
-        known = list(self._named_parts(around))
+            name, around = steps[0], base
+        known = list(document.parts(around))
         hint = did_you_mean(name, known)
         if self._kinds.get(around) == "EClass":
             message = f"`{around.attributes.get('name')}` has no feature `{name}`"
             self._error("unknown-reference", message, span, hint)
             return
+        file = "" if reader is self else f" in {document.source.name.rpartition('/')[2]}"
         if hint is None and name in ECORE_TYPES:
             hint = f"write `ecore:EDataType {ECORE}#//{name}` for the data type"
         elif hint is None and not fragment.startswith("/"):
-            hint = f"write `#//{name}` for a class of this file" if name in known else None
-        self._error("unknown-class", f"unknown class or data type `{name}`", span, hint)
-
-    def _at_fragment(self, fragment: str) -> Element | None:
-        """`//A/b`, `//@eClassifiers.2/@eStructuralFeatures.0`, or an `xmi:id`."""
-        if not fragment.startswith("/"):
-            return self._ids.get(fragment)
-        current = self._root
-        for step in fragment.split("/")[2:]:
-            found = (
-                self._counted(current, step) if step.startswith("@") else self._named_parts(current).get(step)
-            )
-            if found is None:
-                return None
-            current = found
-        return current
-
-    def _counted(self, element: Element, step: str) -> Element | None:
-        name, _, index = step[1:].partition(".")
-        if (element, name) not in self._listed:
-            self._listed[element, name] = list(self._inside(element, name))
-        inside = self._listed[element, name]
-        place = int(index) if index.isdecimal() and len(index) < 10 else 0
-        return inside[place] if place < len(inside) else None
-
-    def _named_parts(self, element: Element) -> Mapping[str, Element]:
-        if element not in self._names:
-            named = {}
-            for child in reversed(element.children):
-                if child.name in ("eClassifiers", "eSubpackages", "eStructuralFeatures", "eLiterals"):
-                    named[child.attributes.get("name", "")] = child
-            self._names[element] = named
-        return self._names[element]
+            hint = f"write `#//{name}` for a class of this file" if name in known and not file else None
+        self._error("unknown-class", f"unknown class or data type `{name}`{file}", span, hint)
 
     # --- parts of an element ---
-
-    def _inside(self, element: Element, name: str) -> Iterator[Element]:
-        return (child for child in element.children if child.name == name)
 
     def _name(self, element: Element, what: str) -> str:
         name = element.attributes.get("name", "")
@@ -756,16 +844,20 @@ class _Reader:
             return f"unnamed_{element.byte}"
         return name
 
-    def _named(self, element: Element) -> Span:
+    def _called(self, element: Element, what: str) -> str:
+        """What a class or an enum is called in the metamodel."""
+        return self._name(element, what) and (self._joint.names[element] or f"unnamed_{element.byte}")
+
+    def named(self, element: Element) -> Span:
         return self._at(element, "name")
 
     def _at(self, element: Element, attribute: str) -> Span:
         return self.places.attribute(element.byte, attribute)
 
     def _doc(self, element: Element) -> str | None:
-        for annotation in self._inside(element, "eAnnotations"):
+        for annotation in _inside(element, "eAnnotations"):
             if annotation.attributes.get("source") == _GENMODEL:
-                for one in self._inside(annotation, "details"):
+                for one in _inside(annotation, "details"):
                     if one.attributes.get("key") == "documentation":
                         return one.attributes.get("value")
         return None
@@ -794,7 +886,7 @@ class _Reader:
         lower, upper = self._integer(element, "lowerBound", 0), self._integer(element, "upperBound", 1)
         return lower, None if upper < 0 else upper
 
-    def _check_instance(self, element: Element) -> None:
+    def check_instance(self, element: Element) -> None:
         if self._kinds.get(element) == "EDataType":
             self._name(element, "data type")
 
@@ -803,19 +895,19 @@ class _Reader:
     def _error(
         self, code: str, message: str, where: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
     ) -> None:
-        if self._quiet:
+        if self._joint.quiet:
             return
-        self.diagnostics.append(Diagnostic(code, message, where, hint, notes=notes))
-        self._errors += 1
-        if self._errors == _MOST:
+        self._joint.diagnostics.append(Diagnostic(code, message, where, hint, notes=notes))
+        self._joint.errors += 1
+        if self._joint.errors == _MOST:
             message = "too many mistakes: the rest of the file is not read"
-            self.diagnostics.append(Diagnostic("too-many-errors", message, where))
+            self._joint.diagnostics.append(Diagnostic("too-many-errors", message, where))
             raise _Enough
 
     def _warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
-        self._warnings += 1
-        if self._warnings > _MOST + 1:
+        self._joint.warnings += 1
+        if self._joint.warnings > _MOST + 1:
             return
-        if self._warnings > _MOST:
+        if self._joint.warnings > _MOST:
             code, message, hint = "too-many-warnings", "too many warnings: the others are not shown", None
-        self.diagnostics.append(Diagnostic(code, message, where, hint, Severity.WARNING))
+        self._joint.diagnostics.append(Diagnostic(code, message, where, hint, Severity.WARNING))

@@ -21,6 +21,7 @@ from envgraph.lang._expressions import Reading, type_of, type_span_of
 from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.lang._query import name_of, parameters_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.lang._type_names import TypeNames
 from envgraph.metamodel import Annotation, Metamodel
 
 _OUTSIDE = {
@@ -48,9 +49,9 @@ class EnvironmentFile:
     lost: frozenset[str] = frozenset()
 
 
-def read_environment(parsed: Parsed) -> EnvironmentFile:
+def read_environment(parsed: Parsed, types: TypeNames | None = None) -> EnvironmentFile:
     """The behaviours of a parsed file, and what is wrong with it before any name is looked up."""
-    reading = Reading(parsed, list(parsed.diagnostics))
+    reading = Reading(parsed, list(parsed.diagnostics), types=types)
     header = header_of(reading)
     found = [*definitions_of(reading)]
     read = [(_behaviour(reading, tree), tree) for tree in found]

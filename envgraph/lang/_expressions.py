@@ -11,6 +11,7 @@ from lark import Token, Tree
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, sort_diagnostics
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._parsing import Parsed, follows, span_of, tokens, trees
+from envgraph.lang._type_names import TypeNames
 from envgraph.pattern import (
     Binary,
     Conditional,
@@ -49,6 +50,8 @@ class Reading:
     """Aliases and imported patterns that the file mentions."""
     gaps: list[tuple[int, int]] = field(default_factory=list)
     """Stretches of the text that are in no data, besides those that the parser gave up."""
+    types: TypeNames | None = None
+    """What names of types mean; None where there is no metamodel."""
     lost: set[str] = field(default_factory=set)
     """Names of definitions that are left out because of gaps in them."""
 
@@ -123,8 +126,11 @@ class Reading:
         return self.parsed.lost | self.lost
 
     def alias(self, token: Token) -> None:
-        """A mention of an import by its alias."""
-        if token not in self.aliases:
+        """A mention of an import by its alias, or of a package by its name."""
+        known = token in self.aliases or (
+            self.types is not None and (self.types.metamodel is None or self.types.packages(str(token)))
+        )
+        if not known:
             hint = did_you_mean(token, self.aliases) or f'write `import "..." as {token}`'
             self.error("unknown-alias", f"no import is called `{token}`", token, hint)
         self.used.add(str(token))
@@ -141,11 +147,35 @@ def number_of(token: Token) -> int | float:
 
 
 def type_of(reading: Reading, tree: Tree[Token]) -> str:
-    """The name of a `type` tree; an alias before it is looked up and dropped."""
+    """The name of a `type` tree in the metamodel; what stands before it is looked up."""
     alias, name = tree.children
     if isinstance(alias, Token):
         reading.alias(alias)
-    return reading.data_types.get(str(name), str(name))
+    data = reading.data_types.get(str(name))
+    return data or _type_named(reading, str(name), alias if isinstance(alias, Token) else None, tree)
+
+
+def _type_named(
+    reading: Reading, name: str, alias: Token | None, tree: Tree[Token], enums: bool = False
+) -> str:
+    """The class or enum of a name; where several packages have one, and no import decides, that is reported."""
+    types = reading.types
+    if types is None or (alias is None and types.plain(name)):
+        return name
+    if types.metamodel is None and alias in reading.aliases:
+        return name  # imports are not followed
+    found = types.find(name, None if alias is None else str(alias), enums)
+    if len(found) == 1:
+        return found[0]
+    where = next(token for token in reversed(tokens(tree.children)) if token == name)
+    if found:
+        reading.error("ambiguous-type", f"`{name}` is in several packages", where, types.others(name))
+        reading.gap(tree)
+    elif alias is not None and types.packages(str(alias)) and types.find(name):
+        message = f"package `{alias}` has no `{name}`"
+        reading.error("unknown-type", message, where, types.others(name))
+        reading.gap(tree)
+    return name
 
 
 def type_span_of(reading: Reading, tree: Tree[Token]) -> Span:
@@ -202,11 +232,13 @@ def _plain_literal(reading: Reading, tree: Tree[Token]) -> Constant:
 def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
     """The data of `Enum::literal`, `::literal` or `alias::Enum::literal`."""
     parts = tokens(tree.children)
+    alias = None
     if tree.data == "aliased_literal":
-        reading.alias(parts.pop(0))
+        alias = parts.pop(0)
+        reading.alias(alias)
     *enum, literal = parts
     return EnumLiteral(
-        str(enum[0]) if enum else None,
+        _type_named(reading, str(enum[0]), alias, tree, enums=True) if enum else None,
         str(literal),
         reading.span(tree),
         enum_span=reading.span(enum[0]) if enum else None,

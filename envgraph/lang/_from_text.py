@@ -13,6 +13,7 @@ from envgraph.lang._parsing import parse
 from envgraph.lang._query import read_query
 from envgraph.lang._query_header import Header
 from envgraph.lang._rules import read_rules
+from envgraph.lang._type_names import TypeNames
 from envgraph.pattern import Derivation, Pattern, Rule, Unit
 
 Definition = Pattern | Rule | Unit | Derivation
@@ -46,9 +47,9 @@ def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple
 
 def _read(language: str, source: Source) -> tuple[tuple[Definition, ...], tuple[Diagnostic, ...], Header]:
     if language == "query":
-        query = read_query(parse("query", source))
+        query = read_query(parse("query", source), TypeNames())
         return query.patterns, query.diagnostics, query.header
-    rules = read_rules(parse("rules", source))
+    rules = read_rules(parse("rules", source), TypeNames())
     return rules.definitions, rules.diagnostics, rules.header
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from envgraph.errors import Diagnostic, Severity, did_you_mean
 from envgraph.lang._ecore_types import library_types
 from envgraph.lang._imports import Import
 from envgraph.lang._query_header import PatternImport
-from envgraph.metamodel import Metamodel
+from envgraph.metamodel import Metamodel, simple_name
 from envgraph.pattern import Pattern
 
 
@@ -32,11 +32,15 @@ class ImportedFile:
     metamodel: bool = False
 
 
-def names_of(metamodel: Metamodel) -> set[str]:
-    """The names that a metamodel gives a meaning."""
-    found = {metamodel.name, *metamodel.enums, *metamodel.classes}
-    found.update(literal for enum in metamodel.enum_types for literal in enum.literals)
-    found.update(feature.name for cls in metamodel.class_list for feature in cls.features)
+def names_of(metamodel: Metamodel, calls: Collection[str] | None = None) -> set[str]:
+    """The names that a metamodel gives a meaning, or only the packages of these uris."""
+    paths = {one.path for one in metamodel.packages if calls is None or one.uri in calls}
+    found = {metamodel.name} if calls is None else set()
+    for enum in (one for one in metamodel.enum_types if one.package in paths):
+        found.update((simple_name(enum.name), *enum.literals))
+    for cls in (one for one in metamodel.class_list if one.package in paths):
+        found.add(simple_name(cls.name))
+        found.update(feature.name for feature in cls.features)
     return found
 
 

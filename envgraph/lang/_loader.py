@@ -22,8 +22,10 @@ from envgraph.lang._checking import check, conformance
 from envgraph.lang._consequences import unread_names, without_echoes
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._ecore import read_ecore
+from envgraph.lang._ecore_document import EcoreDocument, ecore_path
 from envgraph.lang._ecore_types import ECORE
 from envgraph.lang._environment import EnvironmentFile, read_environment, with_enums
+from envgraph.lang._expressions import Reading
 from envgraph.lang._family import FamilySpec
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import FAMILY_FILE, read_family
@@ -37,11 +39,14 @@ from envgraph.lang._import_check import (
     without_calls,
 )
 from envgraph.lang._imports import Import, without_consequences
+from envgraph.lang._lexer import Lexeme
 from envgraph.lang._metamodel import MetamodelFile, read_metamodel
 from envgraph.lang._model import ModelText, imports_of, read_models
 from envgraph.lang._parsing import Parsed, parse_tokens
 from envgraph.lang._query import QueryFile, read_query
+from envgraph.lang._query_header import header_of
 from envgraph.lang._rules import RulesFile, read_rules
+from envgraph.lang._type_names import TypeNames
 from envgraph.lang._workspace import Workspace
 from envgraph.lang._xmi import read_xmi, schema_paths
 from envgraph.lang._xml import as_utf8
@@ -181,6 +186,10 @@ class _Loader:
     sources: dict[str, str] = field(default_factory=dict)
     lost: set[str] = field(default_factory=set)
     metamodels: dict[str, tuple[MetamodelFile, Import | None]] = field(default_factory=dict)
+    ecore: dict[str, tuple[EcoreDocument, Import | None]] = field(default_factory=dict)
+    """The `.ecore` files, of which one metamodel is made when all are there."""
+    texts: list[tuple[str, Parsed, Sequence[Lexeme]]] = field(default_factory=list)
+    """Files with definitions, which are read when it is known what the names in them mean."""
     models: list[Parsed | Source] = field(default_factory=list)
     patterns: list[Pattern] = field(default_factory=list)
     definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
@@ -248,8 +257,20 @@ class _Loader:
         imports = self._take(extension, source, asked)
         self.named.extend((one, name) for one in imports if not _is_path(one.path))
         found = [(one, self.files.name(one.path, beside=name)) for one in imports if _is_path(one.path)]
+        if extension == "ecore":
+            found = self._other_packages(self.ecore[name][0])
         file.imports += found
         return [(target, one) for one, target in found]
+
+    def _other_packages(self, document: EcoreDocument) -> list[tuple[Import, str]]:
+        """The files that an `.ecore` file names and that are there; for the others, others may have been given."""
+        name, found = document.source.name, []
+        for text, span in document.mentioned().items():
+            target = ecore_path(self.files, text, name)
+            if target and target != name:
+                document.paths[text] = target
+                found.append((Import(text, span), target))
+        return found
 
     def _no_language(self, name: str, extension: str, asked: Import | None) -> NoReturn:
         span = asked.span if asked else Source(name, "").span(0, 0)
@@ -270,7 +291,7 @@ class _Loader:
     def _take(self, extension: str, source: Source, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""
         if extension == "ecore":
-            self.metamodels[source.name] = read_ecore(source), asked
+            self.ecore[source.name] = EcoreDocument(source), asked
             return ()
         if extension == "xmi":
             self.models.append(source)
@@ -289,27 +310,55 @@ class _Loader:
             case "model":
                 self.models.append(parsed)
                 return imports_of(parsed)
+        self.texts.append((language, parsed, lexemes))
+        return header_of(Reading(parsed)).imports
+
+    def _read_definitions(self, metamodel: Metamodel | None) -> None:
+        """Reads the files with definitions."""
+        for language, parsed, lexemes in self.texts:
+            self._define(language, parsed, lexemes, self._types(parsed.source.name, metamodel))
+
+    def _types(self, name: str, metamodel: Metamodel | None) -> TypeNames | None:
+        """What the names of types mean in a file."""
+        if metamodel is None:
+            return None
+        aliases: dict[str, tuple[str, ...]] = {}
+        imported: list[str] = []
+        for import_, target in self.read[name].imports:
+            paths = tuple(one.path for one in metamodel.packages if one.uri == import_.path)
+            if not paths and target in self.ecore:
+                calls = set(self.ecore[target][0].calls())
+                paths = tuple(one.path for one in metamodel.packages if one.uri in calls)
+            if import_.alias is None:
+                imported += paths
+            elif paths or target is not None:
+                aliases[import_.alias] = paths or tuple(one.path for one in metamodel.packages)
+        return TypeNames(metamodel, aliases, tuple(imported))
+
+    def _define(
+        self, language: str, parsed: Parsed, lexemes: Sequence[Lexeme], types: TypeNames | None
+    ) -> None:
+        """Keeps the definitions of a file."""
         file: QueryFile | RulesFile | EnvironmentFile
         defined: Iterable[Pattern | Rule | Unit | Derivation | Behaviour]
         match language:
             case "query":
-                file = read_query(parsed)
+                file = read_query(parsed, types)
                 self.patterns.extend(file.patterns)
                 defined = file.patterns
             case "rules":
-                file = read_rules(parsed)
+                file = read_rules(parsed, types)
                 self.definitions.extend(file.definitions)
                 defined = file.definitions
             case _:
-                file = read_environment(parsed)
+                file = read_environment(parsed, types)
                 self.behaviours.extend(file.behaviours)
                 defined = file.behaviours
         self._note(file.diagnostics, file.lost)
-        known = self.read[source.name]
+        known = self.read[parsed.source.name]
         known.patterns, known.defined = file.header.patterns, {one.name for one in defined}
         if language == "query":
             known.mentioned = frozenset(one.value for one in lexemes if one.kind == "NAME")
-        return file.header.imports
 
     def _note(self, diagnostics: Iterable[Diagnostic], lost: frozenset[str]) -> None:
         self.diagnostics.extend(diagnostics)
@@ -333,6 +382,7 @@ class _Loader:
         self._read_schemas()
         self._resolve_names()
         metamodel = self._metamodel()
+        self._read_definitions(None if self._others() else metamodel)
         lost = frozenset(self.lost)
         models = self._models(None if self._others() else metamodel, lost)
         workspace = Workspace(
@@ -376,9 +426,13 @@ class _Loader:
         wrong = without_consequences(wrong, lost)
         if wrong or lost or self.incomplete:
             return wrong
-        for name, (metamodel, _) in self.metamodels.items():
+        for name, (file, _) in self.metamodels.items():
             self.read[name].metamodel = True
-            self.read[name].defined = names_of(metamodel.metamodel) if metamodel.metamodel else set()
+            self.read[name].defined = names_of(file.metamodel) if file.metamodel else set()
+            if name in self.ecore and file.metamodel:
+                for other, (document, _) in self.ecore.items():
+                    self.read[other].metamodel = True
+                    self.read[other].defined = names_of(file.metamodel, set(document.calls()))
         if self.given is not None and not self.metamodels:
             self.read[""] = ImportedFile(defined=names_of(self.given), metamodel=True)
         return list(unused_files(self.read))
@@ -393,17 +447,55 @@ class _Loader:
         ]
 
     def _metamodel(self) -> Metamodel | None:
+        self._put_together()
         for file, _ in self.metamodels.values():
             self._note(file.diagnostics, file.lost)
         self._one_metamodel()
         found = [file.metamodel for file, _ in self.metamodels.values()]
         return found[0] if found else self.given
 
+    def _put_together(self) -> None:
+        """Makes one metamodel of the `.ecore` files."""
+        first: dict[str, EcoreDocument] = {}
+        doubles: dict[str, EcoreDocument] = {}
+        for name, (document, asked) in self.ecore.items():
+            known = first.setdefault(document.uri or name, document)
+            if known is not document:
+                doubles[name] = known
+                if not self._alike(known, document):
+                    message = (
+                        f"the package `{document.uri}` is in another file already, and is not the same there"
+                    )
+                    notes = (Note("the first one is here", known.span),)
+                    span = asked.span if asked else document.span
+                    hint = "leave one of the files out"
+                    self.diagnostics.append(Diagnostic("two-metamodels", message, span, hint, notes=notes))
+        if first:
+            name, (_, asked) = next(iter(self.ecore.items()))
+            self.metamodels[name] = read_ecore(tuple(first.values()), doubles), asked
+            ordered = sorted(self.metamodels.items(), key=lambda one: self.order[one[0]])
+            self.metamodels = dict(ordered)
+
+    def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
+        """Whether two files say the same."""
+        if one.source.text == other.source.text:
+            return True
+        documents = {each.uri or name: each for name, (each, _) in reversed(self.ecore.items())}
+        names = [name for name, (each, _) in self.ecore.items() if each.uri == one.uri]
+        first, second = (
+            read_ecore(
+                tuple({**documents, each.uri or "": each}.values()), dict.fromkeys(names, each)
+            ).metamodel
+            for each in (one, other)
+        )
+        return first is not None and second is not None and _same(first, second)
+
     def _read_schemas(self) -> None:
         """Reads the metamodels that models mention, if nothing else says what they are made of."""
-        for name in self.schemas:
-            if not self.metamodels and self.given is None and self.files.exists(name):
-                self._read(name)
+        if not self.metamodels and not self.ecore and self.given is None:
+            for name in dict.fromkeys(self.schemas):
+                if self.files.exists(name):
+                    self._read(name)
 
     def _resolve_names(self) -> None:
         """Finds the metamodels that are imported by uri or name; the rest are paths after all."""
@@ -418,7 +510,8 @@ class _Loader:
                 self.read[beside].imports.append((import_, target))
                 self._read(target, import_)
                 continue
-            if any(file.metamodel is None for file, _ in self.metamodels.values()):
+            unread = any(file.metamodel is None for file, _ in self.metamodels.values())
+            if unread or any(document.root is None for document, _ in self.ecore.values()):
                 continue  # it may be one that cannot be read
             hint = did_you_mean(import_.path, known)
             if hint is None:
@@ -429,13 +522,17 @@ class _Loader:
 
     def _known_names(self) -> dict[str, str]:
         """By which metamodels can be imported, with the files that they are in, "" for the one at hand."""
-        found = {file: one.metamodel for file, (one, _) in self.metamodels.items()} or {"": self.given}
-        return {
+        found = {file: one.metamodel for file, (one, _) in self.metamodels.items()}
+        if not found and not self.ecore:
+            found = {"": self.given}
+        known = {
             name: file
             for file, metamodel in found.items()
             if metamodel
             for name in (*(package.uri for package in metamodel.packages), metamodel.name)
         }
+        calls = {name: file for file, (one, _) in self.ecore.items() for name in one.calls()}
+        return {**calls, **known}
 
     def _models(self, metamodel: Metamodel | None, lost: frozenset[str]) -> list[ModelText]:
         """The models of all files; an XMI document that another one names is part of that one's model."""
@@ -477,6 +574,8 @@ class _Loader:
             first = next(iter(self.metamodels.values()))[0]
             notes = (Note("the first one is here", first.span),)
             hint = "one engine has one metamodel: put the classes together"
+            if any(one.name.endswith(".ecore") for one in (other.span.source, first.span.source)):
+                hint = f"{hint}, or name `.ecore` files only: those become one metamodel"
             span = asked.span if asked else other.span
             message = "this is a second metamodel"
             self.diagnostics.append(Diagnostic("two-metamodels", message, span, hint, notes=notes))

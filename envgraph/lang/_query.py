@@ -12,6 +12,7 @@ from envgraph.lang._expressions import Reading, type_of, type_span_of
 from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.lang._query_conditions import conditions_of, java_type_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.lang._type_names import TypeNames
 from envgraph.pattern import Body, Parameter, Pattern, Strategy
 
 
@@ -29,9 +30,9 @@ class QueryFile:
     lost: frozenset[str] = frozenset()
 
 
-def read_query(parsed: Parsed) -> QueryFile:
+def read_query(parsed: Parsed, types: TypeNames | None = None) -> QueryFile:
     """The patterns of a parsed file, and what is wrong with it before any name is looked up."""
-    reading = Reading(parsed, list(parsed.diagnostics))
+    reading = Reading(parsed, list(parsed.diagnostics), types=types)
     header = header_of(reading)
     patterns = []
     for tree in definitions_of(reading):

@@ -15,6 +15,7 @@ from envgraph.lang._query_header import Header, definitions_of, header_of, unuse
 from envgraph.lang._rules_annotations import marks_of
 from envgraph.lang._rules_graph import left_side_of, modification_of, right_side_of
 from envgraph.lang._rules_units import block_of
+from envgraph.lang._type_names import TypeNames
 from envgraph.pattern import (
     Block,
     BlockKind,
@@ -46,9 +47,9 @@ class RulesFile:
     lost: frozenset[str] = frozenset()
 
 
-def read_rules(parsed: Parsed) -> RulesFile:
+def read_rules(parsed: Parsed, types: TypeNames | None = None) -> RulesFile:
     """The definitions of a parsed file, and what is wrong with it before any name is looked up."""
-    reading = Reading(parsed, list(parsed.diagnostics))
+    reading = Reading(parsed, list(parsed.diagnostics), types=types)
     header = header_of(reading)
     definitions = []
     for tree in definitions_of(reading):

@@ -144,11 +144,11 @@ class RuleText(TermText):
                 parameters = self.parameters(one.parameters) if one.parameters else ""
                 return f"unit {self.name(one.name)}{parameters} {{\n{_lines(self.steps(one.body))}}}"
             case Derivation(name, "retype"):
-                classes = ", ".join(map(self.name, one.classes))
+                classes = ", ".join(map(self.type, one.classes))
                 return f"derive {self.name(name)} = retype among {{ {classes} }};"
         if len(one.classes) != 1:
             self.refuse("there are operators for one class at a time")
-        return f"derive {self.name(one.name)} = operators for {self.name(one.classes[0])};"
+        return f"derive {self.name(one.name)} = operators for {self.type(one.classes[0])};"
 
     # --- graphs
 
@@ -159,7 +159,7 @@ class RuleText(TermText):
                 self.refuse(f"`{node.name}` has values and no class")
             return name
         values = ", ".join(map(self._assignment, node.assignments))
-        return f"{name} : {self.name(node.type)}" + (f" {{ {values} }}" if values else "")
+        return f"{name} : {self.type(node.type)}" + (f" {{ {values} }}" if values else "")
 
     def _assignment(self, one: Assignment) -> str:
         return f"{self.name(one.feature)} = {self.values(one.value)}"
@@ -217,7 +217,7 @@ class RuleText(TermText):
                 target = f"{self.name(owner.name)}.{self.name(feature)}"
                 return f"set {target} {operator} {self.values(value)}"
             case Retype(node, type_):
-                return f"retype {self.name(node.name)} : {self.name(type_)}"
+                return f"retype {self.name(node.name)} : {self.type(type_)}"
             case Move(node, container, reference):
                 place = f"{self.name(container.name)}.{self.name(reference)}"
                 return f"move {self.name(node.name)} to {place}"

@@ -75,6 +75,10 @@ class TermText:
             self.refuse(f"`{name}` is not a name, which has letters, digits and `_`")
         return f"^{name}" if name in self._keywords else name
 
+    def type(self, name: str) -> str:
+        """The name of a class or an enum, which may have that of its package before it."""
+        return "::".join(map(self.name, name.split("::", 1)))
+
     def qualified(self, name: str) -> str:
         """A name with dots."""
         return ".".join(map(self.name, name.split(".")))
@@ -85,7 +89,7 @@ class TermText:
 
     def _parameter(self, one: Parameter) -> str:
         direction = f"{one.direction} " if one.direction else ""
-        type_ = f" : {self.name(one.type)}" if one.type is not None else ""
+        type_ = f" : {self.type(one.type)}" if one.type is not None else ""
         return f"{direction}{self.name(one.name)}{type_}"
 
     # --- values and expressions
@@ -147,7 +151,7 @@ class TermText:
 
     def literal(self, one: EnumLiteral) -> str:
         """`Enum::literal` or `::literal`."""
-        return f"{self.name(one.enum) if one.enum is not None else ''}::{self.name(one.literal)}"
+        return f"{self.type(one.enum) if one.enum is not None else ''}::{self.name(one.literal)}"
 
     # --- conditions
 
@@ -172,11 +176,11 @@ class TermText:
             case TypeConstraint(type_, term, exact):
                 if exact:
                     self.refuse(f"nothing says that `{self.term(term)}` is a `{type_}` and of no subclass")
-                return f"{self.name(type_)}{self.terms((term,))}"
+                return f"{self.type(type_)}{self.terms((term,))}"
             case PathConstraint(type_, features, source, target, closure):
                 if not type_ or not features:
                     self.refuse("a path has a class and features")
-                path = ".".join(map(self.name, (type_, *features)))
+                path = ".".join((self.type(type_), *map(self.name, features)))
                 return f"{path}{closure.value}{self.terms((source, target))}"
             case PatternCall(pattern, arguments, closure):
                 return f"find {self.qualified(pattern)}{closure.value}{self.terms(arguments)}"

@@ -15,6 +15,7 @@ from envgraph.lang._rules import read_rules
 from envgraph.lang._stack import ParseStack
 from envgraph.lang._text_rules import RuleText, read_again
 from envgraph.lang._text_terms import TermText, plain_doc
+from envgraph.lang._type_names import TypeNames
 from envgraph.pattern import Body, Derivation, Pattern, Rule, Unit
 
 Definition = Pattern | Rule | Unit | Derivation
@@ -125,7 +126,8 @@ def _unescaped(grammar: Grammar, text: str) -> str:
 def _assert_equal(definitions: Sequence[Definition], language: str, text: str) -> None:
     """Refuse a text that says something else."""
     parsed = parse(language, Source("<text>", text))
-    read = read_query(parsed) if language == "query" else read_rules(parsed)
+    types = TypeNames()  # which keeps what stands before a name
+    read = read_query(parsed, types) if language == "query" else read_rules(parsed, types)
     errors = [one for one in read.diagnostics if one.severity is Severity.ERROR]
     if errors:
         raise _unsayable(definitions, errors)

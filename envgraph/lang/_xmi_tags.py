@@ -10,7 +10,7 @@ from envgraph.errors import Note, Span, did_you_mean, with_article
 from envgraph.lang._ecore_types import value_of
 from envgraph.lang._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
 from envgraph.lang._xml import XMI, XSI, Handlers, Reader, Stop, namespaces
-from envgraph.metamodel import Attribute, EnumType, Package, Reference, type_name
+from envgraph.metamodel import Attribute, EnumType, Package, Reference, simple_name, type_name
 
 XMI_SPACES = re.compile(r"http://(www\.omg\.org|schema\.omg\.org/spec)/(spec/)?XMI(/\d+(\.\d+)*)?")
 
@@ -160,22 +160,34 @@ class TagReader:
             self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
         elif prefix or "" in self._scope:
             package = self._package(self._scope[prefix], span)
-        cls = metamodel.classes.get(simple)
+        cls = self._home(simple, package, span)
         if cls is None:
-            self._document.report(
-                "unknown-class", f"unknown class `{simple}`", span, did_you_mean(simple, metamodel.classes)
-            )
-        elif package and cls.package != package.path:
-            where = next(one for one in metamodel.packages if one.path == cls.package)
-            message = f"`{simple}` is not in the package `{package.uri}`"
-            self._document.report("unknown-class", message, span, f"it is in `{where.uri}`")
-        elif cls.abstract:
-            kinds = metamodel.concrete(simple)
+            return None
+        if metamodel.classes[cls].abstract:
+            kinds = metamodel.concrete(cls)
             names = ", ".join(f"`{one}`" for one in kinds)
             hint = f"its concrete classes are {names}" if kinds else "it has no concrete subclass"
             self._document.report("abstract-class", f"`{simple}` is abstract", span, hint)
-        else:
-            return simple
+            return None
+        return cls
+
+    def _home(self, simple: str, package: Package | None, span: Span) -> str | None:
+        """The class of this name in a package; without one the class that alone has the name."""
+        metamodel = self._reading.metamodel
+        homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}
+        if package and package.path in homes:
+            return homes[package.path]
+        if not package and len(homes) == 1:
+            return next(iter(homes.values()))
+        message = f"unknown class `{simple}`"
+        hint = did_you_mean(simple, (simple_name(one) for one in metamodel.classes))
+        if homes:
+            uris = [f"`{one.uri}`" for one in metamodel.packages if one.path in homes]
+            hint = "it is in " + " and ".join(uris)
+            message = f"`{simple}` is in several packages"
+            if package:
+                message = f"`{simple}` is not in the package `{package.uri}`"
+        self._document.report("unknown-class", message, span, hint)
         return None
 
     def _package(self, uri: str, span: Span) -> Package | None:
@@ -269,7 +281,11 @@ class TagReader:
             return reference.target
         kinds = metamodel.concrete(reference.target)
         prefix = next((one for one, uri in self._scope.items() if uri in self._reading.packages), "")
-        hint = f'write `xsi:type="{prefix}:{kinds[0]}"` for example' if kinds else None
+        if kinds:
+            home = metamodel.classes[kinds[0]].package
+            uris = [one.uri for one in metamodel.packages if one.path == home]
+            prefix = next((one for one, uri in self._scope.items() if uri in uris), prefix)
+        hint = f'write `xsi:type="{prefix}:{simple_name(kinds[0])}"` for example' if kinds else None
         message = f"`{reference.target}` is abstract: the tag needs an `xsi:type`"
         self._document.report("abstract-class", message, self._document.places.tag(at), hint)
         return None

@@ -17,6 +17,7 @@ from envgraph.metamodel._features import (
     accepts,
     default_of,
     place,
+    simple_name,
     type_name,
 )
 from envgraph.metamodel._metamodel import Metamodel
@@ -39,6 +40,7 @@ __all__ = [
     "default_of",
     "metamodel_to_ecore",
     "place",
+    "simple_name",
     "type_name",
     "xml_value",
 ]

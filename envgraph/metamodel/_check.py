@@ -75,7 +75,9 @@ def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterato
         *(f for cls in classes for f in cls.features),
     ]
     for item in named:
-        if not item.name.isidentifier():
+        if not item.name.isidentifier() and not (
+            isinstance(item, Class | EnumType) and _qualified(item.name)
+        ):
             yield Diagnostic(
                 "bad-name", f"`{item.name}` is not a name: write letters, digits and _", item.span
             )
@@ -84,6 +86,11 @@ def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterato
             if not literal.isidentifier():
                 span = place(enum, f"literal {index}")
                 yield Diagnostic("bad-name", f"`{literal}` is not a name: write letters, digits and _", span)
+
+
+def _qualified(name: str) -> bool:
+    """Whether a name is one with that of a package before it, `package::Name`."""
+    return len(parts := name.split("::")) == 2 and all(part.isidentifier() for part in parts)
 
 
 def _check_types(cls: Class, enums: Mapping[str, EnumType]) -> Iterator[Diagnostic]:

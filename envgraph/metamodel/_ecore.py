@@ -14,6 +14,7 @@ from envgraph.metamodel._features import (
     Reference,
     Scalar,
     Value,
+    simple_name,
 )
 from envgraph.metamodel._metamodel import Metamodel
 
@@ -75,13 +76,15 @@ def _enum(enum: EnumType, indent: str) -> Iterator[str]:
             "literal": None if label == literal else label,
         }
         inside.append(f"{indent}  <eLiterals {_written(parts)}/>")
-    yield from _tag("eClassifiers", {"xsi:type": "ecore:EEnum", "name": enum.name}, inside, indent)
+    yield from _tag(
+        "eClassifiers", {"xsi:type": "ecore:EEnum", "name": simple_name(enum.name)}, inside, indent
+    )
 
 
 def _class(metamodel: Metamodel, cls: Class, indent: str) -> Iterator[str]:
     parts = {
         "xsi:type": "ecore:EClass",
-        "name": cls.name,
+        "name": simple_name(cls.name),
         "abstract": "true" if cls.abstract else None,
         "eSuperTypes": " ".join(_path(metamodel, above) for above in cls.supertypes) or None,
     }
@@ -159,7 +162,8 @@ def _reference(metamodel: Metamodel, reference: Reference) -> Parts:
 def _path(metamodel: Metamodel, name: str) -> str:
     found = metamodel.classes.get(name) or metamodel.enums[name]
     inside = found.package.replace(".", "/")
-    return f"#//{inside}/{name}" if inside else f"#//{name}"
+    simple = simple_name(name)
+    return f"#//{inside}/{simple}" if inside else f"#//{simple}"
 
 
 def _tag(name: str, parts: Parts, inside: list[str], indent: str) -> Iterator[str]:

@@ -187,6 +187,9 @@ class Class:
 class Package:
     """A namespace of classes and enums, for the formats of other tools; names are unique in the whole metamodel.
 
+    Where two packages have a class or an enum of one name, both are called after their packages: `city::State` and
+    `machine::State`.
+
     Attributes:
         path: "" for the metamodel itself, "a.b" for a package `b` in a package `a` in it.
         uri: what files call it by.
@@ -196,6 +199,15 @@ class Package:
     path: str
     uri: str
     prefix: str
+
+
+def simple_name(name: str) -> str:
+    """The name of a class or an enum inside of its package.
+
+    >>> simple_name("city::State"), simple_name("Street")
+    ('State', 'Street')
+    """
+    return name.rpartition("::")[2]
 
 
 def place(item: EnumType | Attribute | Reference | Class, part: str) -> Span | None:

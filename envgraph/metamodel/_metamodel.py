@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import count
 from typing import TYPE_CHECKING, Final
 
 from envgraph.errors import ResolutionError, has_errors
 from envgraph.metamodel._above import components, linearise
 from envgraph.metamodel._check import check_classes
-from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference
+from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference, simple_name
 
 if TYPE_CHECKING:
     from envgraph.metamodel.picture import Picture
@@ -94,6 +95,23 @@ class Metamodel:
         for (name,) in reversed(components(self.classes)):
             for above in self.classes[name].supertypes:
                 found[above] |= found[name]
+        return found
+
+    def named(self, simple: str) -> Mapping[str, str]:
+        """The names of the classes and enums that their packages know by this name, by the paths of the packages.
+
+        >>> one, other = Class("a::Part", package="a"), Class("b::Part", package="b")
+        >>> dict(Metamodel("m", [one, other, Class("Whole")]).named("Part"))
+        {'a': 'a::Part', 'b': 'b::Part'}
+        """
+        return self._named.get(simple, {})
+
+    @cached_property
+    def _named(self) -> Mapping[str, Mapping[str, str]]:
+        types: list[Class | EnumType] = [*self.class_list, *self.enum_types]
+        found: dict[str, dict[str, str]] = {}
+        for one in types:
+            found.setdefault(simple_name(one.name), {})[one.package] = one.name
         return found
 
     def supertypes(self, name: str) -> tuple[str, ...]:
