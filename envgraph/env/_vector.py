@@ -29,7 +29,8 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
 
     Environment i is table i modulo the number of tables; all tables need the same actions and observations, as the
     members of a family have. An environment whose episode ended is reset by the next step, which ignores its action
-    (Gymnasium's `NEXT_STEP`). Infos are arrays: `state`, `step` and `success`.
+    (Gymnasium's `NEXT_STEP`). Infos are arrays: `state`, `step`, `success`, and where several agents take turns `agent`,
+    the names of those that act next.
 
     Args:
         tabulars: one table, or several.
@@ -93,6 +94,7 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         self._ended = np.concatenate([_pad(table.terminated, outcomes) for table in tables])
         self._sums = np.concatenate([cumulative(_pad(table.probability, outcomes)) for table in tables])
         self._observation = np.concatenate([table.observation for table in tables]).astype(np.int64)
+        self._agent = np.concatenate([_acting(table) for table in tables]) if tables[0].agent_names else None
         width = max(len(table.start_states) for table in tables)
         self._starts = np.zeros((len(tables), width), dtype=np.int64)
         chances = np.zeros((len(tables), width))
@@ -149,11 +151,13 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _info(self, success: Bools) -> dict[str, Any]:
         every = np.ones(self.num_envs, dtype=np.bool_)
-        values = {
+        values: dict[str, NDArray[Any]] = {
             "state": self._state - self._first[self._which],
             "step": self._steps.copy(),
             "success": success,
         }
+        if self._agent is not None:
+            values["agent"] = self._agent[self._state]
         return {**values, **{f"_{name}": every.copy() for name in values}}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -180,6 +184,13 @@ def _check(tables: Sequence[Tabular], num_envs: int, max_episode_steps: int | No
             raise InvalidArgument("the tables have different actions")
         if table.observation_shape != first.observation_shape:
             raise InvalidArgument("the tables have different observations")
+        if bool(table.agent_names) != bool(first.agent_names):
+            raise InvalidArgument("some tables have agents, others have none")
+
+
+def _acting(table: Tabular) -> NDArray[Any]:
+    """Name of the agent that acts in each state."""
+    return np.array(table.agent_names, dtype=object)[table.turn]
 
 
 def _pad(array: NDArray[Any], outcomes: int) -> NDArray[Any]:

@@ -166,8 +166,12 @@ def export_ga4cl(family: Family) -> str:
     """The family as the text of a ga4cl file: members in the order of the curriculum, as env_1, env_2, ...
 
     Raises:
-        InvalidArgument: the behaviour draws no grid.
+        InvalidArgument: the behaviour draws no grid, or has several agents.
     """
+    if family.behaviour.agents:
+        raise InvalidArgument(
+            f"family `{family.name}` has `agent` blocks: the ga4cl format has rewards for one agent"
+        )
     draw = family.behaviour.draw
     if not isinstance(draw, DrawGrid):
         raise InvalidArgument(f"family `{family.name}` draws no grid: it cannot be written as letters")

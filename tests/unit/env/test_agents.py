@@ -15,6 +15,7 @@ from envgraph.env import (
     EachStep,
     EnvgraphEnv,
     EnvgraphLiveEnv,
+    EnvgraphVectorEnv,
     ObserveRange,
     RuleCall,
     Simulator,
@@ -229,6 +230,17 @@ def test_the_table_and_the_live_engine_do_the_same() -> None:
             (one, reward, ended, _, info), (other, gain, over, _, told) = rows.step(action), live.step(action)
             assert (one == other).all() and (reward, ended) == (gain, over)
             assert info["agent"] == told["agent"] == "ab"[turn % 2]
+
+
+def test_many_environments_say_whose_turn_it_is() -> None:
+    tabular = explore(*opened(HALLS[1].text())).tabular
+    many = EnvgraphVectorEnv([tabular, tabular])
+    _, info = many.reset(seed=0)
+    turns = [info["agent"].tolist()]
+    for _ in range(2):
+        *_, info = many.step(np.array([6, 6]))
+        turns.append(info["agent"].tolist())
+    assert turns == [["a", "a"], ["b", "b"], ["a", "a"]]
 
 
 # --- coins: every coin is an agent

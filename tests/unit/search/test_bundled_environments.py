@@ -14,7 +14,7 @@ import envgraph.env
 from envgraph.env.registration import BUNDLED
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.lang import bundled_domain, bundled_domains
-from envgraph.search import Family, generate, make_environment, open_family, write_family
+from envgraph.search import Family, export_ga4cl, generate, make_environment, open_family, write_family
 
 IDS = {domain: f"envgraph/{name}-v0" for name, domain, _, _ in BUNDLED}
 ACTIONS = {"burning_forest": 4, "keydoor": 9, "network": 5, "warehouse": 7}
@@ -64,6 +64,14 @@ def test_members_of_a_family_share_actions_and_observations(family: Family, tmp_
             if terminated or truncated:
                 observation, _ = env.reset()
     assert len(spaces) == 1
+
+
+def test_only_what_one_agent_does_on_a_grid_is_written_as_ga4cl(family: Family) -> None:
+    if family.name == "KeyDoor":
+        assert '"env_1"' in export_ga4cl(family)
+        return
+    with pytest.raises(InvalidArgument, match="draws no grid" if family.name == "Routing" else "agent"):
+        export_ga4cl(family)
 
 
 def test_a_table_and_a_live_engine_have_the_same_episodes() -> None:
