@@ -15,6 +15,9 @@ from envgraph.match.views._delta import Delta, Role, write_delta
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.metamodel import Value
 
+Change = tuple[str, bool]
+"""A view, and whether it gains derivations."""
+
 
 @dataclass(slots=True)
 class Group:
@@ -36,12 +39,12 @@ class Statement:
     Attributes:
         line: with the indentation of its place.
         inside: what stands under it.
-        views: which views it changes.
+        changes: which views it changes, and whether it adds derivations to them.
     """
 
     line: str
     inside: list[Group] = field(default_factory=list)
-    views: set[str] = field(default_factory=set)
+    changes: set[Change] = field(default_factory=set)
 
 
 class FusedModule(Module):
@@ -62,8 +65,9 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
     """The source of a function that does what the functions of several deltas do, one after the other.
 
     Each is a nest of loops and conditions around one line, whose effect none of them reads: so two that begin with the
-    same loop can take turns inside it. Every derivation belongs to one pass of the loop, so what happens to it stays
-    in order; what happens to different views need not.
+    same loop can take turns inside it: neither what happens to different views has to stay in order, nor what a view
+    gains, nor what it loses. But a view may lose what it has gained from the place before, in another pass of the loop:
+    gains and losses of one view are never mixed.
 
     Args:
         planner: orders goals.
@@ -79,7 +83,8 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
         block = Block()
         write_delta(planner, module, block, delta, coming)
         if _is_nest(delta):
-            _insert(groups, _renamed(block.lines), delta.name)
+            adding = coming != (delta.occurrence.role is Role.NONE)
+            _insert(groups, _renamed(block.lines), (delta.name, adding))
         else:
             lines.extend([*_flat(groups), *block.lines])
             groups = []
@@ -105,28 +110,33 @@ def _renamed(lines: Sequence[str]) -> list[str]:
     return [re.sub(r"\b([vt])(\d+)\b", number, line) for line in lines]
 
 
-def _insert(groups: list[Group], nest: Sequence[str], view: str) -> None:
+def _insert(groups: list[Group], nest: Sequence[str], change: Change) -> None:
     """Add a nest inside what it has in common with one that is there, behind everything that changes its view."""
     count = next(index for index, line in enumerate(nest) if not re.match(r" *v\d+(,| =)", line))
     assignments, (first, *rest) = tuple(nest[:count]), nest[count:]
-    statement = _alike(groups, assignments, first, view) if rest else None
+    statement = _alike(groups, assignments, first, change) if rest else None
     if statement is None:
         if not groups or groups[-1].assignments != assignments:
             groups.append(Group(assignments))
         statement = Statement(first)
         groups[-1].statements.append(statement)
-    statement.views.add(view)
+    statement.changes.add(change)
     if rest:
-        _insert(statement.inside, rest, view)
+        _insert(statement.inside, rest, change)
 
 
-def _alike(groups: Sequence[Group], assignments: tuple[str, ...], line: str, view: str) -> Statement | None:
-    """The last statement of this text, if nothing behind it changes the view."""
+def _alike(
+    groups: Sequence[Group], assignments: tuple[str, ...], line: str, change: Change
+) -> Statement | None:
+    """The last statement of this text, if it does not change the view the other way, nor anything behind it at all."""
+    view, adding = change
     for group in reversed(groups):
         for statement in reversed(group.statements):
+            if (view, not adding) in statement.changes:
+                return None
             if statement.line == line and group.assignments == assignments:
                 return statement
-            if view in statement.views:
+            if change in statement.changes:
                 return None
     return None
 

@@ -10,7 +10,7 @@ from envgraph.match.views._fusion import fused_source
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, LinkAtom
 from tests.unit.match.kinds import watched
-from tests.unit.match.writing import find, path, pattern
+from tests.unit.match.writing import find, neg, path, pattern
 
 POSTS = Metamodel(
     "posts",
@@ -78,6 +78,42 @@ def test_functions_that_are_one_find_what_each_would_find() -> None:
             model.unlink(source, NEXT, target)
             views.check_integrity()
     assert views.count("chain", (FREE,) * 4) == views.count("last", (FREE,) * 3) == 0
+
+
+def test_what_a_view_loses_at_one_place_may_have_come_at_another_in_a_later_pass_of_the_same_loop() -> None:
+    marks = ("lamp", "wire", "mark")
+    posts = Metamodel("posts", (Class("Post", features=tuple(Reference(n, "Post", 0, None) for n in marks)),))
+    lamp, wire, mark = posts.references
+    library = Library(posts)
+    library.add(
+        pattern(
+            "differ(x : Post, y : Post, a : Post, b : Post)",
+            [
+                path("Post.mark", "x", "_"),
+                neg(path("Post.mark", "y", "_")),
+                path("Post.lamp", "x", "a"),
+                path("Post.lamp", "y", "b"),
+                path("Post.wire", "x", "y"),
+            ],
+        )
+    )
+    model = Model(posts)
+    first, second, third, *others = (model.new("Post") for _ in range(12))
+    for target in (third, second):
+        model.link(first, lamp, target)
+    for other in (first, *others):
+        model.link(first, wire, other)
+        model.link(other, wire, first)
+    views = watched(model, library)
+    # With x and y the same post, a new mark adds each row at the first place, and takes it away at the second.
+    model.link(first, mark, second)
+    views.check_integrity()
+    model.link(others[0], lamp, third)
+    views.check_integrity()
+    assert views.count("differ", (FREE,) * 4) == 2
+    model.unlink(first, mark, second)
+    views.check_integrity()
+    assert views.count("differ", (FREE,) * 4) == 0
 
 
 def test_explain_tells_what_a_function_does_for_the_tuples_that_there_are() -> None:
