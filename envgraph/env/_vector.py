@@ -29,8 +29,8 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
 
     Environment i is table i modulo the number of tables; all tables need the same actions and observations, as the
     members of a family have. An environment whose episode ended is reset by the next step, which ignores its action
-    (Gymnasium's `NEXT_STEP`). Infos are arrays: `state`, `step`, `success`, and where several agents take turns `agent`,
-    the names of those that act next.
+    (Gymnasium's `NEXT_STEP`). Infos are arrays: `state`, `step`, `success`, and where several agents take turns
+    `agent`, the names of those that act next.
 
     Args:
         tabulars: one table, or several.
