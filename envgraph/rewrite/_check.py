@@ -117,8 +117,9 @@ def _left_problems(library: Library, lowering: LeftLowering, told: Sequence[Diag
     unknown = {one.name for one in declared if one.type and not static_type(one.type, library.metamodel)}
 
     def echoes(problem: Diagnostic) -> bool:
-        if problem.code == "untyped-source":
-            return any(f"`{name}`" in problem.message for name in unknown)
+        names = {"untyped-source": unknown, "not-enumerable": lowering.unclear}.get(problem.code, set())
+        if any(f"`{name}`" in problem.message for name in names):
+            return True
         return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
 
     found = left_problems(library, *lowering.patterns)

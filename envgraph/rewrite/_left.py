@@ -9,10 +9,11 @@ pattern of its own, over the enclosing variables that it uses, which the enclosi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import count
 
-from envgraph.errors import Diagnostic, Span, with_article
+from envgraph.errors import Diagnostic, Span, has_errors, with_article
 from envgraph.metamodel import Attribute
 from envgraph.pattern import (
     Binary,
@@ -81,15 +82,18 @@ class LeftLowering:
         patterns: every pattern made, callees before callers.
         problems: what is wrong with arrows and blocks; the library checks the rest, on the patterns.
         untyped: the names of which nothing says what they are, which is among the problems.
+        unclear: the names whose types are not known for other problems.
     """
 
     def __init__(self, rule: Rule, library: Library) -> None:
         self.rule = rule
+        self.library = library
         self.metamodel = library.metamodel
         self.reader = TypeReader(library, rule.package)
         self.patterns: list[Pattern] = []
         self.problems: list[Diagnostic] = []
         self.untyped: set[str] = set()
+        self.unclear: set[str] = set()
         self._numbers = count(1)
         self._groups = [frozenset(group) for group in rule.homomorphic]
 
@@ -98,7 +102,7 @@ class LeftLowering:
         rule = self.rule
         parameters = [p for p in rule.parameters if p.name not in created]
         outside = self.reader.parameters(parameters)
-        types = self.reader.left_side(rule.left, outside)
+        types = self._types(rule.left, rule.blocks, outside)
         constraints, nested = self._body(rule.left, rule.blocks, types, ())
         names = tuple(types)
         declared = [self._parameter(p, rule.left, constraints, types[p.name]) for p in parameters]
@@ -146,6 +150,32 @@ class LeftLowering:
             else:
                 found.append(Check(Binary("==", variable, variable)))
         return found
+
+    # --- types
+
+    def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
+        """Types of all variables in sight; blocks need to know also of those that are computed."""
+        types = self.reader.left_side(left, outside)
+        if not blocks or None not in types.values():
+            return types
+        told = len(self.problems)
+        constraints = (*self._nodes(left), *self._edges(left, types), *left.constraints)
+        del self.problems[told:]
+        used = all_names(LeftSide(constraints=constraints))
+        names = [name for name in types if name in used]
+        declared = tuple(
+            self._inherited(name, types[name]) if name in outside else Parameter(name) for name in names
+        )
+        pattern = Pattern(
+            f"{self.rule.name}#types", declared, (Body(constraints),), package=self.rule.package
+        )
+        if has_errors(self.library.check(pattern)):
+            self.unclear.update(name for name, type_ in types.items() if type_ is None)
+            return types  # it is told where the whole left side is checked
+        known = copy(self.library)
+        known.add(pattern)
+        found = known.parameter_types(pattern.qualified_name)
+        return {**types, **{name: types[name] or type_ for name, type_ in zip(names, found, strict=True)}}
 
     # --- bodies
 
@@ -276,7 +306,7 @@ class LeftLowering:
         self, block: Block, outside: Types, exported: Sequence[str], *, quiet: bool = False
     ) -> LoweredBlock:
         """The pattern of a block, over the enclosing variables that it uses and the `exported` ones of its own."""
-        types = self.reader.left_side(block.left, outside)
+        types = self._types(block.left, block.blocks, outside)
         enclosing = list(outside)
         number = next(self._numbers)
         constraints, nested = self._body(block.left, block.blocks, types, enclosing)

@@ -6,7 +6,7 @@ import pytest
 
 from envgraph.errors import RuleError
 from envgraph.graph import Model
-from tests.unit.rewrite.graphs import METAMODEL, chain, engine, snapshot
+from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems, snapshot
 
 
 def star(leaves: int) -> Model:
@@ -197,3 +197,30 @@ def test_a_refused_block_takes_the_whole_application_back() -> None:
         made.apply("r", a=0)
     assert caught.value.reason == "dangling"
     assert snapshot(model) == before
+
+
+def test_blocks_read_what_the_left_side_computes() -> None:
+    queries = "pattern linked(from : Item, to : Item) { Item.links(from, to); }"
+    made = engine(
+        """
+        rule some { lhs { a : Item; n == count find linked(a, _); } require { b : Item; check b.n < n; } modify { } }
+        rule none { lhs { a : Item; n == eval(a.n + 1); } not { not { b : Item; check b.n == n; } } modify { } }
+        rule all(k : int) {
+            lhs { a : Item; n == eval(a.n + k); }
+            forall { lhs { a -links-> b; m == eval(b.n * n); } not { check m > 4; } modify { set b.n = m; } }
+            optional { lhs { a -links-> c; check c.n == n; } modify { set c.label = "n"; } }
+        }
+        """,
+        queries,
+        model=star(3),
+    )
+    assert [match.row for match in made.matches("some")] == [(0, 3)]
+    assert [match.row for match in made.matches("none")] == [(0, 1), (1, 2), (2, 3)]
+    made.apply("all", a=0, k=2)
+    assert [node.n for node in made.model.nodes()] == [0, 2, 4, 3]
+    assert [node.label for node in made.model.nodes()] == ["", "", "n", ""]
+
+
+def test_a_mistake_in_what_is_computed_is_told_once() -> None:
+    text = "rule r { lhs { a : Item; n == eval(a.nn + 1); } not { b : Item; check b.n == n; } modify { } }"
+    assert [problem.code for problem in problems(text)] == ["unknown-feature"]
