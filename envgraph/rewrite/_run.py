@@ -184,6 +184,28 @@ def fire_next(
     return None
 
 
+def call_rule(
+    run: Run, rule: RuleRunner, rows: Sequence[Row], first: bool, missing: str, refused: str
+) -> Sequence[Any] | None:
+    """A call of a rule that is not written out: what `_unit_source` writes for the first calls of a unit."""
+    if not rows:
+        run.failure = missing
+        return None
+    number = 0 if first or len(rows) == 1 else run.pick(len(rows))
+    row = rows[number]
+    try:
+        result = rule.fire(row)
+    except RuleError as error:
+        found = (fire_next if first else fire_another)(run, rule, rows, number, error)
+        if found is None:
+            run.failure = refused
+            return None
+        row, result = found
+    run.put(rule)
+    run.put(row)
+    return result
+
+
 def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: str | None) -> bool | None:
     """Apply a rule at each of the rows that still is a match when its turn comes and is not refused."""
     changed = None

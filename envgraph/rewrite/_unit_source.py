@@ -46,6 +46,7 @@ from envgraph.rewrite._run import (
     UNSET,
     apply_every_of,
     apply_one_of,
+    call_rule,
     fire_another,
     fire_every,
     fire_next,
@@ -58,6 +59,10 @@ from envgraph.rewrite._unit_check import CheckedUnit
 
 _INLINE: Final = 8
 """So many branches of `if` stand inside each other in one function; Python limits how deep source may nest."""
+
+
+_WRITTEN_OUT: Final = 200
+"""So many calls of rules are written out in the source of a unit: Python takes long to compile a lot of it."""
 
 
 @dataclass(slots=True)
@@ -137,6 +142,7 @@ class UnitSource:
             "apply_every_of": apply_every_of,
             "apply_one_of": apply_one_of,
             "best": best,
+            "call_rule": call_rule,
             "argument": argument_value,
             "fire_another": fire_another,
             "fire_every": fire_every,
@@ -154,6 +160,7 @@ class UnitSource:
         self._done: list[str] = []
         self._open: list[_Function] = []
         self._numbers = 0
+        self._calls = 0
 
     def compile(self, signature: Signature) -> Callable[..., bool | None]:
         """The function of the unit; it takes a run and the values of the parameters, and adds the `out` ones."""
@@ -516,23 +523,37 @@ class UnitSource:
     def _call_rule(self, call: Call, callee: Signature, scope: Scope) -> None:
         rule, rows, new = self._rows(call, callee, scope)
         function, own = self._now, self._constant(rule)
+        missing = f"`{callee.simple}` has no {'such ' if call.where else ''}match"
+        refused = f"`{callee.simple}` was refused at each match"
+        self._calls += 1
+        if self._calls > _WRITTEN_OUT:
+            texts = f"{self._constant(missing + at(call.span))}, {self._constant(refused + at(call.span))}"
+            function.add(
+                f"s = call_rule(run, {own}, {rows}, {call.first}, {texts})", "if s is None: return None"
+            )
+        else:
+            self._fire_one(call, rule, rows, missing, refused)
+        slots = dict(rule.plan.outputs) if isinstance(rule, GraphRule) else {}
+        for theirs, name in new.items():
+            place = slots[theirs] if theirs in slots else rule.shape.position(theirs)
+            function.add(f"{self._give(scope, name)} = s[{place}]")
+        self._changed("True")
+
+    def _fire_one(self, call: Call, rule: RuleRunner, rows: str, missing: str, refused: str) -> None:
+        """`call_rule`, written out."""
+        function, own = self._now, self._constant(rule)
         function.add(f"rows = {rows}", "n = len(rows)")
         with function.block("if n == 0:"):
-            self._fails(f"`{callee.simple}` has no {'such ' if call.where else ''}match", call.span)
+            self._fails(missing, call.span)
         number = "0" if call.first else "run.pick(n) if n > 1 else 0"
         function.add(f"i = {number}", "row = rows[i]")
         function.add("try:", f" s = {self._constant(rule.fire)}(row)", "except RuleError as error:")
         function.add(f" s = {'fire_next' if call.first else 'fire_another'}(run, {own}, rows, i, error)")
         with function.block(" if s is None:"):
             function.level += 1
-            self._fails(f"`{callee.simple}` was refused at each match", call.span)
+            self._fails(refused, call.span)
             function.level -= 1
         function.add(" row, s = s", f"run.put({own})", "run.put(row)")
-        slots = dict(rule.plan.outputs) if isinstance(rule, GraphRule) else {}
-        for theirs, name in new.items():
-            place = slots[theirs] if theirs in slots else rule.shape.position(theirs)
-            function.add(f"{self._give(scope, name)} = s[{place}]")
-        self._changed("True")
 
     def _call_every(self, call: Call, callee: Signature, scope: Scope) -> None:
         rule, rows, _ = self._rows(call, callee, scope)

@@ -464,3 +464,18 @@ def test_a_run_from_a_deep_stack_is_taken_back() -> None:
             dive(levels)
         assert snapshot(made.model) == before
         assert not made.model.in_transaction
+
+
+def test_calls_that_are_not_written_out_do_the_same() -> None:
+    long = one(f"unit u(a : Item) {{ {'grow; ' * 300} read(a, x); mark(a, x + 7); first big; never; }}")
+    result = long.run("u", a=0)
+    assert not result and result.applications == 303
+    assert str(result.reason).startswith("`never` has no match (test.rules:9:")
+    assert (n(long), long.model.node(0).label) == (7, "big")
+    refused = one(
+        f"unit u {{ {'grow; ' * 300} mark(_, 8); bad; }} unit v {{ {'up; ' * 3} {'grow; ' * 300} first bad; }}"
+    )
+    refused.model.create("Special", n=5, favourite=refused.model.node(0))
+    result = refused.run("v")
+    # The first item is linked; the second one of these is the `Special`, which nothing refers to.
+    assert result and [node.cls for node in refused.model.nodes("Special")] == []
