@@ -12,7 +12,7 @@ from envgraph.errors import Diagnostic, EnvgraphError, LoadError, Source, did_yo
 from envgraph.graph._journal import IndexedSet
 from envgraph.graph._model import Model
 from envgraph.graph._store import CROWD, Ends, Relation
-from envgraph.metamodel import Attribute, Feature, Metamodel, Reference, Scalar, Value
+from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Metamodel, Reference, Scalar, Value
 
 FORMAT = "envgraph-model-1"
 
@@ -223,6 +223,13 @@ class _Reader:
     def _read_value(self, path: str, node: int, attribute: Attribute, value: Value | None) -> None:
         if attribute.type is Scalar.FLOAT and isinstance(value, str):
             value = _INFINITIES.get(value, value)
+        if (
+            attribute.type is Scalar.INT
+            and type(value) is int
+            and not -LARGEST_INT - 1 <= value <= LARGEST_INT
+        ):
+            self._problem(path, "wrong-type", f"`{attribute}` takes an int of 64 bits")
+            return
         try:
             self.model.set_value(node, attribute, value)
         except EnvgraphError as error:

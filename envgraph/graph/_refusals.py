@@ -59,7 +59,12 @@ def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
         hint = did_you_mean(value, attribute.type.literals)
         hint = hint or "its literals: " + ", ".join(f"`{literal}`" for literal in attribute.type.literals)
     kind = type_name(attribute.type)
-    return TypeMismatch(_hinted(f"`{attribute}` takes {kind}, not {value!r} ({type(value).__name__})", hint))
+    try:
+        shown = repr(value)
+    except ValueError:  # Python does not show ints of thousands of digits
+        shown = "one of thousands of digits"
+    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+    return TypeMismatch(_hinted(f"`{attribute}` takes {kind}, not {shown} ({type(value).__name__})", hint))
 
 
 def wrong_link(model: Model, source: int, reference: Reference, target: int | None) -> EnvgraphError:

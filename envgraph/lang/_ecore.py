@@ -26,7 +26,15 @@ from envgraph.errors import (
     sort_diagnostics,
 )
 from envgraph.lang._ecore_document import EcoreDocument
-from envgraph.lang._ecore_types import ECORE, ECORE_TYPES, DataType, java_type, library_types, value_of
+from envgraph.lang._ecore_types import (
+    ECORE,
+    ECORE_TYPES,
+    DataType,
+    java_type,
+    library_types,
+    too_large,
+    value_of,
+)
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._metamodel import MetamodelFile
 from envgraph.lang._xml import XMI, XSI, Element
@@ -598,7 +606,8 @@ class _Reader:
         if value is None:
             wanted = type_.name if isinstance(type_, EnumType) else str(type_)
             words = type_.labels or type_.literals if isinstance(type_, EnumType) else ("true", "false")
-            hint = did_you_mean(text, words) if type_ not in (Scalar.INT, Scalar.FLOAT) else None
+            numeric = type_ in (Scalar.INT, Scalar.FLOAT)
+            hint = too_large(text, type_) if numeric else did_you_mean(text, words)
             message = f"default of `{name}` is not of type `{wanted}`"
             self._error("wrong-type", message, self._at(element, "defaultValueLiteral"), hint)
         return value

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 
-from envgraph.metamodel import EnumType, Scalar, Value
+from envgraph.metamodel import LARGEST_INT, EnumType, Scalar, Value
 
 ECORE = "http://www.eclipse.org/emf/2002/Ecore"
 _XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
@@ -109,6 +110,8 @@ _INFINITE = {
 def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
     """The value that is written so in XML, or None; a literal by its text, its name or its number.
 
+    Numbers of more than 64 bits are None, too.
+
     >>> value_of("-3", Scalar.INT), value_of("1e3", Scalar.FLOAT), value_of("1_000", Scalar.INT)
     (-3, 1000.0, None)
     """
@@ -117,14 +120,24 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
     match type_:
         case Scalar.INT:
             try:
-                return int(text) if _INT.fullmatch(text) else None
+                number = int(text) if _INT.fullmatch(text) else None
             except ValueError:  # thousands of digits
                 return None
+            return None if number is None or not -LARGEST_INT - 1 <= number <= LARGEST_INT else number
         case Scalar.FLOAT:
-            return float(_INFINITE.get(text, text)) if text in _INFINITE or _FLOAT.fullmatch(text) else None
+            if text in _INFINITE:
+                return float(_INFINITE[text])
+            return float(text) if _FLOAT.fullmatch(text) and isfinite(float(text)) else None
         case Scalar.BOOL:
             return {"true": True, "false": False}.get(text)
     return text
+
+
+def too_large(text: str, type_: Scalar | EnumType) -> str | None:
+    """A hint for a number that cannot be kept because of its size, or None."""
+    if type_ is Scalar.INT and _INT.fullmatch(text):
+        return "an int has 64 bits"
+    return "a float has 64 bits" if type_ is Scalar.FLOAT and _FLOAT.fullmatch(text) else None
 
 
 def literal_of(text: str, type_: EnumType) -> str | None:

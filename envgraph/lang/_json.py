@@ -17,6 +17,8 @@ JsonPath = tuple[str | int, ...]
 
 _PLACE = re.compile("`([^`]+)`: ")
 _STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
+_LONG = re.compile(r"-?[0-9]{4300,}")
+"""Numbers that Python does not read."""
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
 
 
@@ -64,9 +66,13 @@ def _decoded(source: Source) -> object:
     except RecursionError:
         problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1))
         raise LoadError([problem]) from None
-    except ValueError as error:  # a number of thousands of digits
-        problem = Diagnostic("syntax", f"not JSON: {str(error).partition(';')[0].lower()}", source.span(0, 1))
-        raise LoadError([problem]) from None
+    except ValueError as error:
+        found = _LONG.search(source.text)
+        if found is None:  # nothing else raises it
+            raise
+        span = source.span(*found.span())
+        problem = Diagnostic("number-too-large", "the number is too large", span, "at most 64 bits are kept")
+        raise LoadError([problem]) from error
     return value
 
 

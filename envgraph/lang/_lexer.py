@@ -19,13 +19,13 @@ from lark.common import LexerConf
 from lark.lexer import Lexer, LexerState, PatternStr, TerminalDef, Token
 
 from envgraph.errors import Diagnostic, Source, Span
+from envgraph.metamodel import LARGEST_INT
 
 END = "$END"
 PUNCTUATION = "punctuation"
 _IGNORED_KINDS = frozenset({"WHITESPACE", "LINE_COMMENT"})
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "\\": "\\", '"': '"', "'": "'"}
 _ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)")
-_LARGEST_INT = 2**63 - 1
 _MOST_NESTED = 100
 _MOST_ERRORS = 100
 _CURLY = re.compile(
@@ -193,8 +193,9 @@ class _Scanner:
         if kind == "FLOAT":
             too_large = math.isinf(float(text))
         else:
-            # The length first: int() refuses numbers of thousands of digits.
-            too_large = size > 19 or int(digits) > _LARGEST_INT
+            # The length first: int() refuses numbers of thousands of digits. The least one is `-9223372036854775808`.
+            sign = bool(self._scan.lexemes) and self._scan.lexemes[-1].value == "-"
+            too_large = size > 19 or int(digits) > LARGEST_INT + sign
         if too_large:
             self._report(
                 "number-too-large", "the number is too large", start, end, "at most 64 bits are kept"

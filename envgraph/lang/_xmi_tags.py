@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from envgraph.errors import Note, Span, did_you_mean, with_article
-from envgraph.lang._ecore_types import value_of
+from envgraph.lang._ecore_types import too_large, value_of
 from envgraph.lang._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
 from envgraph.lang._xml import XMI, XSI, Handlers, Reader, Stop, namespaces
 from envgraph.metamodel import Attribute, EnumType, Package, Reference, simple_name, type_name
@@ -366,7 +366,7 @@ class TagReader:
         if value is not None:
             self._model.set_value(node, attribute, value)
             return
-        type_, hint = attribute.type, None
+        type_, hint = attribute.type, too_large(text, attribute.type)
         span = span or self._document.places.attribute(at, attribute.name)
         if isinstance(type_, EnumType):
             names = type_.labels or type_.literals

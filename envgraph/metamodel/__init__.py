@@ -2,6 +2,7 @@
 
 from envgraph.metamodel._ecore import metamodel_to_ecore, xml_value
 from envgraph.metamodel._features import (
+    LARGEST_INT,
     Annotation,
     Attribute,
     AttributeType,
@@ -23,6 +24,7 @@ from envgraph.metamodel._features import (
 from envgraph.metamodel._metamodel import Metamodel
 
 __all__ = [
+    "LARGEST_INT",
     "Annotation",
     "Attribute",
     "AttributeType",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 from math import isnan
+from typing import Final
 
 from envgraph.errors import Span
 
@@ -13,6 +14,10 @@ Places = tuple[tuple[str, Span], ...]
 
 Value = int | float | bool | str
 """A data value. The literal of an enum is its name, a `str`; its enum is known from the static type."""
+
+
+LARGEST_INT: Final = 2**63 - 1
+"""Ints that are stored or leave an expression have 64 bits; the least one is `-LARGEST_INT - 1`."""
 
 
 class Scalar(StrEnum):

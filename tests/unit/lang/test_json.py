@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from envgraph.errors import LoadError, Source
+from envgraph.errors import LoadError, Source, TypeMismatch
+from envgraph.graph import Model, model_to_json
 from envgraph.lang import parse_json, parse_model
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 
@@ -64,3 +65,41 @@ def test_problems_of_a_model_are_at_the_value_they_are_about() -> None:
         parse_model(Source("m.json", text), metamodel)
     first = caught.value.diagnostics[0]
     assert first.span is not None and first.span.text == '"three"' and str(first.span) == "m.json:3:45"
+
+
+BOX = Metamodel(
+    "m", [Class("Box", features=(Attribute("size", Scalar.INT), Attribute("weight", Scalar.FLOAT)))]
+)
+
+
+@pytest.mark.parametrize(
+    ("size", "message"),
+    [
+        (str(2**63), "`objects[0].features.size`: `Box.size` takes an int of 64 bits"),
+        (str(-(2**63) - 1), "`objects[0].features.size`: `Box.size` takes an int of 64 bits"),
+        ("1" * 5000, "the number is too large"),
+    ],
+)
+def test_ints_beyond_64_bits_are_refused_where_they_stand(size: str, message: str) -> None:
+    objects = f'[{{"id": 0, "class": "Box", "features": {{"size": {size}}}}}]'
+    head = '"format": "envgraph-model-1", "name": "m", "metamodel": "m", "next_id": 1'
+    with pytest.raises(LoadError) as raised:
+        parse_model(Source("a.json", f'{{{head}, "objects": {objects}}}'), BOX)
+    (problem,) = raised.value.diagnostics
+    assert (problem.message, problem.span.text if problem.span else None) == (message, size)
+
+
+@pytest.mark.parametrize("size", [2**63 - 1, -(2**63)])
+def test_ints_of_64_bits_are_read(size: int) -> None:
+    model = Model(BOX)
+    model.create("Box", size=size)
+    text = json.dumps(model_to_json(model))
+    assert parse_model(Source("a.json", text), BOX).nodes()[0].size == size
+
+
+def test_long_values_are_not_shown_at_full_length() -> None:
+    box = Model(BOX).create("Box")
+    for value in ("x" * 10**6, 10**5000):
+        with pytest.raises(TypeMismatch) as raised:
+            box.weight = value
+        assert len(str(raised.value)) < 200
