@@ -30,7 +30,7 @@ Raises:
 
 Again = Callable[[Link, int, int], None]
 
-PHASES: Final = ("compute", "unlink", "delete", "retype", "create", "link", "assign")
+PHASES: Final = ("compute", "unlink", "delete", "strip", "retype", "create", "link", "assign")
 
 
 def effect_of(plan: RulePlan, model: Model, matcher: Matcher, report: Report) -> Effect:

@@ -138,9 +138,12 @@ class Writer:
         return [*map(self._unlink, plan.unlinks), *leaving]
 
     def delete(self, plan: BlockPlan) -> list[str]:
-        """Objects that go, and links that those that are merged take along."""
-        stripped = [f"{self.slot(a.links)} = _strip({self.slot(a.absorbed)})" for a in plan.absorbs]
-        return [*(self._delete(d) for d in plan.deletes), *stripped]
+        """Objects that go."""
+        return [self._delete(d) for d in plan.deletes]
+
+    def strip(self, plan: BlockPlan) -> list[str]:
+        """Links that objects which are merged take along."""
+        return [f"{self.slot(a.links)} = _strip({self.slot(a.absorbed)})" for a in plan.absorbs]
 
     def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> str:
         """Makes sure that what the rule keeps has not gone with its container."""
@@ -467,7 +470,6 @@ def absorb(model: Model, kept: int, absorbed: int, links: list[LinkFact], *, los
         raise RuleError("an object cannot be merged with itself", reason="identification")
     if not model.alive(absorbed):
         return  # another match of a block has merged the same two
-    cls = model.class_of(kept)
     house = model.container(kept)
     housed = house is not None and house[0] != absorbed
     # Another merge may have handed links over to this one.
@@ -476,11 +478,13 @@ def absorb(model: Model, kept: int, absorbed: int, links: list[LinkFact], *, los
         source, target = (kept if end == absorbed else end for end in (source, target))
         if reference.containment and (source == target or (target == kept and housed)):
             continue
-        ends = [reference.owner] * (source == kept) + [reference.target] * (target == kept)
-        if not all(model.metamodel.is_a(cls, end) for end in ends):
+        ends = ((source, reference.owner), (target, reference.target))
+        wrong = next((end for end, cls in ends if not model.metamodel.is_a(model.class_of(end), cls)), None)
+        if wrong is not None:
             if lossy:
                 continue
-            message = f"{model.describe(kept)}, {with_article(cls)}, cannot take over links of `{reference}`"
+            found = f"{model.describe(wrong)}, {with_article(model.class_of(wrong))},"
+            message = f"{found} cannot have the links of `{reference}` that are handed over"
             raise RuleError(message, reason="lost-link", details=[link])
         model.link(source, reference, target)
     model.delete(absorbed, "dpo")

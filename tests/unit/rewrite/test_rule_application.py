@@ -775,3 +775,34 @@ def test_objects_that_are_linked_to_each_other_are_merged_into_one() -> None:
     made.model.node(1).next = None
     made.apply("r", c=2)
     assert [(node.id, node.next) for node in made.model.nodes()] == [(2, made.model.node(2))]
+
+
+def test_merging_asks_what_the_other_ends_have_become() -> None:
+    model = Model(METAMODEL)
+    kept = model.create("Item")
+    text = "rule r(a : Item) {{ lhs {{ b : Item -next-> c : Item; }} modify {{ merge a <- b; retype c : Box; }} }}"
+    other = model.create("Item")
+    model.create("Item", next=other)
+    refused(engine(text.format(), model=model), "lost-link", a=kept)
+    made = engine("@semantics(spo) " + text.format(), model=model)
+    made.apply("r", a=kept)
+    assert other.cls == "Box" and kept.next is None
+    model.check_integrity()
+
+
+def test_deleting_comes_before_merging_whatever_the_block() -> None:
+    model = chain(2)
+    kept = model.create("Item")
+    text = """
+        rule r(a : Item, b : Item) {
+            lhs { }
+            forall { lhs { b : Special; } modify { set b.n = 1; } }
+            forall { lhs { b -next-> c; } not { c : Special; } modify { merge a <- b; } }
+            forall { lhs { d : Item; check d.n == 1; } modify { delete d; } }
+        }
+        """
+    refused(engine(text, model=model), "dangling", a=kept, b=0)
+    made = engine("@semantics(spo) " + text, model=model)
+    made.apply("r", a=kept, b=0)
+    assert [node.id for node in model.nodes()] == [kept.id] and kept.next is None
+    model.check_integrity()
