@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from typing import TYPE_CHECKING
 
-from envgraph.errors import TransactionError
+from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph._journal import Journal, invert, invert_net, revert
 from envgraph.graph._store import Store
 
@@ -294,6 +294,8 @@ class History:
 
     def checkout(self, version: Version, discard: bool) -> None:
         """Go to another version along the tree."""
+        if not isinstance(version, Version):
+            raise InvalidArgument(f"a version is what `commit` gives, not {version!r}")
         if version.model is not self._model():
             raise TransactionError(f"{version!r} is a version of another model")
         self._refuse_inside("check out")

@@ -580,6 +580,7 @@ class Model:
             discard: lose uncommitted changes instead of refusing.
 
         Raises:
+            InvalidArgument: that is no version.
             TransactionError: a version of another model, an open savepoint, or uncommitted changes.
         """
         self._history.checkout(version, discard)

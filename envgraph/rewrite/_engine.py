@@ -813,8 +813,6 @@ class Engine(Definitions):
             TransactionError: inside a transaction, a version of another model, or uncommitted changes that are not
                 to be discarded.
         """
-        if not isinstance(version, Version):
-            raise InvalidArgument(f"a version is what `commit` gives, not {version!r}")
         self.model.checkout(version, discard=discard)
 
 

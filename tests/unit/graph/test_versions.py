@@ -4,7 +4,7 @@ import gc
 
 import pytest
 
-from envgraph.errors import TransactionError
+from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph import Version
 from envgraph.graph._history import Vertex
 from tests.property.snapshots import snapshot
@@ -106,6 +106,8 @@ def test_uncommitted_changes_are_not_lost_by_accident():
 def test_versions_belong_to_one_model():
     with pytest.raises(TransactionError, match="version of another model"):
         forest().checkout(forest().commit())
+    with pytest.raises(InvalidArgument, match="what `commit` gives, not None"):
+        forest().checkout(None)
 
 
 def test_versions_wait_for_the_end_of_the_transaction():
