@@ -6,11 +6,11 @@ from itertools import pairwise
 
 from envgraph.graph import Model
 from envgraph.match import FREE
-from envgraph.match.views._fusion import fused_source
+from envgraph.match.views._fusion import Group, _flat, _insert, fused_source
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, LinkAtom
 from tests.unit.match.kinds import watched
-from tests.unit.match.writing import find, neg, path, pattern
+from tests.unit.match.writing import equal, find, fold, neg, path, pattern
 
 POSTS = Metamodel(
     "posts",
@@ -134,3 +134,56 @@ def test_explain_tells_what_a_function_does_for_the_tuples_that_there_are() -> N
     text = views.explain("last")
     assert text.count("actually 1.67)") == 2
     assert "when find far(" in views.explain("far")  # recursive patterns, too
+
+
+def nest(*lines: str) -> list[str]:
+    """Lines, each under the one before if that ends with a colon."""
+    found, depth = [], 0
+    for line in lines:
+        found.append("    " * depth + line)
+        depth += line.endswith(":")
+    return found
+
+
+def fused(*nests: tuple[tuple[str, bool], list[str]]) -> str:
+    groups: list[Group] = []
+    for change, lines in nests:
+        _insert(groups, lines, change)
+    return "\n".join(_flat(groups))
+
+
+def test_loops_over_names_that_stand_for_different_things_are_not_one() -> None:
+    one = nest("if t0:", "v0, = t0", "for v1 in F[v0]:", "f(v1)")
+    other = nest("if t0:", "v0, = u0", "for v1 in F[v0]:", "g(v1)")
+    assert fused((("p", True), one), (("q", True), other)) == "\n".join([*one, *other[1:]])
+    again = nest("if t0:", "v0, = t0", "for v1 in F[v0]:", "g(v1)")
+    assert fused((("p", True), one), (("q", True), again)) == "\n".join([*one, again[-1]])
+
+
+def test_gains_and_losses_of_a_view_stay_apart_and_in_order() -> None:
+    gain, lose = nest("for v0 in F:", "add(v0)"), nest("for v0 in F:", "drop(v0)")
+    assert fused((("p", True), gain), (("p", False), lose)) == "\n".join([*gain, *lose])
+    assert fused((("p", True), gain), (("q", False), lose)) == "\n".join([*gain, lose[-1]])
+    between = nest("if c:", "drop(a0)")
+    whole = fused((("p", True), gain), (("p", False), between), (("p", True), gain))
+    assert whole == "\n".join([*gain, *between, *gain])
+
+
+def test_what_has_two_halves_is_no_nest() -> None:
+    library = Library(POSTS)
+    heads = "(a : Post, b : Post, n : int)"
+    counted = pattern(
+        f"busy{heads}", [path("Post.next", "a", "b"), equal("n", fold("count", path("Post.next", "b", "_")))]
+    )
+    library.add(counted, LAST)
+    model = Model(POSTS)
+    posts = [model.new("Post") for _ in range(4)]
+    views = watched(model, library)
+    for source in posts:
+        for target in posts:
+            model.link(source, NEXT, target)
+            views.check_integrity()
+    for source in posts:
+        model.unlink(source, NEXT, posts[1])
+        views.check_integrity()
+    assert views.count("busy", (FREE,) * 3) == 12
