@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from math import prod
@@ -27,6 +27,7 @@ class Seat:
         node: its object; None where a behaviour has no agents.
         block: number of its `agent` block.
         actions: one for each of the environment's actions; those that the agent does not have do nothing.
+        components: of its observation: the present value, and what it is multiplied with in an index.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Seat:
     block: int
     program: Program
     actions: tuple[PreparedAction, ...]
+    components: tuple[tuple[Callable[[], int], int], ...]
 
 
 class Agents:
@@ -62,25 +64,28 @@ class Agents:
         programs = list(_programs(behaviour, engine, keys))
         if not programs:
             raise ResolutionError([_nobody(agent) for agent in behaviour.agents])
-        own = [{action.name: action for action in program.actions} for _, _, _, program in programs]
-        self.action_names = tuple(dict.fromkeys(name for actions in own for name in actions))
+        self._classes = tuple(agent.cls for agent in behaviour.agents)
+        self._alone = not behaviour.agents
+        own = [program.actions for _, _, _, program in programs]
+        self.action_names = _names(own)
+        shapes = [[part.size for part in program.components] for _, _, _, program in programs]
+        lead = (len(behaviour.agents),) if len(behaviour.agents) > 1 else ()
+        self.shape = (*lead, *(max(sizes) for sizes in zip_longest(*shapes, fillvalue=1)))
+        size = prod(self.shape)
+        if size > MOST_VALUES:
+            raise EvaluationError(f"{size} observations, at most {MOST_VALUES} are possible: observe less")
+        weights = [prod(self.shape[:place]) for place in range(len(lead), len(self.shape))]
         self.seats = tuple(
             Seat(
                 name,
                 node,
                 block,
                 program,
-                tuple(actions.get(each, _idle(each)) for each in self.action_names),
+                _numbered(actions, self.action_names),
+                tuple((part.read, weight) for part, weight in zip(program.components, weights, strict=False)),
             )
             for (name, node, block, program), actions in zip(programs, own, strict=True)
         )
-        self._classes = tuple(agent.cls for agent in behaviour.agents)
-        shapes = [[part.size for part in seat.program.components] for seat in self.seats]
-        lead = (len(behaviour.agents),) if len(behaviour.agents) > 1 else ()
-        self.shape = (*lead, *(max(sizes) for sizes in zip_longest(*shapes, fillvalue=1)))
-        size = prod(self.shape)
-        if size > MOST_VALUES:
-            raise EvaluationError(f"{size} observations, at most {MOST_VALUES} are possible: observe less")
 
     def present(self, seat: Seat) -> bool:
         """Whether an agent can act in the present state of the model."""
@@ -96,6 +101,8 @@ class Agents:
 
         `after(-1)` is the first one.
         """
+        if self._alone:
+            return 0
         count = len(self.seats)
         for step in range(1, count + 1):
             number = (turn + step) % count
@@ -103,16 +110,17 @@ class Agents:
                 return number
         return max(turn, 0)
 
-    def observation(self, seat: Seat) -> int:
+    def observation(self, turn: int) -> int:
         """What an agent sees of the present state, as an index; 0 for one that is gone."""
-        if not self.present(seat):
+        seat = self.seats[turn]
+        if self._alone:
+            index = 0
+        elif self.present(seat):
+            index = seat.block if len(self._classes) > 1 else 0
+        else:
             return 0
-        index, weight, sizes = 0, 1, iter(self.shape)
-        if len(self._classes) > 1:
-            index, weight = seat.block, next(sizes)
-        for component, size in zip(seat.program.components, sizes, strict=False):
-            index += component.read() * weight
-            weight *= size
+        for read, weight in seat.components:
+            index += read() * weight
         return index
 
 
@@ -143,6 +151,21 @@ def _named(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[str, int]]:
         for position, (key, node) in enumerate(objects)
         if node is not None
     ]
+
+
+def _names(own: Sequence[Sequence[PreparedAction]]) -> tuple[str, ...]:
+    """The names of everybody's actions: in the order of the agents where they differ."""
+    names = [tuple(action.name for action in actions) for actions in own]
+    if all(one == names[0] for one in names):
+        return names[0]
+    return tuple(dict.fromkeys(name for one in names for name in one))
+
+
+def _numbered(actions: Sequence[PreparedAction], names: Sequence[str]) -> tuple[PreparedAction, ...]:
+    if [action.name for action in actions] == [*names]:
+        return tuple(actions)
+    found = {action.name: action for action in actions}
+    return tuple(found.get(name) or _idle(name) for name in names)
 
 
 def _idle(name: str) -> PreparedAction:

@@ -117,7 +117,7 @@ class Simulator:
 
     def observe(self) -> int:
         """The index of what the agent that acts next sees of the present state; the first component varies fastest."""
-        return self._agents.observation(self._agents.seats[self.turn])
+        return self._agents.observation(self.turn)
 
     def state_key(self) -> tuple[int, int]:
         """What tells states apart: the model, and whose turn it is."""

@@ -214,8 +214,8 @@ def test_robots_act_in_the_order_of_their_keys_and_see_what_is_theirs() -> None:
     assert live.turn == 0
 
 
-def test_the_table_and_the_live_engine_do_the_same() -> None:
-    hall = HALLS[1]
+@pytest.mark.parametrize("hall", HALLS, ids=lambda hall: "/".join(hall.rows))
+def test_the_table_and_the_live_engine_do_the_same(hall: Hall) -> None:
     rows = EnvgraphEnv(explore(*opened(hall.text())).tabular, observation="multi")
     live = EnvgraphLiveEnv(Simulator(*opened(hall.text())), observation="multi")
     rng = np.random.default_rng(3)
@@ -229,7 +229,7 @@ def test_the_table_and_the_live_engine_do_the_same() -> None:
             action = int(rng.integers(7))
             (one, reward, ended, _, info), (other, gain, over, _, told) = rows.step(action), live.step(action)
             assert (one == other).all() and (reward, ended) == (gain, over)
-            assert info["agent"] == told["agent"] == "ab"[turn % 2]
+            assert info["agent"] == told["agent"] == "ab"[turn % hall.count]
 
 
 def test_many_environments_say_whose_turn_it_is() -> None:
