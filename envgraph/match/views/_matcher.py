@@ -386,7 +386,8 @@ class ViewMatcher:
     def deliver(self) -> None:
         """Bring the views up to date and tell the listeners what has changed since they were last told.
 
-        If listeners raise exceptions, the first one is raised after all have been told.
+        If listeners raise exceptions, the first one is raised after all have been told; a `KeyboardInterrupt` rather
+        than others.
         """
         if self._up_to_date():
             self._tell(restored=False)
@@ -412,14 +413,15 @@ class ViewMatcher:
             self._telling = False
 
     def _tell_all(self, changes: Mapping[str, tuple[list[Row], list[Row]]], restored: bool) -> None:
-        first: Exception | None = None
+        first: BaseException | None = None
         for subscription in tuple(self._subscriptions):
             if subscription.pattern in changes:
                 call = subscription.restored if restored else subscription.changed
                 try:
                     call(*changes[subscription.pattern])
-                except Exception as problem:
-                    first = first or problem
+                except BaseException as problem:  # Ctrl-C, too: else the others would never hear of the change
+                    if first is None or isinstance(first, Exception) > isinstance(problem, Exception):
+                        first = problem
         if first is not None:
             raise first
 

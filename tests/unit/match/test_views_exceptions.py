@@ -262,20 +262,25 @@ def test_an_exception_in_a_listener_leaves_the_views_right() -> None:
     crowd.views.check_integrity()
 
 
-def test_an_exception_in_a_listener_keeps_nothing_from_the_others() -> None:
+@pytest.mark.parametrize("raised", [Refused, Interrupted])
+def test_an_exception_in_a_listener_keeps_nothing_from_the_others(raised: type[BaseException]) -> None:
     crowd = Crowd()
     heard: dict[str, list[Row]] = {"two": [], "reaches": []}
 
     def refuse(appeared: list[Row], disappeared: list[Row]) -> None:
         raise Refused
 
+    def interrupt(appeared: list[Row], disappeared: list[Row]) -> None:
+        raise raised
+
     def hear(name: str) -> Callable[[list[Row], list[Row]], None]:
         return lambda appeared, disappeared: heard[name].extend(appeared)
 
     crowd.views.listen("two", refuse)
+    crowd.views.listen("two", interrupt)
     crowd.views.listen("two", hear("two"))
     crowd.views.listen("reaches", hear("reaches"))
-    with pytest.raises(Refused), crowd.model.transaction():
+    with pytest.raises(raised), crowd.model.transaction():
         crowd.link(2, 3)
     one, two, three = crowd.people[1:]
     assert heard == {"two": [(one, three)], "reaches": [(one, three)]}, two
