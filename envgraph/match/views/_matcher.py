@@ -419,7 +419,7 @@ class ViewMatcher:
                 call = subscription.restored if restored else subscription.changed
                 try:
                     call(*changes[subscription.pattern])
-                except BaseException as problem:  # Ctrl-C, too: else the others would never hear of the change
+                except BaseException as problem:  # Ctrl-C, too: the others would never hear of this
                     if first is None or isinstance(first, Exception) > isinstance(problem, Exception):
                         first = problem
         if first is not None:
