@@ -26,6 +26,7 @@ from envgraph.pattern import (
 
 _MEANT = {"=": "==", "===": "==", "and": "&&", "or": "||"}
 _JAVA_CLASSES = frozenset({"Boolean", "Double", "Float", "Integer", "Long", "Math", "Objects", "String"})
+_JAVA_DOMAINS = frozenset({"com", "edu", "io", "java", "javax", "net", "org"})
 _REFUSED = frozenset({"=", "and", "or"})
 _ORDERINGS = frozenset({"<", "<=", ">", ">="})
 
@@ -46,6 +47,8 @@ class Reading:
     aliases: dict[str, Span] = field(default_factory=dict)
     imported: dict[str, str] = field(default_factory=dict)
     data_types: dict[str, str] = field(default_factory=dict)
+    java: dict[str, Span] = field(default_factory=dict)
+    """Imported classes of Java, with the imports."""
     used: set[str] = field(default_factory=set)
     """Aliases and imported patterns that the file mentions."""
     gaps: list[tuple[int, int]] = field(default_factory=list)
@@ -261,6 +264,8 @@ def _group(reading: Reading, tree: Tree[Token]) -> Expression:
 def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation:
     feature = tokens(tree.children)[0]
     owner = expression_of(reading, trees(tree.children)[0])
+    if isinstance(owner, Variable) and owner.name in reading.java:
+        _no_java(reading, owner.name, trees(tree.children)[0], tree)
     return Navigation(owner, str(feature), reading.span(tree), feature_span=reading.span(feature))
 
 
@@ -269,13 +274,29 @@ def _method(reading: Reading, tree: Tree[Token]) -> FunctionCall:
     name = tokens(tree.children)[0]
     owner = expression_of(reading, trees(tree.children)[0])
     arguments = expressions_of(reading, tree)
-    if isinstance(owner, Variable) and owner.name in _JAVA_CLASSES:
-        hint = "expressions have a library of functions of their own: `abs(x)`, `toString(x)` ..."
-        reading.error("java-call", f"`{owner.name}` is a class of Java", trees(tree.children)[0], hint)
-        reading.gap(tree)
+    path = _steps(owner)
+    known = path[0] in _JAVA_CLASSES or path[0] in reading.java if len(path) == 1 else False
+    if known or (path and path[0] in _JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])):
+        _no_java(reading, ".".join(path), trees(tree.children)[0], tree)
         return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
     arguments = (owner, *arguments)
     return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
+
+
+def _steps(owner: Expression) -> list[str]:
+    """The names of `a.b.c`; [] for anything else."""
+    names: list[str] = []
+    while isinstance(owner, Navigation):
+        names.append(owner.feature)
+        owner = owner.object
+    return [owner.name, *reversed(names)] if isinstance(owner, Variable) else []
+
+
+def _no_java(reading: Reading, name: str, where: Tree[Token], tree: Tree[Token]) -> None:
+    reading.used.add(name)
+    hint = "expressions have a library of functions of their own: `abs(x)`, `toString(x)` ..."
+    reading.error("java-call", f"`{name}` is a class of Java", where, hint)
+    reading.gap(tree)
 
 
 def _cast(reading: Reading, tree: Tree[Token]) -> Expression:

@@ -91,12 +91,13 @@ def unused_files(files: Mapping[str, ImportedFile]) -> Iterator[Diagnostic]:
                 types = library_types(import_.path) or {}
                 if types and not file.mentioned & types.keys():
                     yield _unused(import_, f"nothing here is of a type of `{import_.path}`")
-            elif target in known:
+            elif target in known and import_.alias is None:
                 yield _unused(import_, f"`{import_.path}` is imported already")
             elif target in kept and not _useful(files, name, target, kept):
                 kept = [other for other in kept if other != target]
                 yield _unused(import_, f"nothing here is defined in `{import_.path}`")
-            known.add(target or "")
+            if import_.alias is None:
+                known.add(target or "")
 
 
 def _unused(import_: Import, message: str) -> Diagnostic:

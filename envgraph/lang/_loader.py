@@ -66,6 +66,8 @@ _LANGUAGE_OF = {**{language: language for language in LANGUAGES}, **_FOREIGN}
 _LIBRARIES = (ECORE, "http://www.eclipse.org/emf/2003/XMLType")
 """Packages that every `.vql` file may import: they hold the data types."""
 
+_NAME_IT = "name its file too, for example with `--metamodel`, or import the path of a file"
+
 StrPath = str | PathLike[str]
 
 
@@ -286,6 +288,9 @@ class _Loader:
                 return Diagnostic(problem.code, problem.message, problem.span, hint)
             return problem
         message = f"`{asked.path}`: {problem.message}"
+        if problem.code == "missing-file" and problem.hint is None and not _is_path(asked.path):
+            message = f"`{asked.path}` is the uri or the name of none of the metamodels, and no file"
+            return Diagnostic("missing-file", message, asked.span, _NAME_IT)
         return Diagnostic(problem.code, message, asked.span, problem.hint)
 
     def _take(self, extension: str, source: Source, asked: Import | None) -> Sequence[Import]:
@@ -408,11 +413,21 @@ class _Loader:
                 if spec.path in self.unclear:
                     continue
                 found += without_consequences(check_family(spec, workspace, self.components), lost)
+        found = [self._about_ecore(one) if one.code == "no-metamodel" else one for one in found]
         found += self._conformance(models)
         self.diagnostics.extend(
             one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)
         )
         return replace(workspace, diagnostics=self._sorted())
+
+    def _about_ecore(self, problem: Diagnostic) -> Diagnostic:
+        """What to say of patterns without a metamodel where Ecore itself is imported: its data types are known."""
+        if not any(one.path == ECORE for file in self.read.values() for one, _ in file.imports):
+            return problem
+        message = "no file imports a metamodel, and of Ecore only the data types are known"
+        return replace(
+            problem, message=message, hint="import what the patterns are about, or name its file too"
+        )
 
     def _wrong_imports(self, lost: frozenset[str]) -> list[Diagnostic]:
         """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""
@@ -515,7 +530,7 @@ class _Loader:
                 continue  # it may be one that cannot be read
             hint = did_you_mean(import_.path, known)
             if hint is None:
-                hint = "name its file too, for example with `--metamodel`, or import the path of a file"
+                hint = _NAME_IT
             message = f"no metamodel has the uri `{import_.path}`"
             self.incomplete = True
             self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))

@@ -116,6 +116,7 @@ def java_type_of(reading: Reading, tree: Tree[Token]) -> str | None:
     """The data type of `java Integer`, also `java java.lang.Integer`."""
     name = qualified_name_of(trees(tree.children)[0])
     simple = name.rpartition(".")[2]
+    reading.used.add(simple)
     if simple not in JAVA_TYPES:
         hint = did_you_mean(simple, JAVA_TYPES) or "there are int, float, bool and string"
         reading.error("unknown-type", f"`{name}` is no data type", trees(tree.children)[0], hint)

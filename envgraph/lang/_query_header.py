@@ -47,8 +47,8 @@ def header_of(reading: Reading) -> Header:
             case "import_pattern":
                 patterns.append(_pattern(reading, tree))
             case "import_java":
-                hint = "leave the line out; expressions have a library of functions of their own"
-                reading.error("java-import", "Java classes cannot be imported", tree, hint)
+                name = qualified_name_of(trees(tree.children, "qualified_name")[0])
+                reading.java.setdefault(name.rpartition(".")[2], reading.span(tree))
     return Header(package, tuple(imports), tuple(patterns))
 
 
@@ -64,6 +64,10 @@ def unused_imports(reading: Reading, header: Header) -> None:
         if name not in reading.used:
             hint = f"leave `as {name}` out, or write `{name}::Type`"
             reading.warn("unused-import", f"nothing here writes `{name}::`", span, hint)
+    for name, span in reading.java.items():
+        if name not in reading.used:  # else that is told where it is
+            hint = "leave the line out: classes of Java mean nothing here"
+            reading.warn("unused-import", f"nothing here needs the Java class `{name}`", span, hint)
     for pattern in header.patterns:
         simple = pattern.name.rpartition(".")[2]
         if simple not in reading.used and pattern.name not in reading.used:
@@ -84,7 +88,11 @@ def _package(reading: Reading, definitions: list[Tree[Token]]) -> str:
 
 
 def _file(reading: Reading, tree: Tree[Token]) -> Import:
-    path, *alias = tokens(tree.children)
+    found = tokens(tree.children)
+    place = next(place for place, token in enumerate(found) if token.type == "STRING")
+    path, word, alias = found[place], found[:place], found[place + 1 :]
+    if word and word[0] != "epackage":
+        reading.error("unexpected-token", f"unexpected `{word[0]}`", word[0], "leave it out")
     for name in alias:
         if name in reading.aliases:
             reading.error(

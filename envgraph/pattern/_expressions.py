@@ -390,7 +390,8 @@ class ExpressionChecker:
     def _call(self, node: FunctionCall) -> StaticType | None:
         function = FUNCTIONS.get(node.function)
         if function is None:
-            hint = self._getter_hint(node) or did_you_mean(node.function, FUNCTIONS)
+            hint = self._getter_hint(node) or _OF_JAVA.get(node.function)
+            hint = hint or did_you_mean(node.function, FUNCTIONS)
             span = node.function_span or node.span
             self._at("unknown-function", f"unknown function `{node.function}`", span, hint)
             return None
@@ -424,6 +425,20 @@ _KINDS: Final[Mapping[str, str]] = {
     "data": "data",
     "ordered": "numbers or strings",
 }
+
+
+_OF_JAVA: Final[Mapping[str, str]] = {
+    "equals": "write `a == b`",
+    "equalsIgnoreCase": "write `toLower(a) == toLower(b)`",
+    "concat": "write `a + b`",
+    "compareTo": "write `a < b`, `a == b` or `a > b`",
+    "matches": "there are no regular expressions, but `startsWith`, `endsWith`, `contains` and `indexOf`",
+    "valueOf": "write `toInt(x)`, `toFloat(x)` or `toString(x)`",
+    "parseInt": "write `toInt(x)`",
+    "charAt": "write `substring(text, i, i + 1)`",
+    "size": "write `n == count Type.feature(x, _);` outside of the expression",
+}
+"""What to write for methods of Java."""
 
 
 def _is_none(node: Expression) -> bool:

@@ -22,7 +22,14 @@ KNOWN_ANNOTATIONS: Final = (
 MOST_STEPS: Final = 1000
 """Constraints of a body, each step of a path counted; planning takes a few seconds then."""
 
+OF_TOOLS: Final = (
+    *("Bind", "ContainsItem", "DerivedFeature", "Edge", "Format", "Item"),
+    *("ObservableValue", "PatternUI", "QueryExplorer", "Tooltip"),
+)
+"""Annotations that VIATRA's and IncQuery's viewers read; they say nothing about matches."""
+
 _CONSTRAINT: Final = (("key", "{x}"), ("severity", '"error"'), ("message", '"..."'))
+_OLD: Final = {"location": "key"}
 _SEVERITIES: Final = ("error", "warning", "info")
 
 
@@ -92,6 +99,8 @@ def _parameters(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
 
 
 def _annotation(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic]:
+    if annotation.name in OF_TOOLS:
+        return
     if annotation.name not in KNOWN_ANNOTATIONS:
         hint = did_you_mean(annotation.name, KNOWN_ANNOTATIONS)
         message = f"unknown annotation `@{annotation.name}`"
@@ -116,14 +125,18 @@ def _name_span(annotation: Annotation) -> Span | None:
 
 
 def _constraint(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic]:
-    named = dict(annotation.named)
+    named = {_OLD.get(key, key): value for key, value in annotation.named}
     missing = [(key, example) for key, example in _CONSTRAINT if key not in named]
     if missing:
         message = f"`@Constraint` lacks {', '.join(f'`{key}`' for key, _ in missing)}"
         hint = f"add `{', '.join(f'{key} = {example}' for key, example in missing)}`"
         yield Diagnostic("annotation-argument", message, _name_span(annotation), hint)
     for key, value, span in _named(annotation):
-        if key == "key":
+        if key in _OLD:
+            message = f"`{key}` is what IncQuery called the `{_OLD[key]}`"
+            hint = f"write `{_OLD[key]} = {{{value}}}`"
+            yield Diagnostic("annotation-argument", message, span, hint, Severity.WARNING)
+        if _OLD.get(key, key) == "key":
             yield from _parameter_names(value, span, pattern)
         elif key == "severity" and value not in _SEVERITIES:
             message = f"unknown severity `{value}`"
