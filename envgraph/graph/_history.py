@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph._journal import Journal, invert, invert_net, revert
@@ -59,6 +59,16 @@ class Version:
     def number(self) -> int:
         """Number of the commit, from 1."""
         return self._vertex.number
+
+    def __copy__(self) -> Version:
+        return self
+
+    def __deepcopy__(self, _: object) -> Version:
+        """The same: a copy of the model has no versions."""
+        return self
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a version cannot be pickled: check it out, and send its model")
 
     def __repr__(self) -> str:
         return f"<Version {self.number} of {self.model.name}>"

@@ -100,6 +100,10 @@ class Node:
         """The same handle: it stands for an object, which has no copy in its model."""
         return self
 
+    def __reduce__(self) -> tuple[type[Node], tuple[Model, int]]:
+        """With its model, which is copied once for all handles that are pickled together."""
+        return Node, (self.model, self.id)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Node) and self.model is other.model and self.id == other.id
 

@@ -116,6 +116,17 @@ class Match(Mapping[str, "Node | Value"]):
     def __hash__(self) -> int:
         return hash((self.definition, self.row))
 
+    def __copy__(self) -> Match:
+        return self
+
+    def __deepcopy__(self, _: object) -> Match:
+        """The same, as for the nodes in it."""
+        return self
+
+    def __reduce__(self) -> tuple[type[Match], tuple[Model, Shape, Row]]:
+        """With its model, as a node."""
+        return Match, (self._model, self._shape, self.row)
+
     def picture(self, **options: Unpack[PictureOptions]) -> Picture:
         """The matched objects, highlighted, and those one link away; `options` are those of `Model.picture`."""
         wanted: PictureOptions = {"highlight": self, "around": self, **options}

@@ -1,6 +1,7 @@
 """Nodes and their many-references."""
 
 import copy
+import pickle
 
 import pytest
 
@@ -193,6 +194,13 @@ def test_copies_of_a_handle_stand_for_the_same_object():
     tile = forest()["t00"]
     assert copy.copy(tile) == tile
     assert copy.deepcopy([tile]) == [tile]
+
+
+def test_handles_are_pickled_with_one_copy_of_their_model():
+    tile = forest()["t00"]
+    one, other, model = pickle.loads(pickle.dumps((tile, tile.right, tile.model)))
+    assert one.model is other.model is model is not tile.model
+    assert (one.right, other) == (other, model["t10"])
 
 
 def test_membership_and_names():

@@ -79,6 +79,31 @@ def test_an_engine_cannot_be_pickled_and_says_what_can() -> None:
         pickle.dumps(engine())
 
 
+def test_matches_are_copied_and_pickled_as_the_nodes_in_them() -> None:
+    one = engine()
+    one.model.nodes("Lamp")[1].lit = True
+    match = one.first("lit")
+    assert match is not None
+    assert copy.copy(match) is copy.deepcopy(match) is match
+    twin, model = pickle.loads(pickle.dumps((match, one.model)))
+    assert twin == Engine.first(_with_definitions(one, model), "lit")
+    assert twin.lamp in model
+
+
+def _with_definitions(one: Engine, model: Model) -> Engine:
+    twin = Engine(model)
+    twin.add(one.definition("lit"))
+    return twin
+
+
+def test_a_version_cannot_be_pickled_and_a_copy_of_it_is_itself() -> None:
+    one = engine()
+    version = one.commit()
+    with pytest.raises(TypeError, match="send its model"):
+        pickle.dumps(version)
+    assert copy.copy(version) is copy.deepcopy([version])[0] is version
+
+
 def test_why_not_knows_that_an_object_is_gone() -> None:
     one = engine()
     lamp = one.model.nodes("Lamp")[0]
