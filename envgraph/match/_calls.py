@@ -23,6 +23,7 @@ class CallGraph:
         self._components: dict[str, frozenset[str]] = {}
         self._paths: dict[str, int] = {}
         self._height: dict[str, int] = {}
+        self._searches: dict[str, bool] = {}
 
     def component(self, pattern: str) -> frozenset[str]:
         """The patterns that call each other with this one; empty if it does not reach itself."""
@@ -37,6 +38,16 @@ class CallGraph:
     def recursive(self, pattern: str) -> bool:
         """Whether the pattern calls itself, directly or through others."""
         return bool(self.component(pattern))
+
+    def searches(self, pattern: str) -> bool:
+        """Whether the pattern, or one that it reaches by calls, has a closure or is recursive."""
+        if pattern not in self._searches:
+            for name in self.bottom_up(pattern):
+                atoms = [atom for body in self._library.lowered(name).bodies for atom in body.atoms]
+                below = any(self._searches.get(each, False) for atom in atoms for each in _names(atom))
+                closed = any(isinstance(atom, ClosureAtom) for atom in atoms)
+                self._searches[name] = closed or below or self.recursive(name)
+        return self._searches[pattern]
 
     def linear(self, pattern: str) -> bool:
         """Whether no body of the patterns that call each other with this one has two such calls."""

@@ -77,6 +77,7 @@ class ClosureView:
         self._revision = -1
         self._reached: Ends = {}
         self._reaching: Ends = {}
+        self._edges: dict[bool, dict[Any, list[Any]]] = {True: {}, False: {}}
         self._joined: dict[Call, set[Any] | None] = {}
         self._values: dict[tuple[Call, int], Any] = {}
         self._size = 0
@@ -90,6 +91,8 @@ class ClosureView:
         self._revision = self._store.revision
         self._reached.clear()
         self._reaching.clear()
+        self._edges[True].clear()
+        self._edges[False].clear()
         self._joined.clear()
         self._values.clear()
         self._size = 0
@@ -119,6 +122,25 @@ class ClosureView:
             return [start, *(node for node in reached if node != start)] if reflexive(start) else reached
 
         return search_with_start
+
+    def stepping(self, forward: bool) -> Callable[[Any], list[Any]]:
+        """Where one step leads, worked out once for each node: steps may be searches along closures themselves."""
+        edges, store = self._edges[forward], self._store
+        follow: Callable[[Any], Iterable[Any]] | None = None  # made late: closures of closures may go deep
+
+        def step(node: Any) -> list[Any]:
+            nonlocal follow
+            if self._revision != store.revision:
+                self._forget()
+            known = edges.get(node)
+            if known is None:
+                follow = follow or self._steps.following(forward)
+                known = list(follow(node))
+                self._remember(len(known) + 1)
+                edges[node] = known
+            return known
+
+        return step
 
     def spreading(self, forward: bool) -> Spreading:
         """As `search`, without what is in a set already; what is found is added to it."""
@@ -293,6 +315,8 @@ class ClosureView:
         if self._size > MOST_KEPT:
             self._reached.clear()
             self._reaching.clear()
+            self._edges[True].clear()
+            self._edges[False].clear()
             self._joined.clear()
             self._values.clear()
             self._size = size

@@ -291,7 +291,9 @@ class CompiledMatcher:
                 return self._remembering(function) if many else function
             case Recursive(pattern, bound):
                 within = self.calls.component(pattern) == inside
-                return self._recursion.calls(pattern, bound) if within else self._solver(pattern, bound)
+                if within:
+                    return self._recursion.calls(pattern, bound)
+                return _made_late(lambda: self._solver(pattern, bound))
             case Closed(step, reflexive, question):
                 return self._closure(step, reflexive, question)
             case Held():
@@ -336,6 +338,8 @@ class CompiledMatcher:
                 return view.pairs()
             case Reach.SPREAD | Reach.SPREAD_BACK:
                 return view.spreading(question is Reach.SPREAD)
+            case Reach.STEP | Reach.STEP_BACK:
+                return view.stepping(question is Reach.STEP)
             case Reach.JOIN | Reach.JOIN_BACK:
                 return view.joined()
             case Reach.ALIKE | Reach.ALIKE_BACK:
@@ -410,6 +414,19 @@ class _Steps:
             rows = self._matcher._solver(self._step, ())()
             return dict.fromkeys(row[0] for row in rows)
         return self._matcher._function(ViewKey(self._step, (), (0,)), Mode.VALUES, _NOWHERE)()  # type: ignore[no-any-return]
+
+
+def _made_late(make: Callable[[], Function]) -> Function:
+    """A function that is made when it is first called: recursive patterns may call each other in long chains."""
+    made: Function | None = None
+
+    def call(*values: Any) -> Any:
+        nonlocal made
+        if made is None:
+            made = make()
+        return made(*values)
+
+    return call
 
 
 def _shaped(solve: Function, mode: Mode) -> Function:

@@ -95,6 +95,10 @@ def reach_source(planner: Planner, step: str, forward: bool, question: Reach) ->
         rows = module.name(Recursive(step, (near,)))
         block.loop("_, other" if forward else "other, _", f"{rows}(node)")
         block.write(frame.each(lambda _: "other"))
+    elif planner.calls.searches(step):
+        follow = module.name(Closed(step, False, Reach.STEP if forward else Reach.STEP_BACK))
+        block.loop("other", f"{follow}(node)")
+        block.write(frame.each(lambda _: "other"))
     else:
         bodies = planner.expanded(ViewKey(step, (near,), (far,))).bodies
         block.write([] if bodies else ["pass"])

@@ -32,7 +32,7 @@ from envgraph.pattern import (
 )
 
 MOST_INLINED: Final = 8
-"""Goals of a called body that may be inlined."""
+"""Goals of a called body that may be inlined, those inside negations included."""
 MOST_GOALS: Final = 64
 """Goals of a body beyond which nothing is inlined into it."""
 MOST_ALTERNATIVES: Final = 4
@@ -224,10 +224,17 @@ def _once(goals: Sequence[Goal]) -> tuple[Goal, ...]:
 def _fits(body: Conjunction) -> bool:
     """Whether a body is small, and its parameters are variables of their own."""
     return (
-        len(body.goals) <= MOST_INLINED
+        sum(map(_size, body.goals)) <= MOST_INLINED
         and len(set(body.parameters)) == len(body.parameters)
         and not any(number in body.parameters for number, _ in body.constants)
     )
+
+
+def _size(goal: Goal) -> int:
+    """Goals in a goal, itself included: what negations have inlined would double with each level."""
+    if isinstance(goal, Absence):
+        return 1 + sum(_size(each) for alternative in goal.alternatives for each in alternative)
+    return 1
 
 
 def _without_closures(atoms: Sequence[Atom], fixed: set[int]) -> Sequence[Atom]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
@@ -14,7 +15,7 @@ from envgraph.match import _closures as closures
 from envgraph.match import _compiled as compiled
 from envgraph.match import _recursion as recursion
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
-from envgraph.pattern import Check, Library, Pattern
+from envgraph.pattern import Check, Constraint, Library, Pattern
 from tests.unit.match.kinds import Kind, every_kind
 from tests.unit.match.writing import equal, find, fold, is_a, neg, op, path, pattern, unequal, value
 
@@ -234,6 +235,36 @@ def test_recursion_on_large_cycles() -> None:
     matcher = CompiledMatcher(model, library(STEP, transitive))
     assert matcher.count("all", (FREE, FREE)) == 36 * 36
     assert matcher.count("all", (7, FREE)) == 36
+
+
+NESTED = {
+    "closures of closures": lambda below: [[find(f"{below}+", "a", "b")]],
+    "closures of several bodies": lambda below: [
+        [find(f"{below}+", "a", "c"), path("Cell.east", "c", "b")],
+        [find(f"{below}*", "b", "a")],
+    ],
+    "negations of negations": lambda below: [
+        [path("Cell.east*", "a", "b"), neg(find(below, "a", "_")), neg(find(below, "_", "b"))]
+    ],
+    "recursion on recursion": lambda below: [
+        [find(below, "a", "b")],
+        [find(below, "a", "c"), path("Cell.east", "c", "b")],
+    ],
+}
+
+
+@pytest.mark.parametrize("bodies", NESTED.values(), ids=NESTED)
+def test_work_does_not_double_with_each_level(bodies: Callable[[str], list[list[Constraint]]]) -> None:
+    levels = 30
+    patterns = [pattern("p0(a : Cell, b : Cell)", [path("Cell.east", "a", "b")])]
+    patterns += [
+        pattern(f"p{level}(a : Cell, b : Cell)", *bodies(f"p{level - 1}")) for level in range(1, levels)
+    ]
+    model = chain(3)
+    matcher = CompiledMatcher(model, library(*patterns))
+    rows = matcher.rows(f"p{levels - 1}", (FREE, FREE))
+    asked = [matcher.rows(f"p{levels - 1}", (cell, FREE)) for cell in range(3)]
+    assert sorted(rows) == sorted(row for each in asked for row in each)
 
 
 def test_unreachable_pairs_are_found_with_one_search_for_each_source() -> None:
