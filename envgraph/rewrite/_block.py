@@ -76,6 +76,7 @@ class BlockBuilder:
         self._links: dict[LinkKey, ResolvedEdge] = {}
         self._moves: list[Rehome] = []
         self._absorbs: list[Absorb] = []
+        self._kept: dict[str, Span | None] = {}
         self._wanted: dict[LinkKey, ResolvedEdge] = {}
         self._removed: dict[LinkKey, Edge] = {}
         self._redirected: dict[LinkKey, Edge] = {}
@@ -123,17 +124,20 @@ class BlockBuilder:
     # --- names
 
     def _modification(self, right: Modification) -> None:
+        mentioned = [node for action in right.actions if isinstance(action, Create) for node in action.nodes]
+        for node in sorted(
+            mentioned, key=lambda node: node.type is None
+        ):  # it may be mentioned before it is made
+            self._new_or_known(node)
+        for action in right.actions:
+            if isinstance(action, Merge):
+                self._merge(action)
         for action in right.actions:
             match action:
-                case Create():
-                    for node in action.nodes:
-                        self._new_or_known(node)
                 case Retype():
                     self._retype(action)
                 case DeleteNode():
                     self._delete(action.node.name, action.node.span or action.span)
-                case Merge():
-                    self._merge(action)
                 case _:
                     pass
         for action in right.actions:
@@ -204,6 +208,10 @@ class BlockBuilder:
             self.sight.error("duplicate-action", f"`{name}` is created by this rule", span)
         elif name in self.sight.deleted:
             self.sight.warn("duplicate-action", f"`{name}` is deleted already", span)
+        elif name in self._kept:
+            message = f"`{name}` is deleted and changed"
+            notes = (Note("the other action is here", self._kept[name]),)
+            self.sight.problems.append(Diagnostic("contradiction", message, span, notes=notes))
         else:
             self._gone[name] = span
             self.sight.deleted[name] = None
@@ -220,6 +228,7 @@ class BlockBuilder:
         elif all([self.sight.is_object(v.name, v.span or span) for v in (action.kept, action.absorbed)]):
             places = self.sight.slot(kept), self.sight.slot(absorbed), self.sight.add("")
             self._absorbs.append(Absorb(*places, span))
+            self._kept[kept] = span
             self.sight.deleted[absorbed] = None
             self.sight.absorbed[absorbed] = None
 
@@ -504,8 +513,6 @@ class BlockBuilder:
 
         Values are not known, so that they are left out; where variables may coincide, the match decides.
         """
-        if plan.coinciding:
-            return
         computed = {each.slot for each in plan.computed}
         sets = (change for change in plan.sets if isinstance(change, SetTargets | ChangeTargets))
         kept = (edge for key, edge in self._wanted.items() if key not in self._links)
@@ -519,6 +526,8 @@ class BlockBuilder:
             conflicts.add(symbolic, range(len(plan.names)))
             conflicts.finish()
         except Contradiction as error:
+            if plan.coinciding and not error.always:
+                return
             first, second = (want.operation.span for want in error.wants)
             if first and second and second.start < first.start:
                 first, second = second, first

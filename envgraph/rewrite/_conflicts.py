@@ -50,13 +50,17 @@ class Contradiction(EnvgraphError):
 
     Attributes:
         refused: the model refuses them, in any order.
+        always: they are about the same things; else what they name may turn out to be one object.
     """
 
-    def __init__(self, message: str, one: Want, other: Want, *, refused: bool = False) -> None:
+    def __init__(
+        self, message: str, one: Want, other: Want, *, refused: bool = False, always: bool = True
+    ) -> None:
         super().__init__(message)
         self.message = message
         self.wants = (one, other)
         self.refused = refused
+        self.always = always
 
 
 class Conflicts:
@@ -224,7 +228,7 @@ class Conflicts:
             refused = not (forced or others_forced)
             if feature is None:
                 message = f"{self.describe(node)} gets two containers"
-                raise Contradiction(message, earlier, want, refused=refused)
+                raise Contradiction(message, earlier, want, refused=refused, always=False)
             raise self._two_values(node, feature, ((other,), earlier), ((value,), want), refused)
 
     # --- values
@@ -289,7 +293,7 @@ class Conflicts:
         texts = [self._shown(feature, value) for value, _ in (one, other)]
         values = f": {texts[0]} and {texts[1]}" if None not in texts else ""
         message = f"{self.describe(node)} gets two values of `{feature}`{values}"
-        return Contradiction(message, one[1], other[1], refused=refused)
+        return Contradiction(message, one[1], other[1], refused=refused, always=False)
 
     def _shown(self, feature: Attribute | Reference, value: object) -> str | None:
         """A value for messages; None for what is no value, but a change of one."""

@@ -139,6 +139,15 @@ class Sight:
             return False
         return self.was_object(name, span)
 
+    def had_links(self, name: str, span: Span | None) -> bool:
+        """Whether a name stands for an object that is there before the rule; if not, that is reported."""
+        if not self.knows(name, span):
+            return False
+        if name in self.created:
+            self.error("no-value-yet", f"`{name}` is created by this rule: it has no links before it", span)
+            return False
+        return self.was_object(name, span)
+
     def was_object(self, name: str, span: Span | None) -> bool:
         """Whether a known name stands for an object; a data value is reported."""
         type_ = self.types.get(name)
@@ -223,10 +232,8 @@ class Sight:
             self.error("closure-in-right-side", message, where)
             return None
         ends = {edge.target: edge.target_span or edge.span, edge.source: edge.source_span or edge.span}
-        sound = [
-            (self.knows(end, span) and self.was_object(end, span)) if before else self.is_object(end, span)
-            for end, span in reversed(ends.items())
-        ]
+        check = self.had_links if before else self.is_object
+        sound = [check(end, span) for end, span in reversed(ends.items())]
         cls = self.before(edge.source) if before else self.after(edge.source)
         if not all(sound) or cls is None:
             return None

@@ -135,3 +135,28 @@ def test_rules_made_in_python_are_checked_without_spans() -> None:
     assert [d.code for d in check_rule(Rule("r", right=misplaced), library)] == ["misplaced-action"]
     semantics = Rule("r", semantics="maybe")  # type: ignore[arg-type]
     assert [d.code for d in check_rule(semantics, library)] == ["unknown-semantics"]
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [
+        ("create a -kids-> x;", "create x : Item;"),
+        ("merge a <- b;", "delete b;"),
+        ("merge a <- b;", "delete a;"),
+        ("delete a;", "retype a : Special;"),
+        ("create x : Item;", "delete a -links-> x;"),
+        ("create x : Item;", "redirect a -links-> x to b;"),
+    ],
+)
+@pytest.mark.parametrize("header", ["", "@match(homomorphic)"])
+def test_the_order_of_actions_does_not_matter(header: str, actions: tuple[str, str]) -> None:
+    one, other = (
+        problems(f"{header} rule r {{ lhs {{ a : Item; b : Item; }} modify {{ {' '.join(order)} }} }}")
+        for order in (actions, actions[::-1])
+    )
+    assert [(p.code, p.message) for p in one] == [(p.code, p.message) for p in other]
+
+
+def test_a_new_object_has_no_links_before_the_rule() -> None:
+    found = problems("rule r { lhs { a : Item; } modify { create x : Item; delete a -links-> x; } }")
+    assert [problem.code for problem in found] == ["no-value-yet"]
