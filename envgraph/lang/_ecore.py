@@ -259,6 +259,7 @@ class _Reader:
         self.places = document.places
         self.packages: list[tuple[str, Element]] = []
         self.span = self.places.source.span(0, 0)
+        self._others: dict[str, tuple[_Reader | None, Element | None]] = {}
         self._joint = joint
         self._kinds = joint.kinds
         self._owners = joint.owners
@@ -766,6 +767,11 @@ class _Reader:
 
     def _reader_of(self, text: str) -> tuple[_Reader | None, Element | None]:
         """Who reads the file that is called so, and the package in it that is meant."""
+        if text not in self._others:
+            self._others[text] = self._look_for(text)
+        return self._others[text]
+
+    def _look_for(self, text: str) -> tuple[_Reader | None, Element | None]:
         if not text:
             return self, self._root
         for reader in self._joint.readers:

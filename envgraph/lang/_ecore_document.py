@@ -14,6 +14,8 @@ from envgraph.lang._xml import XMI, Element, XmlPlaces, read_tree
 _NAMING = ("eType", "eSuperTypes", "eOpposite", "eClassifier")
 _SKIPPED = ("eOperations", "eAnnotations")
 _PARTS = ("eClassifiers", "eSubpackages", "eStructuralFeatures", "eLiterals")
+_MOST = 1000
+"""So many other files are looked for; that there are more is reported where they are named."""
 _UP = 12
 """So many directories above a file are looked through for a project of Eclipse."""
 
@@ -61,25 +63,30 @@ class EcoreDocument:
             waiting += [child for child in one.children if child.name == "eSubpackages"]
         return tuple(waiting)
 
+    @property
+    def uris(self) -> tuple[str, ...]:
+        """The nsURIs of the packages."""
+        return tuple(one.attributes["nsURI"] for one in self.packages if one.attributes.get("nsURI"))
+
     def calls(self) -> Iterator[str]:
         """What other files may call the file by: the nsURIs of its packages, and the name of the outermost."""
-        yield from (one.attributes["nsURI"] for one in self.packages if one.attributes.get("nsURI"))
+        yield from self.uris
         yield from (one.attributes.get("name", "") for one in self.packages[:1])
 
     def mentioned(self) -> dict[str, Span]:
         """What stands before `#` where something of another file is named, with the first place of each."""
         found: dict[str, Span] = {}
-        words = set(re.findall(r"[^\s\"'#<>]+(?=#)", self.source.text))
-        if self.root is None or all(library_types(word) is not None or word[-1] == "&" for word in words):
-            return found
-        waiting = [self.root]
+        known = {""}
+        waiting = [self.root] if self.root and self.is_package else []
         for element in waiting:
             waiting += [child for child in element.children if child.name not in _SKIPPED]
             for key in ("href",) if element.name in _NAMING else _NAMING:
                 for word in element.attributes.get(key, "").split():
                     document = word.rpartition("#")[0]
-                    if document and document not in found and library_types(document) is None:
-                        found[document] = self.places.attribute(element.byte, key, word)
+                    if document not in known and len(known) <= _MOST:
+                        known.add(document)
+                        if library_types(document) is None:
+                            found[document] = self.places.attribute(element.byte, key, word)
         return found
 
     # --- parts ---

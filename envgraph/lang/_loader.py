@@ -473,14 +473,17 @@ class _Loader:
         """Makes one metamodel of the `.ecore` files."""
         first: dict[str, EcoreDocument] = {}
         doubles: dict[str, EcoreDocument] = {}
+        homes: dict[str, EcoreDocument] = {}
         for name, (document, asked) in self.ecore.items():
-            known = first.setdefault(document.uri or name, document)
-            if known is not document:
+            uris = [one for one in document.uris if one in homes]
+            known = homes[uris[0]] if uris else document
+            homes.update((one, document) for one in document.uris if one not in homes)
+            if known is document:
+                first[document.uri or name] = document
+            else:
                 doubles[name] = known
-                if not self._alike(known, document):
-                    message = (
-                        f"the package `{document.uri}` is in another file already, and is not the same there"
-                    )
+                if known.uri != document.uri or not self._alike(known, document):
+                    message = f"the package `{uris[0]}` is in another file already, and is not the same there"
                     notes = (Note("the first one is here", known.span),)
                     span = asked.span if asked else document.span
                     hint = "leave one of the files out"

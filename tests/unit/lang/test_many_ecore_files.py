@@ -168,6 +168,9 @@ def test_the_same_package_twice_is_one_package_or_a_mistake() -> None:
     found = loaded("city/city.ecore", "other.ecore", other_ecore=again.replace("Lamp", "Lantern"))
     (problem,) = found.errors
     assert problem.code == "two-metamodels" and problem.hint == "leave one of the files out"
+    inner = again.replace('nsURI="http://example.org/city"', 'nsURI="http://example.org/outer"')
+    (problem, *_) = loaded("all.ecore", "power/power.ecore", all_ecore=inner).errors
+    assert "`http://example.org/power` is in another file already" in problem.message
 
 
 def test_a_metamodel_file_and_ecore_files_do_not_become_one() -> None:
