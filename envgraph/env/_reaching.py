@@ -28,8 +28,9 @@ def can_end(
 
     A best-first search: from the states where the fewest matches stand in the way of an `on neg find .. terminate`, and
     among them first from those that look like no state before, where numbers in ranges are not looked at. (After the
-    best-first width search of Lipovetzky and Geffner 2017, with what is observed as the one feature.) Every state gets
-    its turn, so the answer is exact up to the limit. The engine is as before afterwards; this works inside a
+    best-first width search of Lipovetzky and Geffner 2017, with what is observed as the one feature.) Of equals the
+    latest and the earliest go first by turns: the one is soon at an end, the other is never far from the start. Every
+    state gets its turn, so the answer is exact up to the limit. The engine is as before afterwards; this works inside a
     transaction, too.
 
     Args:
@@ -79,12 +80,16 @@ class _Search:
             return False
         self._states = [_State(0, 0, self._simulator.turn, None)]
         self._path, self._marks = [0], list[Savepoint]()
-        self._queue = [(*rank, 0)]
+        self._queues, self._waiting, number = ([(*rank, 0)], [(*rank, 0)]), {0}, 0
         try:
-            while self._queue and len(self._known) < self._limit:
-                self._go(heappop(self._queue)[-1])
-                if self._expand():
-                    return True
+            while self._waiting and len(self._known) < self._limit:
+                number += 1
+                *_, state = heappop(self._queues[number % 2])
+                if abs(state) in self._waiting:  # else it had its turn in the other queue
+                    self._waiting.remove(abs(state))
+                    self._go(abs(state))
+                    if self._expand():
+                        return True
             return False
         finally:
             self._climb(0)
@@ -98,7 +103,10 @@ class _Search:
                 if rank is None:
                     self._model.rollback(savepoint)
                 else:
-                    heappush(self._queue, (*rank, len(self._states)))
+                    number = len(self._states)
+                    heappush(self._queues[0], (*rank, number))
+                    heappush(self._queues[1], (*rank, -number))
+                    self._waiting.add(number)
                     depth, shelf = self._states[here].depth + 1, self._model.shelve(savepoint)
                     self._states.append(_State(here, depth, simulator.turn, shelf))
                 if terminated == self._outcome:
