@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
 from envgraph.metamodel import Metamodel
 from envgraph.pattern._analysis import Analysis, Entry, Names
@@ -19,6 +22,13 @@ PATHS = "#path"
 """Package of the generated patterns; no text spells it."""
 
 
+class Checked(NamedTuple):
+    """New patterns as they have been looked at, and what is wrong with them."""
+
+    analysis: Analysis
+    problems: tuple[Diagnostic, ...]
+
+
 class Library:
     """Patterns over one metamodel, checked together, with their types and their normal forms.
 
@@ -34,6 +44,7 @@ class Library:
         self._names = Names(())
         self._generated: dict[str, Entry] = {}
         self._lowered: dict[str, LoweredPattern] = {}
+        self._checked: Checked | None = None
 
     @property
     def patterns(self) -> tuple[Pattern, ...]:
@@ -46,7 +57,7 @@ class Library:
 
     def check(self, *patterns: Pattern) -> list[Diagnostic]:
         """All errors and warnings that adding these patterns would bring, in the order of their text."""
-        return check_patterns(Analysis(self.metamodel, self._entries, patterns))
+        return list(self._check(patterns).problems)
 
     def add(self, *patterns: Pattern) -> None:
         """Register patterns, which may call each other and those that are registered already.
@@ -54,12 +65,27 @@ class Library:
         Raises:
             ResolutionError: at least one of them has an error; all errors together. Nothing is added.
         """
-        analysis = Analysis(self.metamodel, self._entries, patterns)
-        problems = check_patterns(analysis)
-        if has_errors(problems):
-            raise ResolutionError([problem for problem in problems if problem.severity is Severity.ERROR])
-        self._entries = analysis.entries
-        self._names = analysis.names
+        checked = self._check(patterns)
+        if has_errors(checked.problems):
+            raise ResolutionError([one for one in checked.problems if one.severity is Severity.ERROR])
+        self._entries = checked.analysis.entries
+        self._names = checked.analysis.names
+        self._checked = None
+
+    def _check(self, patterns: Sequence[Pattern]) -> Checked:
+        """What is known about new patterns; nothing is worked out again if they are those of the last time."""
+        last = self._checked
+        if (
+            last is None
+            or last.analysis.known is not self._entries
+            or len(last.analysis.patterns) != len(patterns)
+            or any(one is not other for one, other in zip(last.analysis.patterns, patterns, strict=True))
+        ):
+            analysis = Analysis(self.metamodel, self._entries, patterns)
+            last = Checked(analysis, tuple(check_patterns(analysis)))
+            if patterns:
+                self._checked = last
+        return last
 
     def resolve(self, name: str, package: str = "") -> Pattern | None:
         """The pattern that a name means in a package, or None if it means none or several.
@@ -117,10 +143,11 @@ class Library:
     def __copy__(self) -> Library:
         """An independent library with the same patterns: what is added to one is unknown to the other."""
         twin = Library(self.metamodel)
-        twin._entries = dict(self._entries)
+        twin._entries = self._entries  # which is replaced, and never changed
         twin._names = self._names
         twin._generated = dict(self._generated)
         twin._lowered = dict(self._lowered)
+        twin._checked = self._checked
         return twin
 
     def _entry(self, name: str) -> Entry:

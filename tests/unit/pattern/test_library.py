@@ -15,8 +15,10 @@ from envgraph.pattern import (
     LinkAtom,
     NegationAtom,
     ObjectType,
+    _library,
     conformance_patterns,
 )
+from envgraph.pattern._check import check_patterns
 from tests.unit.pattern.building import METAMODEL, agg, eq, find, isa, library, neg, path, pattern
 
 WALLS = pattern("walls", "a : Wall", [isa("Wall", "a")])
@@ -181,3 +183,25 @@ def test_violations_are_constraints_with_a_message():
     [annotation] = conformance_patterns(METAMODEL)[0].annotations
     assert annotation.name == "Constraint"
     assert dict(annotation.named)["message"] == "`cells` of $object$ has no target"
+
+
+def test_patterns_that_are_checked_and_then_added_are_looked_at_once(monkeypatch):
+    looked_at = []
+
+    def check(analysis):
+        looked_at.extend(one.name for one in analysis.patterns)
+        return check_patterns(analysis)
+
+    monkeypatch.setattr(_library, "check_patterns", check)
+    made = Library(METAMODEL)
+    a, b = named("a"), named("b")
+    made.check(a, b)
+    twin = copy(made)
+    twin.add(a, b)
+    made.add(a, b)
+    assert looked_at == ["a", "b"]
+    assert twin.names() == made.names() == ("a", "b")
+    assert [problem.code for problem in made.check(a)] == ["duplicate-definition"]
+    twin.add(named("c"))
+    assert made.names() == ("a", "b")
+    assert [problem.code for problem in made.check(b, named("c"))] == ["duplicate-definition"]
