@@ -26,7 +26,7 @@ from envgraph.errors import ResolutionError
 from envgraph.lang import TextFiles, bundled_domain, load_workspace
 from envgraph.pattern import Constant, Navigation, Variable
 from envgraph.rewrite import Engine
-from tests.unit.env.coins import loaded, simulator, table
+from tests.unit.env.coins import loaded, sides, simulator, table
 
 WAREHOUSE = bundled_domain("warehouse")
 WAYS = {"west": (-1, 0), "south": (0, 1), "east": (1, 0), "north": (0, -1)}
@@ -288,6 +288,28 @@ def test_a_name_outside_means_any_object_even_where_an_agent_has_it() -> None:
     live.turn = 2  # c shows tails
     (found,) = [outcome for _, outcome in live.outcomes(0)]
     assert found.reward == 20.0
+
+
+def test_what_a_block_applies_is_done_at_the_turn_of_its_agent() -> None:
+    text = """
+        agent coin : Coin {
+            action wait = nothing()
+            each step apply 1.0: grab(hand, coin, value)
+            on find up(coin) apply turnOver(coin)
+            observe coin.side
+        }
+    """
+    live = simulator(text)
+    rng = np.random.default_rng(0)
+    live.reset(rng)
+    shown, held = [], []
+    for _ in range(3):
+        live.step(0, rng)
+        shown.append(sides(live.engine))
+        held.append(live.engine.model["hand"].holds.name)
+    assert (shown, held) == (["b", "", ""], ["a", "b", "c"])
+    live.close()
+    assert sides(live.engine) == "ab" and live.engine.model["hand"].holds is None
 
 
 def test_an_agent_that_is_gone_is_passed_over() -> None:
