@@ -115,10 +115,12 @@ class UsageCheck:
 
     def _not_explained(self, names: list[str]) -> list[str]:
         """Those of the names that would be unbound even if the errors reported so far were mended."""
+        root = self._reading.root
+        circle = {root(name) for name in names}
         known = [
             name
             for name in self._reading.names
-            if self._binding.binds(name) or (name in self._tainted and name not in names)
+            if self._binding.binds(name) or (name in self._tainted and root(name) not in circle)
         ]
         mended = Binding(self._types, self._pattern.parameters, known)
         return [name for name in names if not mended.binds(name)]
