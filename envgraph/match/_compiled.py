@@ -37,10 +37,12 @@ from envgraph.match._symbols import (
     Recursive,
     Source,
     Symbol,
+    Valued,
     Values,
     View,
 )
 from envgraph.match._trace import Trace, trace
+from envgraph.match._valued import by_value
 from envgraph.match._why import WhyNot, why_not
 from envgraph.metamodel import Value
 from envgraph.pattern import EXPRESSION_NAMESPACE, Library, ObjectType, StaticType
@@ -281,6 +283,8 @@ class CompiledMatcher:
                 return store.forward[index]
             case Backward(index):
                 return store.backward[index]
+            case Valued(classes, attributes):
+                return by_value(store, classes, attributes)
             case Literal(value):
                 return value
             case Builtin(name):

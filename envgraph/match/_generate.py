@@ -7,6 +7,7 @@ no text of the user's: variables are numbered, constants and columns are paramet
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 
 from envgraph.match._options import call_key
 from envgraph.match._plan import (
@@ -35,6 +36,7 @@ from envgraph.match._symbols import (
     Reach,
     Recursive,
     Source,
+    Valued,
     Values,
     View,
 )
@@ -140,6 +142,8 @@ class Translation:
     """Whether a test, too, makes what follows deeper."""
     _shares = True
     """Whether searches along closures share their work."""
+    _indexes = True
+    """Whether objects may be found by the values of their attributes."""
     _joins = True
     """Whether a question of existence may become a `Join`; not inside one, where that would go on and on."""
 
@@ -174,11 +178,17 @@ class Translation:
     def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
         shared = shared_searches(steps, sink) if self._shares else {}
         self._begin_searches(-1, steps, shared)
+        found: set[int] = set()
         for number, step in enumerate(steps):
+            if id(step) in found:
+                continue
             if self._block.full and (step.kind in (Kind.LOOP, Kind.BIND) or self._deepens):
                 self._continue(steps[number:], sink)
                 return
-            if step.kind is Kind.LOOP:
+            if step.kind is Kind.LOOP and (tests := self._tests_of_values(step, steps[number + 1 :])):
+                self._loop_by_value(step, tests)
+                found.update(map(id, tests))
+            elif step.kind is Kind.LOOP:
                 self._loop(step)
             elif step.kind is Kind.BIND:
                 self._bind(step, inline=False)
@@ -278,6 +288,29 @@ class Translation:
         self._block.loop(", ".join(names) + ("," if tuples and len(names) == 1 else ""), iterable)
         self._block.conditions += again
         self._names.update((v, f"v{v}") for v in targets if v is not None)
+
+    def _tests_of_values(self, step: Step, following: Sequence[Step]) -> list[Step]:
+        """The tests of attributes of an object that is looped over, for values that are known and change."""
+        if not isinstance(step.goal, InstanceAtom) or not (self._shares and self._indexes):
+            return []
+        tests: dict[int, Step] = {}
+        for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
+            goal = each.goal
+            if not isinstance(goal, AttributeAtom) or each.kind is not Kind.TEST:
+                continue
+            if goal.object == step.goal.variable and self._known(goal.value):
+                tests.setdefault(goal.attribute.index, each)
+        values = [each.goal.value for each in tests.values() if isinstance(each.goal, AttributeAtom)]
+        return [] if self._constants.keys() >= set(values) else list(tests.values())
+
+    def _loop_by_value(self, step: Step, tests: Sequence[Step]) -> None:
+        """Loop over the objects with the values that tests ask for."""
+        goal = step.goal
+        assert isinstance(goal, InstanceAtom)
+        pairs = {t.goal.attribute.index: t.goal.value for t in tests if isinstance(t.goal, AttributeAtom)}
+        valued = Valued(tuple(self._indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
+        values = ", ".join(self._source(pairs[attribute]) for attribute in sorted(pairs))
+        self._each([goal.variable], f"{self._module.name(valued)}({values})")
 
     # --- values
 

@@ -64,6 +64,14 @@ class Backward:
     index: int
 
 
+@dataclass(frozen=True, slots=True)
+class Valued:
+    """The objects of some classes with given values in some attributes (all by index)."""
+
+    classes: tuple[int, ...]
+    attributes: tuple[int, ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Literal:
     """A constant of the pattern. No two are equal: 1, 1.0 and True are different literals."""
@@ -152,6 +160,7 @@ Symbol = (
     | Values
     | Forward
     | Backward
+    | Valued
     | Literal
     | View
     | Recursive

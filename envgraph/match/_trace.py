@@ -35,6 +35,7 @@ class _Tracing(Translation):
 
     numbers: dict[int, int]
     _deepens = True
+    _indexes = False
 
     def _after(self, step: Step) -> None:
         if id(step) in self.numbers:

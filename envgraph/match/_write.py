@@ -18,6 +18,7 @@ from envgraph.match._symbols import (
     Recursive,
     Source,
     Symbol,
+    Valued,
     Values,
     View,
 )
@@ -73,6 +74,8 @@ class Module:
                 return self.fresh("f")
             case Closed():
                 return self.fresh("r")
+            case Valued():
+                return self.fresh("i")
             case Held(what):
                 return self.fresh(f"{what}_")
 
