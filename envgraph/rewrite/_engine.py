@@ -17,7 +17,6 @@ from envgraph.graph import Model, Node, Savepoint, Version
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.metamodel import Value
 from envgraph.pattern import ObjectType
-from envgraph.rewrite._definitions import Definitions
 from envgraph.rewrite._events import Agenda, EventRule, Events, update_key
 from envgraph.rewrite._exploration import Exploration
 from envgraph.rewrite._explore import Sameness, Search, Strategy, movers
@@ -30,6 +29,7 @@ from envgraph.rewrite._listening import (
     told_updates,
 )
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
+from envgraph.rewrite._recordings import Recordings
 from envgraph.rewrite._run import (
     REFUSALS,
     STEP_LIMIT,
@@ -52,7 +52,7 @@ Predicate = str | Callable[["Engine"], bool]
 _NOTHING: AbstractContextManager[None] = nullcontext()
 
 
-class Engine(Definitions):
+class Engine(Recordings):
     """A model together with what can be asked of it and done to it.
 
     Names of patterns, rules, units and groups may be qualified (`package.name`), or simple where only one definition
@@ -89,7 +89,6 @@ class Engine(Definitions):
         self._rng: numpy.random.Generator | None = None
         self._choices: dict[tuple[str, ...], _Choice] = {}
         self._named: dict[str, RuleRunner] = {}
-        self._recorders: list[Trace] = []
         self._events: Events | None = None
 
     def copy(self) -> Engine:
@@ -730,55 +729,6 @@ class Engine(Definitions):
                 yield
             finally:
                 self._recorders, self._rng = recorders, rng
-
-    @contextmanager
-    def recording(self) -> Iterator[Trace]:
-        """What is applied inside, in order, for `replay`; `trace_to_text` writes it.
-
-        What a transaction inside takes back is left out. What a Python rule does is one application, and happens when
-        its function is called again.
-
-        Raises:
-            TraceError: at the end of the block, if something that is no application of a rule has changed the model:
-                an edit from Python, as that of a job of an event rule, or a checkout.
-        """
-        trace = Trace(start=self.model.state_hash())
-        with self._listing(trace):
-            yield trace
-        trace.close(self.model.state_hash())
-
-    @contextmanager
-    def _listing(self, trace: Trace) -> Iterator[Trace]:
-        """What is applied inside is added to a trace."""
-        self._recorders = [*self._recorders, trace]
-        try:
-            yield trace
-        finally:
-            # By identity: traces are lists, and two of the same contents are equal.
-            self._recorders = [other for other in self._recorders if other is not trace]
-
-    @contextmanager
-    def _unrecorded(self) -> Iterator[None]:
-        """What is applied inside is part of what is being applied."""
-        recorders = self._recorders
-        self._recorders = []
-        try:
-            yield
-        finally:
-            self._recorders = recorders
-
-    def _notice(self) -> None:
-        """Something is about to be applied: what changed the model since the last time was no rule."""
-        if self._recorders:
-            state = self.model.state_hash()
-            for recorder in self._recorders:
-                recorder.notice(state)
-
-    def _record(self, firings: Iterable[Firing], gaps: Sequence[int] = ()) -> None:
-        if self._recorders:
-            found, state = list(firings), self.model.state_hash()
-            for recorder in self._recorders:
-                recorder.put(found, state, gaps)
 
     # --- transactions and versions
 
