@@ -122,8 +122,9 @@ def _left_problems(library: Library, lowering: LeftLowering, told: Sequence[Diag
             return True
         return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
 
-    found = left_problems(library, *lowering.patterns)
-    return [one for one in found if one.severity is Severity.ERROR and not echoes(one)]
+    found = [one for one in left_problems(library, *lowering.patterns) if one.severity is Severity.ERROR]
+    fresh = [one for one in found if not echoes(one)]
+    return fresh if fresh or has_errors(told) else found
 
 
 def _nodes(part: Rule | Block) -> Iterator[Node]:

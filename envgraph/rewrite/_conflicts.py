@@ -269,6 +269,7 @@ class Conflicts:
     ) -> None:
         """All targets of a reference; None if some come or go."""
         self._touch(node, want)
+        self._features.append((node, reference.owner, want))
         other, earlier = self._targets.setdefault((node, reference), (targets, want))
         if other != targets:
             raise self._two_values(node, reference, (other, earlier), (targets, want))

@@ -101,6 +101,9 @@ class Writer:
             "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
             "_extend": lambda node, reference, target: extend(model, node, reference, target),
             "_house": lambda source, reference, target: house(model, source, reference, target),
+            "_release": lambda node, reference, targets, every: release(
+                model, node, reference, targets, every
+            ),
             "_there": lambda source, reference, target: there(model, source, reference, target),
             "_again": again,
             "_amount": amount,
@@ -130,12 +133,32 @@ class Writer:
         return [*asked, *(f"{self.slot(c.slot)} = {self._value(c)}" for c in plan.computed)]
 
     def unlink(self, plan: BlockPlan) -> list[str]:
-        """Links that go, and objects that leave their container."""
+        """Links that go, and objects that leave their container: all before one enters another."""
         fresh = {new.node for new in plan.creates}
         leaving = [
             self._leave(move, move.container in fresh) for move in plan.moves if move.node not in fresh
         ]
+        setting = [change for change in plan.sets if isinstance(change, SetTargets | ChangeTargets)]
+        housing = [change for change in setting if self._houses(change.reference)]
+        others = len(plan.moves) + sum(self._houses(link.reference) for link in plan.links)
+        if not self.sure or len(housing) + others > 1:
+            leaving += [line for change in housing for line in self._release(change, fresh)]
         return [*map(self._unlink, plan.unlinks), *leaving]
+
+    def _houses(self, reference: Reference) -> bool:
+        relation = self.model.store.relations[reference.index]
+        return relation.containment or relation.contained
+
+    def _release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[str]:
+        """What targets that are set take out of containers."""
+        known = tuple(value for value in op.values if value not in fresh)
+        if op.object in fresh and (not op.reference.containment or _removes(op)):
+            return []
+        if _removes(op):
+            return [self._assign(replace(op, values=known))]
+        node = "None" if op.object in fresh else self.slot(op.object)
+        every = isinstance(op, SetTargets)
+        return [f"_release({node}, {self.constant(op.reference)}, {self.slots(known)}, {every})"]
 
     def delete(self, plan: BlockPlan) -> list[str]:
         """Objects that go."""
@@ -347,6 +370,10 @@ class PathReader:
         return self.writer.expression(self.without_paths(node), self.names, self.types)
 
 
+def _removes(op: SetTargets | ChangeTargets) -> bool:
+    return isinstance(op, ChangeTargets) and op.operator == "-="
+
+
 def need(value: Value | int | None, feature: str) -> Value | int:
     """The value, which an operator needs.
 
@@ -447,6 +474,34 @@ def extend(model: Model, node: int, reference: Reference, target: int) -> None:
         model.set_target(target, opposite, node)
     else:
         model.link(node, reference, target)
+
+
+def release(
+    model: Model, node: int | None, reference: Reference, targets: tuple[int | None, ...], every: bool
+) -> None:
+    """Take out of containers what setting targets will take out; `every`: these will be all of them.
+
+    Args:
+        model: the model.
+        node: the object that gets the targets; None if it is not there yet.
+        reference: that contains, or whose opposite does.
+        targets: None is none.
+        every: the targets replace those that are there.
+    """
+    known = node is not None and model.alive(node)
+    if not reference.containment:
+        opposite = model.metamodel.opposite(reference)
+        assert node is not None and opposite is not None
+        if known:
+            leave(model, node, next(iter(targets), None), opposite)
+        return
+    if node is not None and known and every:
+        for old in tuple(model.targets(node, reference)):
+            if old not in targets:
+                model.unlink(node, reference, old)
+    for target in targets:
+        if target is not None:
+            leave(model, target, node, reference)
 
 
 def strip(model: Model, node: int) -> list[LinkFact]:

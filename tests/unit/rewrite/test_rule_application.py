@@ -7,7 +7,7 @@ import pytest
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
 from envgraph.rewrite import Engine
-from tests.unit.rewrite.graphs import METAMODEL, chain, engine, snapshot
+from tests.unit.rewrite.graphs import METAMODEL, chain, definitions, engine, snapshot
 
 
 def refused(made: Engine, reason: str, name: str = "r", **arguments: object) -> RuleError:
@@ -806,3 +806,67 @@ def test_deleting_comes_before_merging_whatever_the_block() -> None:
     made.apply("r", a=kept, b=0)
     assert [node.id for node in model.nodes()] == [kept.id] and kept.next is None
     model.check_integrity()
+
+
+def test_everything_leaves_its_container_before_anything_enters_another() -> None:
+    def family() -> Model:
+        model = Model(METAMODEL)
+        kid = model.create("Item")
+        model.create("Item", kids=[model.create("Item", kids=[kid])])
+        return model  # 0 in 1 in 2
+
+    actions = {
+        "turn": "set b.parent = a; set a.parent = none;",
+        "back": "set a.parent = none; set b.parent = a;",
+        "moved": "move b to a.kids; set a.parent = none;",
+        "listed": "set a.kids = [b]; set b.kids = [];",
+        "taken": "set b.kids -= a; create a -kids-> b;",
+        "added": "set a.kids += b; set b.kids -= a;",
+    }
+    for name, body in actions.items():
+        model = family()
+        free = "delete c -kids-> b;" if name == "taken" else ""
+        text = f"rule {name}(a : Item, b : Item, c : Item) {{ lhs {{ c -kids-> b; }} modify {{ {body} {free} }} }}"
+        made = engine(text, model=model)
+        made.apply(name, a=0, b=1, c=2)
+        node = model.node
+        assert (node(1).parent, node(0).parent, list(node(2).kids)) == (node(0), None, []), name
+        model.check_integrity()
+
+
+def test_taking_a_target_away_leaves_it_in_another_container() -> None:
+    model = Model(METAMODEL)
+    kid, other = model.create("Item"), model.create("Item")
+    holder = model.create("Item", kids=[kid])
+    made = engine(
+        "rule r(a : Item, k : Item, o : Item) { lhs { } modify { set a.kids -= k; set a.kids += o; } }",
+        model=model,
+    )
+    empty = model.create("Item")
+    made.apply("r", a=empty, k=kid, o=other)
+    assert list(holder.kids) == [kid] and list(empty.kids) == [other]
+
+
+def test_blocks_that_retype_refuse_what_the_old_class_had() -> None:
+    made = engine(
+        """
+        rule r(a : Item) {
+            lhs { }
+            forall { lhs { check a.n == 0; } modify { retype a : Box; } }
+            modify { set a.next = a.prev; }
+        }
+        """,
+        model=chain(1),
+    )
+    error = refused(made, "ambiguous", a=0)
+    assert "`Item#0` becomes `Box`, and changes as `Item`" in str(error)
+
+
+def test_checking_a_rule_that_binds_nothing_tells_so() -> None:
+    made = engine(queries="pattern alone(x : Item) { neg Item.links(x, _); Item(x); }")
+    found = made.check(
+        *definitions("rule r { lhs { x != y; } optional { lhs { find alone(x); } modify { delete x; } } }")
+    )
+    assert {problem.code for problem in found} == {"not-enumerable"} and all(
+        problem.span for problem in found
+    )
