@@ -325,6 +325,10 @@ class Application:
                 deleted |= {*outer.deleted, *(merge.absorbed.name for merge in outer.merged)}
                 removed += outer.removed
                 around = around.parent
+            gone = {instance.value(name) for name in deleted}
+            removed += [
+                e for e in instance.arrows if {instance.value(e.source), instance.value(e.target)} & gone
+            ]
             for name in deleted:
                 for other, value in instance.env.items():
                     if other != name and isinstance(value, Thing) and value == instance.value(name):
@@ -441,7 +445,7 @@ class Application:
         if any(clash(self.before, one, other) for one in asked for other in asked | made):
             self.reasons.add("ambiguous")
         if any(clash(self.before, one, other) for one in made for other in made):
-            self.reasons.add("full")
+            self.reasons |= {"full", "containment"}
         for _, thing, feature, operator, values in self.assigned:
             if operator == "=" and any(
                 link[:2] == (feature, thing) and link[2] not in values for link in asked
