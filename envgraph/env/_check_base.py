@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from envgraph.env._clauses import Question
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, has_errors, with_article
+from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     Expression,
@@ -66,7 +66,7 @@ class Checking:
         if static_type(name, self.metamodel) is not None:
             self.report("unknown-class", f"`{name}` is no class", span, "objects of a class are meant here")
         else:
-            hint = did_you_mean(name, self.metamodel.classes)
+            hint = self.metamodel.likely(name)
             self.report("unknown-class", f"unknown class `{name}`", span, hint)
         return None
 

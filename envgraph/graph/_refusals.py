@@ -42,7 +42,7 @@ def not_instantiable(metamodel: Metamodel, cls: str) -> TypeMismatch:
 
 def unknown_class(metamodel: Metamodel, cls: str) -> TypeMismatch:
     """The class is unknown."""
-    return TypeMismatch(_hinted(f"unknown class `{cls}`", did_you_mean(cls, metamodel.classes)))
+    return TypeMismatch(_hinted(f"unknown class `{cls}`", metamodel.likely(cls)))
 
 
 def lacks(model: Model, node: int, feature: Feature) -> EnvgraphError:

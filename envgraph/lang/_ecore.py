@@ -35,7 +35,7 @@ from envgraph.lang._ecore_types import (
     too_large,
     value_of,
 )
-from envgraph.lang._imports import without_consequences
+from envgraph.lang._imports import near_uri, without_consequences
 from envgraph.lang._metamodel import MetamodelFile
 from envgraph.lang._xml import XMI, XSI, Element
 from envgraph.metamodel import (
@@ -799,7 +799,7 @@ class _Reader:
         if "://" in text:
             known = [uri for one in self._joint.readers for uri in one.document.calls()]
             message, file = f"none of the files has the package `{text}`", "its file"
-            hint = did_you_mean(text, known)
+            hint = near_uri(text, known)
         else:
             last = unquote(text).rpartition("/")[2]
             message, file, hint = f"`{text}`: there is no such file", f"`{last}`", None

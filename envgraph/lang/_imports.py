@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from envgraph.errors import Diagnostic, Span
+from envgraph.errors import Diagnostic, Span, did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,3 +30,18 @@ def without_consequences(diagnostics: Iterable[Diagnostic], lost: frozenset[str]
 def _simple(text: str) -> str:
     """The last part of a name as it stands in a file: in quotes in a family file, behind a prefix or a path in XML."""
     return re.split("[.:/]", text.strip("\"'").removeprefix("^"))[-1]
+
+
+def near_uri(uri: str, known: Iterable[str]) -> str | None:
+    """The hint `did you mean ..?` for a uri: of those of one site, the last parts have to be alike too.
+
+    >>> near_uri("http://example.org/libary", ["http://example.org/library", "http://example.org/city"])
+    'did you mean `http://example.org/library`?'
+    >>> near_uri("http://example.org/clay", ["http://example.org/shop"]) is None
+    True
+    """
+    last = uri.rpartition("/")[2]
+    ends = {one: one.rpartition("/")[2] for one in known}
+    return did_you_mean(
+        uri, [one for one, end in ends.items() if end == last or did_you_mean(last, [end]) is not None]
+    )

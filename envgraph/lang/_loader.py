@@ -40,7 +40,7 @@ from envgraph.lang._import_check import (
     unused_files,
     without_calls,
 )
-from envgraph.lang._imports import Import, without_consequences
+from envgraph.lang._imports import Import, near_uri, without_consequences
 from envgraph.lang._lexer import Lexeme
 from envgraph.lang._metamodel import MetamodelFile, read_metamodel
 from envgraph.lang._model import ModelText, imports_of, read_models
@@ -546,7 +546,7 @@ class _Loader:
             unread = any(file.metamodel is None for file, _ in self.metamodels.values())
             if unread or any(document.root is None for document, _ in self.ecore.values()):
                 continue  # it may be one that cannot be read
-            hint = did_you_mean(import_.path, known)
+            hint = near_uri(import_.path, known)
             if hint is None:
                 hint = _NAME_IT
             message = f"no metamodel has the uri `{import_.path}`"

@@ -184,9 +184,10 @@ class _Reader:
         if metamodel is None:
             return False
         if cls not in metamodel.classes:
-            self._report(
-                "unknown-class", f"unknown class `{cls}`", span, did_you_mean(cls, metamodel.classes)
-            )
+            hint = did_you_mean(cls, metamodel.classes)
+            if metamodel.named(cls):
+                hint = "several packages have one of this name: their objects can be in `.xmi` and JSON files"
+            self._report("unknown-class", f"unknown class `{cls}`", span, hint)
             return False
         if metamodel.classes[cls].abstract:
             kinds = metamodel.concrete(cls)

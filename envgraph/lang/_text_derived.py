@@ -103,4 +103,4 @@ def _call(relation: Relation) -> Relation:
 
 
 def _plain(name: str) -> str:
-    return re.sub(r"[#.]", "_", name)
+    return re.sub(r"[#.]|::", "_", name)

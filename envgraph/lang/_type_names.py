@@ -60,8 +60,7 @@ class TypeNames:
 
     def others(self, name: str) -> str | None:
         """How to write a name, in all of its packages."""
-        found = sorted(self.metamodel.named(name).values()) if self.metamodel else []
-        return "write " + " or ".join(f"`{one}`" for one in found) if found else None
+        return self.metamodel.likely(name) if self.metamodel else None
 
     def plain(self, name: str) -> bool:
         """Whether a name needs no look-up: one class or enum at most has it, and is called just so."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from envgraph.errors import Note, Span, did_you_mean, with_article
 from envgraph.lang._ecore_types import too_large, value_of
+from envgraph.lang._imports import near_uri
 from envgraph.lang._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
 from envgraph.lang._xml import XMI, XSI, Handlers, Reader, Stop, namespaces
 from envgraph.metamodel import Attribute, EnumType, Package, Reference, simple_name, type_name
@@ -195,7 +196,7 @@ class TagReader:
         if uri not in packages and uri not in self._reading.foreign:
             self._reading.foreign.add(uri)
             message = f"the metamodel `{self._reading.metamodel.name}` has no namespace `{uri}`"
-            hint = did_you_mean(uri, packages) or "it has " + ", ".join(f"`{one}`" for one in packages)
+            hint = near_uri(uri, packages) or "it has " + ", ".join(f"`{one}`" for one in packages)
             self._document.report("unknown-uri", message, span, hint)
         return packages.get(uri)
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import count
 from typing import TYPE_CHECKING, Final
 
-from envgraph.errors import ResolutionError, has_errors
+from envgraph.errors import ResolutionError, did_you_mean, has_errors
 from envgraph.metamodel._above import components, linearise
 from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference, simple_name
@@ -105,6 +105,13 @@ class Metamodel:
         {'a': 'a::Part', 'b': 'b::Part'}
         """
         return self._named.get(simple, {})
+
+    def likely(self, name: str) -> str | None:
+        """A hint for the name of a class that there is not: those that packages know by it, or one like it."""
+        known = [one for one in self.named(simple_name(name)).values() if one != name]
+        if known:
+            return "write " + " or ".join(f"`{one}`" for one in sorted(known))
+        return did_you_mean(name, self.classes)
 
     @cached_property
     def _named(self) -> Mapping[str, Mapping[str, str]]:

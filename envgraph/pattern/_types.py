@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from envgraph.errors import did_you_mean
-from envgraph.metamodel import Metamodel, Scalar, Value, type_name
+from envgraph.metamodel import Metamodel, Scalar, Value, simple_name, type_name
 from envgraph.pattern._lowered import ObjectType, StaticType
 
 NUMBERS = (Scalar.INT, Scalar.FLOAT)
@@ -46,6 +46,8 @@ def type_hint(name: str, metamodel: Metamodel) -> str | None:
     """
     if name == "EObject" and metamodel.class_list:
         return _any_object_hint(metamodel)
+    if metamodel.named(simple_name(name)):
+        return metamodel.likely(name)
     plain = name.removeprefix("E").lower()
     ours = next((str(scalar) for scalar, names in _ELSEWHERE.items() if plain in names), None)
     return did_you_mean(name, type_names(metamodel)) or (f"write `{ours}`" if ours else None)

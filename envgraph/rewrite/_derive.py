@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import permutations
 
-from envgraph.errors import Diagnostic, Span, did_you_mean, has_errors
+from envgraph.errors import Diagnostic, Span, has_errors
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, LeftSide, Modification, Retype, Rule, TypeConstraint, Variable
 from envgraph.rewrite._derive_operators import Derived, check_operators, operators
@@ -41,9 +41,7 @@ def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Dia
         span = _class_span(derivation, position)
         cls = metamodel.classes.get(name)
         if cls is None:
-            yield Diagnostic(
-                "unknown-type", f"unknown class `{name}`", span, did_you_mean(name, metamodel.classes)
-            )
+            yield Diagnostic("unknown-type", f"unknown class `{name}`", span, metamodel.likely(name))
         elif name in seen:
             yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span)
         elif cls.abstract and derivation.kind == "retype":

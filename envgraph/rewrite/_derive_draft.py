@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from itertools import combinations
 
+from envgraph.metamodel import simple_name
 from envgraph.pattern import (
     Action,
     Block,
@@ -238,4 +239,5 @@ class Draft:
 
 def variable_for(cls: str) -> str:
     """The name of a variable for an object of a class."""
-    return cls[0].lower() + cls[1:]
+    name = simple_name(cls)
+    return name[0].lower() + name[1:]

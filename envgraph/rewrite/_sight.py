@@ -172,7 +172,7 @@ class Sight:
         """Whether objects of a class can exist; if not, that is reported."""
         found = self.metamodel.classes.get(cls)
         if found is None:
-            hint = did_you_mean(cls, self.metamodel.classes)
+            hint = self.metamodel.likely(cls)
             self.error("unknown-type", f"unknown class `{cls}`", span, hint)
             return False
         if found.abstract:

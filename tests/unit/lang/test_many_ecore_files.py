@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 import envgraph
-from envgraph.errors import LoadError, Source
-from envgraph.graph import model_to_xmi
-from envgraph.lang import TextFiles, Workspace, from_text, load_workspace, parse_ecore, parse_xmi, to_text
+from envgraph.errors import LoadError, ResolutionError, Source, TypeMismatch
+from envgraph.graph import model_to_json, model_to_xmi
+from envgraph.lang import (
+    TextFiles,
+    Workspace,
+    from_text,
+    load_workspace,
+    parse_ecore,
+    parse_model,
+    parse_xmi,
+    spelled_out,
+    to_text,
+)
 from envgraph.metamodel import EnumType, Metamodel, metamodel_to_ecore
-from envgraph.rewrite import Engine
+from envgraph.rewrite import Engine, derived
 
 HEAD = (
     'xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
     'xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore"'
 )
+
+
+LAMPS = 'upperBound="-1" containment="true" eOpposite="../power/power.ecore#//Lamp/street"'
+STREET = 'eOpposite="../city/city.ecore#//Street/lamps"'
 
 
 def package(name: str, inside: str) -> str:
@@ -33,6 +48,10 @@ def reference(name: str, target: str, rest: str = 'upperBound="-1"') -> str:
     return f'<eStructuralFeatures xsi:type="ecore:EReference" name="{name}" eType="{target}" {rest}/>'
 
 
+def attribute(name: str, type_: str) -> str:
+    return f'<eStructuralFeatures xsi:type="ecore:EAttribute" name="{name}" eType="{type_}"/>'
+
+
 def enum(name: str, *literals: str) -> str:
     inside = "".join(f'<eLiterals name="{one}" value="{at}"/>' for at, one in enumerate(literals))
     return f'<eClassifiers xsi:type="ecore:EEnum" name="{name}">{inside}</eClassifiers>'
@@ -42,8 +61,8 @@ CITY = package(
     "city",
     cls(
         "Street",
-        reference("lamps", "ecore:EClass ../power/power.ecore#//Lamp", 'upperBound="-1" containment="true"'),
-        '<eStructuralFeatures xsi:type="ecore:EAttribute" name="state" eType="#//State"/>',
+        reference("lamps", "ecore:EClass ../power/power.ecore#//Lamp", LAMPS),
+        attribute("state", "#//State"),
     )
     + cls("Node", reference("streets", "#//Street"))
     + enum("State", "open", "closed"),
@@ -52,19 +71,11 @@ POWER = package(
     "power",
     cls(
         "Lamp",
-        reference(
-            "street",
-            "ecore:EClass ../city/city.ecore#//Street",
-            'eOpposite="../city/city.ecore#//Street/lamps"',
-        ),
-        '<eStructuralFeatures xsi:type="ecore:EAttribute" name="state" eType="#//State"/>',
-    ).replace('name="street"', 'name="street" lowerBound="0"')
+        reference("street", "ecore:EClass ../city/city.ecore#//Street", STREET),
+        attribute("state", "#//State"),
+    )
     + cls("Node", reference("lamps", "#//Lamp"), above="../city/city.ecore#//Node")
     + enum("State", "dark", "lit"),
-)
-CITY = CITY.replace('containment="true"', 'containment="true" eOpposite="../power/power.ecore#//Lamp/street"')
-POWER = POWER.replace('upperBound="-1" eOpposite', "eOpposite").replace(
-    '../city/city.ecore#//Street/lamps"', '../city/city.ecore#//Street/lamps"'
 )
 FILES = {"city/city.ecore": CITY, "power/power.ecore": POWER}
 TOWN = """<?xml version="1.0" encoding="UTF-8"?>
@@ -296,4 +307,36 @@ def test_derived_rules_have_names_where_classes_have_packages() -> None:
     engine = Engine(envgraph.graph.Model(town()))
     (group,) = from_text("derive all = operators for power::Node;")
     engine.add(group)
-    assert all("::" not in one.name for one in engine.definitions)
+    made = spelled_out(derived(group, town()).rules, town())
+    assert made[0].name == "all_create_power_Node"
+    assert "create node : power::Node;" in to_text(*made)
+
+
+def test_what_is_asked_for_in_python_is_told_with_the_packages() -> None:
+    model = parse_xmi(Source("town.xmi", TOWN), town())
+    with pytest.raises(TypeMismatch, match="write `city::Node` or `power::Node`"):
+        model.nodes("Node")
+    with pytest.raises(ResolutionError, match="write `Street`"):
+        Engine(model).add(*from_text("pattern p(a : city::Street) { Street(a); }", "query"))
+    found = loaded("city/city.ecore", "a.model", a_model="model a : city { n : Node { } }")
+    assert [one.hint for one in found.errors] == [
+        "several packages have one of this name: their objects can be in `.xmi` and JSON files"
+    ]
+
+
+def test_objects_keep_their_classes_in_json() -> None:
+    model = parse_xmi(Source("town.xmi", TOWN), town())
+    text = json.dumps(model_to_json(model))
+    assert '"class": "power::Node"' in text
+    assert parse_model(Source("town.json", text), town()).state_hash() == model.state_hash()
+
+
+def test_views_follow_classes_of_two_packages() -> None:
+    engine = Engine(parse_xmi(Source("town.xmi", TOWN), town()))
+    text = "pattern dark(a : power::Node, l : Lamp) { power::Node.lamps(a, l); Lamp.state(l, power::State::dark); }"
+    engine.add(*from_text(text, "query"))
+    seen: list[str] = []
+    engine.on("dark", appear=lambda a: seen.append(a.cls))
+    engine.model.create("power::Node", lamps=[engine.model.create("Lamp")])
+    assert seen == ["power::Node", "power::Node"]
+    engine.check_integrity()
