@@ -15,7 +15,7 @@ from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, _closures, _cond
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.oracle.test_matchers_agree import agrees, assert_count, assert_exists, assert_first, assert_rows
-from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
+from tests.unit.match.writing import equal, find, fold, is_a, neg, op, path, pattern, value
 
 PLACES = Metamodel(
     "places",
@@ -51,6 +51,25 @@ PATTERNS = (
         "beside(a : Place, c : Place, b : Place)", [find("step+", "a", "b"), path("Place.near", "c", "b")]
     ),
     pattern("both(a : Place, b : Place)", [find("reach", "a", "c"), path("Place.near+", "c", "b")]),
+    # Steps that are easy in one direction alone, steps between numbers, and steps that are closures themselves.
+    pattern(
+        "higher(a : Place, b : Place)",
+        [path("Place.n", "a", "n"), equal("m", value(op("n", "+", 1))), path("Place.n", "b", "m")],
+    ),
+    pattern(
+        "number(n : int, m : int)",
+        [path("Place.to", "a", "b"), path("Place.n", "a", "n"), path("Place.n", "b", "m")],
+    ),
+    pattern("far2(a : Place, b : Place)", [find("step+", "a", "c"), path("Place.near", "c", "b")]),
+    pattern("low(a : Place, b : Place)", [path("Place.near", "a", "b"), neg(find("climbs", "a", "b"))]),
+    pattern("climbs(a : Place, b : Place)", [find("higher+", "a", "b")]),
+    pattern(
+        "top(a : Place, n : int)", [is_a("Place", "a"), equal("n", fold("count", find("climbs", "_", "a")))]
+    ),
+    pattern("numbers(n : int, m : int)", [find("number+", "n", "m")]),
+    pattern("unequalTo(n : int, m : int)", [find("number", "n", "m"), neg(find("numbers", "m", "n"))]),
+    pattern("farther(a : Place, b : Place)", [path("Place.up", "a", "b"), neg(find("far3", "b", "a"))]),
+    pattern("far3(a : Place, b : Place)", [find("far2*", "a", "b"), is_a("Red", "a")]),
     # Whether one end reaches the other.
     pattern(
         "apart(a : Place, b : Place)", [is_a("Place", "a"), is_a("Red", "b"), neg(find("reach", "a", "b"))]
@@ -160,7 +179,7 @@ def test_questions_that_share_work_have_the_right_answers(seed: int) -> None:
     library.add(*PATTERNS)
     compiled, naive = CompiledMatcher(model, library), NaiveMatcher(model, library)
     for _ in range(2):
-        for definition in dice.sample(PATTERNS, 12):
+        for definition in dice.sample(PATTERNS, 14):
             assert_all(compiled, naive, definition.name, len(definition.parameters), dice)
         change(dice, model)
 
