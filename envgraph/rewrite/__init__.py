@@ -4,8 +4,8 @@ How a rule is applied, once a match of its left side is chosen:
 
 1. `forall` and `optional` blocks are matched, and all values are computed, on the state before the rule. The blocks of
    an `optional` take the least match, by ids.
-2. For the rule and all matches of its blocks together: links and objects are deleted, what gets another container leaves
-   the old one, objects are retyped, objects created, merges, moves and links made, values and references set.
+2. For the rule and all matches of its blocks together: links and objects are deleted, what gets another container
+   leaves the old one, objects are retyped, objects created, merges, moves and links made, values and references set.
 3. An existing link that is created again changes nothing; `Engine.notices` tells it once. Neither does a missing one
    that is deleted. `set x.n += ..` of several matches adds up.
 

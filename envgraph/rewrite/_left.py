@@ -41,6 +41,7 @@ from envgraph.pattern import (
     terms_in,
     type_text,
 )
+from envgraph.rewrite._header import left_problems
 from envgraph.rewrite._variables import (
     TypeReader,
     Types,
@@ -169,7 +170,10 @@ class LeftLowering:
         pattern = Pattern(
             f"{self.rule.name}#types", declared, (Body(constraints),), package=self.rule.package
         )
-        if has_errors(self.library.check(pattern)):
+        wrong = left_problems(self.library, pattern)
+        if has_errors(wrong):
+            # A block that says of what class an object is would say so too late: it differs from the others already.
+            self.problems += [problem for problem in wrong if problem.code == "untyped-source"]
             self.unclear.update(name for name, type_ in types.items() if type_ is None)
             return types  # it is told where the whole left side is checked
         known = copy(self.library)

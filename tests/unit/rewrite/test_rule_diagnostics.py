@@ -160,3 +160,11 @@ def test_the_order_of_actions_does_not_matter(header: str, actions: tuple[str, s
 def test_a_new_object_has_no_links_before_the_rule() -> None:
     found = problems("rule r { lhs { a : Item; } modify { create x : Item; delete a -links-> x; } }")
     assert [problem.code for problem in found] == ["no-value-yet"]
+
+
+@pytest.mark.parametrize("block", ["", "require { x : Item; }", "not { Item.n(x, 3); }"])
+def test_a_block_does_not_say_of_what_class_an_object_is(block: str) -> None:
+    found = problems(f"rule q {{ lhs {{ a : Item; x -next-> b; }} {block} modify {{ }} }}")
+    assert [(problem.code, problem.span and problem.span.column) for problem in found] == [
+        ("untyped-source", 25)
+    ]
