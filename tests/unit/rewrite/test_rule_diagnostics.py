@@ -166,5 +166,5 @@ def test_a_new_object_has_no_links_before_the_rule() -> None:
 def test_a_block_does_not_say_of_what_class_an_object_is(block: str) -> None:
     found = problems(f"rule q {{ lhs {{ a : Item; x -next-> b; }} {block} modify {{ }} }}")
     assert [(problem.code, problem.span and problem.span.column) for problem in found] == [
-        ("untyped-source", 25)
+        ("untyped-source", 26)
     ]
