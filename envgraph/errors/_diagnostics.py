@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
-from envgraph.errors._source import Span
+from envgraph.errors._source import Span, without_controls
 
 
 class Severity(StrEnum):
@@ -45,15 +45,17 @@ class Diagnostic:
     def __str__(self) -> str:
         """Position, message, excerpt with caret, notes and hint, on several lines."""
         mark = "" if self.severity is Severity.ERROR else "warning: "
-        lines = [f"{self.span}: {mark}{self.message}" if self.span else f"{mark}{self.message}"]
+        message = without_controls(self.message)
+        lines = [f"{self.span}: {mark}{message}" if self.span else f"{mark}{message}"]
         if self.span and self.span.source.text:  # the text of a file that cannot be read is empty
             lines.append(self.span.excerpt())
         for note in self.notes:
-            lines.append(f"note: {note.span}: {note.message}" if note.span else f"note: {note.message}")
+            message = without_controls(note.message)
+            lines.append(f"note: {note.span}: {message}" if note.span else f"note: {message}")
             if note.span:
                 lines.append(note.span.excerpt())
         if self.hint:
-            lines.append(f"hint: {self.hint}")
+            lines.append(f"hint: {without_controls(self.hint)}")
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, object]:

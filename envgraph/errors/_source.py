@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from unicodedata import category, east_asian_width
 
-# A terminal would obey these, where they are to be shown.
-_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f]")
+# A terminal would obey these, where they are to be shown: among them are those that reverse what follows.
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
 _LONGEST = 300
 """Of a longer line, only what surrounds the place is shown."""
@@ -91,13 +92,28 @@ class Span:
         text = self.source.line(line)
         width = max(1, min(self.end - self.start, len(text) - column + 1))
         text, column, width = _clipped(text, column, width)
-        text = _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text)
+        text = without_controls(text)
         number = f" {line} | "
-        pad = "".join(char if char == "\t" else " " for char in text[: column - 1])
-        return f"{number}{text}\n{' ' * (len(number) - 2)}| {pad}{'^' * width}"
+        pad = "".join(char if char == "\t" else " " * _columns(char) for char in text[: column - 1])
+        marks = "^" * max(1, sum(map(_columns, text[column - 1 : column - 1 + width])))
+        return f"{number}{text}\n{' ' * (len(number) - 2)}| {pad}{marks}"
 
     def __str__(self) -> str:
         return f"{self.source.name}:{self.line}:{self.column}"
+
+
+def without_controls(text: str) -> str:
+    """A text that can be shown: characters that a terminal would obey are replaced, those that end a line, too."""
+    return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+def _columns(char: str) -> int:
+    """How much room a character takes on a terminal."""
+    if char.isascii():
+        return 1
+    if category(char) in ("Mn", "Me", "Cf"):
+        return 0
+    return 2 if east_asian_width(char) in ("W", "F") else 1
 
 
 def _clipped(text: str, column: int, width: int) -> tuple[str, int, int]:

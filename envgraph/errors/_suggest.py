@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from unicodedata import normalize
 
 _MANY = 1000
 """Among more names than this, only those that begin in the same way are compared letter by letter."""
 _LONG = 200
 """A name that is longer than this is compared with none."""
+
+
+_LOOKALIKES = str.maketrans(
+    "АВЕКМНОРСТУХаеорсухіјѕԁԛԝΑΒΕΖΗΙΚΜΝΟΡΤΥΧο",
+    "ABEKMHOPCTYXaeopcyxijsdqwABEZHIKMNOPTYXo",
+)
+"""Letters of Cyrillic and Greek that look like Latin ones."""
 
 
 def with_article(name: str) -> str:
@@ -32,6 +40,11 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
         return f"did you mean `{folded[name.casefold()]}`?"
     if len(name) > _LONG:
         return None
+    if not name.isascii():
+        latin = normalize("NFKC", name).translate(_LOOKALIKES)
+        if latin in candidates:
+            other = next(char for char in name if not char.isascii())
+            return f"did you mean `{latin}`? `{other}` only looks like a letter of it (U+{ord(other):04X})"
     if len(candidates) > _MANY:
         candidates = [one for one in candidates if one[:2] == name[:2] and abs(len(one) - len(name)) < 3][
             :_MANY

@@ -158,7 +158,9 @@ def read_source(files: Files, name: str) -> Source:
         data = files.read(name, most)
     except FileNotFoundError:
         _refuse(name, "missing-file", "there is no such file", _near(files, name))
-    except (IsADirectoryError, NotADirectoryError):
+    except NotADirectoryError:
+        _refuse(name, "not-a-file", "a part of the path is a file, not a directory", None)
+    except IsADirectoryError:
         _refuse(name, "not-a-file", "this is a directory, not a file", None)
     except (OSError, ValueError) as error:
         _refuse(name, "unreadable-file", f"the file cannot be read: {_reason(error)}", None)

@@ -19,6 +19,11 @@ _PLACE = re.compile("`([^`]+)`: ")
 _STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 _LONG = re.compile(r"-?[0-9]{4300,}")
 """Numbers that Python does not read."""
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
+_ESCAPE = re.compile(
+    r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}|\\u[0-9a-fA-F]{4}|\\.", re.DOTALL
+)
+"""Escapes one by one, two halves of a character together."""
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
 
 
@@ -62,7 +67,9 @@ def _decoded(source: Source) -> object:
         value: object = json.loads(source.text)
     except json.JSONDecodeError as error:
         span = source.span(error.pos, error.pos + 1)
-        raise LoadError([Diagnostic("syntax", f"not JSON: {error.msg.lower()}", span)]) from error
+        raise LoadError(
+            [Diagnostic("syntax", f"not JSON: {error.msg.lower().removesuffix(' at')}", span)]
+        ) from error
     except RecursionError:
         problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1))
         raise LoadError([problem]) from None
@@ -73,7 +80,20 @@ def _decoded(source: Source) -> object:
         span = source.span(*found.span())
         problem = Diagnostic("number-too-large", "the number is too large", span, "at most 64 bits are kept")
         raise LoadError([problem]) from error
+    found = next(_lone_surrogates(source.text), None)
+    if found is not None:
+        message = f"`{found.group()}` is half of a character"
+        raise LoadError([Diagnostic("bad-escape", message, source.span(*found.span()))])
     return value
+
+
+def _lone_surrogates(text: str) -> Iterator[re.Match[str]]:
+    """The escapes that stand for no character: a text with them cannot be written again."""
+    if _SURROGATE.search(text) is None:
+        return
+    for found in _ESCAPE.finditer(text):
+        if _SURROGATE.fullmatch(found.group()):
+            yield found
 
 
 def _path(problem: Diagnostic, value: object) -> JsonPath:

@@ -26,6 +26,12 @@ PUNCTUATION = "punctuation"
 _IGNORED_KINDS = frozenset({"WHITESPACE", "LINE_COMMENT"})
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "\\": "\\", '"': '"', "'": "'"}
 _ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)")
+_MEANT = {
+    "\u2212": "-", "\u2013": "-", "\u2014": "-", "\u00d7": "*", "\u00f7": "/", "\u2264": "<=", "\u2265": ">=",
+    "\u2260": "!=", "\u2227": "&&", "\u2228": "||", "\u00ac": "!", "\u2192": "->", "\u2190": "<-",
+    "\uff08": "(", "\uff09": ")", "\uff1b": ";", "\uff0c": ",", "\uff1a": ":", "\u037e": ";",
+}  # fmt: skip
+"""Signs of print, and what they are here."""
 _MOST_NESTED = 100
 _MOST_ERRORS = 100
 _CURLY = re.compile(
@@ -200,7 +206,7 @@ class _Scanner:
             self._report(
                 "number-too-large", "the number is too large", start, end, "at most 64 bits are kept"
             )
-            digits = "0"
+            digits = "0" if kind == "FLOAT" else str(LARGEST_INT)  # what is wrong with 0 is not its fault
         following = re.compile(r"\w+").match(self._text, end)
         if following:
             word = following.group()
@@ -296,8 +302,11 @@ class _Scanner:
                 break
             end += 1
         shown = self._text[start:end]
-        shown = shown if shown.isprintable() else repr(shown)[1:-1]
-        self._report("stray-character", f"`{shown[:20]}` means nothing here", start, end)
+        hint = f"write `{_MEANT[shown]}`" if shown in _MEANT else None
+        if not shown.isprintable():
+            shown = repr(shown)[1:-1]
+            hint = "take the character out, which cannot be seen" if end == start + 1 else None
+        self._report("stray-character", f"`{shown[:20]}` means nothing here", start, end, hint)
         return end
 
     def _report(

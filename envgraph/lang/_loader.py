@@ -302,6 +302,9 @@ class _Loader:
                 hint = did_you_mean(name, bundled_domains())
                 return Diagnostic(problem.code, problem.message, problem.span, hint)
             return problem
+        if not asked.path.strip():
+            hint = 'write `import "name.metamodel"`'
+            return Diagnostic("missing-file", "the import names no file", asked.span, hint)
         message = f"`{asked.path}`: {problem.message}"
         if problem.code == "missing-file" and problem.hint is None and not _is_path(asked.path):
             message = f"`{asked.path}` is the uri or the name of none of the metamodels, and no file"

@@ -245,6 +245,8 @@ class Reader:
         if word == "no element found" and self.open:
             return self._unclosed(span)
         message, hint = _WORDS.get(word, (f"this is not XML: {word}", None))
+        if span.text and not span.text.isprintable() and word.startswith("not well-formed"):
+            message, hint = f"`{repr(span.text)[1:-1]}` cannot stand in XML", "take the character out"
         return Diagnostic("syntax", message, span, hint)
 
     def _mismatched(self, start: int) -> Diagnostic:

@@ -97,3 +97,10 @@ def test_diagnostics_are_sorted_by_file_and_place():
 def test_hints_name_what_is_near(name, known, hint):
     assert did_you_mean(name, known) == hint
     assert did_you_mean(name, reversed(known)) == hint
+
+
+def test_no_part_of_a_message_is_obeyed_by_a_terminal() -> None:
+    span = Source("a", "x \u202e\x1b[31m y").span(0, 1)
+    said = str(Diagnostic("code", "unknown `a\nb`", span, "write `\x1b[2J`", notes=(Note("\r", span),)))
+    assert not any(character in said for character in "\x1b\u202e\r")
+    assert len(said.split("\n")) == 7

@@ -52,3 +52,9 @@ def test_readings_of_one_file_are_different_sources():
     one, other = Source("m", TEXT), Source("m", TEXT)
     assert one != other
     assert one.span(0, 1) == one.span(0, 1) != other.span(0, 1)
+
+
+def test_carets_stand_below_wide_and_combined_characters() -> None:
+    source = Source("a", "\u65e5\u672c e\u0301 xyz \u8a9e!")
+    assert source.span(6, 9).excerpt().split("\n")[1] == "   |        ^^^"
+    assert source.span(10, 11).excerpt().split("\n")[1] == "   |            ^^"

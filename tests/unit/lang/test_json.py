@@ -103,3 +103,22 @@ def test_long_values_are_not_shown_at_full_length() -> None:
         with pytest.raises(TypeMismatch) as raised:
             box.weight = value
         assert len(str(raised.value)) < 200
+
+
+@pytest.mark.parametrize("half", [r"\ud800", r"\uDFFF"])
+def test_half_a_character_is_refused_where_it_stands(half: str) -> None:
+    with pytest.raises(LoadError) as raised:
+        parse_json(Source("a.json", rf'["\\ud800 \ud83d\ude00", "{half}"]'))
+    (problem,) = raised.value.diagnostics
+    assert problem.span is not None
+    assert (problem.span.text, problem.span.column) == (half, 27)
+
+
+def test_characters_of_two_halves_are_read() -> None:
+    value, _ = parse_json(Source("a.json", r'["\ud83d\ude00", "\\ud800"]'))
+    assert value == ["\N{GRINNING FACE}", r"\ud800"]
+
+
+def test_control_characters_are_refused_in_words() -> None:
+    with pytest.raises(LoadError, match=r"a.json:1:2: not JSON: invalid control character\n"):
+        parse_json(Source("a.json", '"\0"'))
