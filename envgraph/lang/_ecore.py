@@ -6,19 +6,15 @@ pass. The two are compared in the tests.
 
 from __future__ import annotations
 
-import posixpath
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
-from urllib.parse import unquote
 
 from envgraph.errors import (
-    Diagnostic,
     LoadError,
     Note,
     ResolutionError,
-    Severity,
     Source,
     Span,
     did_you_mean,
@@ -26,16 +22,15 @@ from envgraph.errors import (
     sort_diagnostics,
 )
 from envgraph.lang._ecore_document import EcoreDocument
+from envgraph.lang._ecore_names import Enough, Joint, Names, Target, inside
 from envgraph.lang._ecore_types import (
     ECORE,
-    ECORE_TYPES,
     DataType,
     java_type,
-    library_types,
     too_large,
     value_of,
 )
-from envgraph.lang._imports import near_uri, without_consequences
+from envgraph.lang._imports import without_consequences
 from envgraph.lang._metamodel import MetamodelFile
 from envgraph.lang._xml import XMI, XSI, Element
 from envgraph.metamodel import (
@@ -56,12 +51,6 @@ from envgraph.metamodel import (
 _GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
 _OWN = "envgraph"
 _DEEPEST = 50
-_MOST = 100
-"""After so many mistakes the rest is not read, and after so many warnings the others are not shown."""
-
-
-class _Enough(Exception):
-    """There have been enough mistakes."""
 
 
 _TYPED = "name ordered unique lowerBound upperBound eType many required"
@@ -102,21 +91,22 @@ def read_ecore(
         documents: the files, one at least.
         doubles: by the names of other files: the one of the documents that has the same package.
     """
-    joint = _Joint()
-    joint.readers = [_Reader(one, joint) for one in documents]
-    joint.by_file = {one.document.source.name: one for one in joint.readers}
+    joint = Joint()
+    readers = [_Reader(one, joint) for one in documents]
+    joint.readers.extend(readers)
+    joint.by_file = {one.document.source.name: one for one in readers}
     joint.by_file |= {name: joint.by_file[one.source.name] for name, one in doubles.items()}
     metamodel, stopped = None, False
     try:
-        metamodel = _read_all(joint)
-    except _Enough:
+        metamodel = _read_all(joint, readers)
+    except Enough:
         stopped = True
     found = without_consequences(joint.diagnostics, frozenset(joint.lost))
     # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
     lost = joint.lost - joint.left_out.keys()
     if stopped:
-        lost = {name for reader in joint.readers for name in reader.names()}
-    return MetamodelFile(metamodel, joint.readers[0].span, tuple(found), frozenset(lost))
+        lost = {name for reader in readers for name in reader.names()}
+    return MetamodelFile(metamodel, readers[0].span, tuple(found), frozenset(lost))
 
 
 def parse_ecore(source: Source) -> Metamodel:
@@ -129,16 +119,6 @@ def parse_ecore(source: Source) -> Metamodel:
     if found.metamodel is None:
         raise LoadError(sort_diagnostics(found.diagnostics))
     return found.metamodel
-
-
-@dataclass(frozen=True, slots=True)
-class _Target:
-    """What a reference between the parts of files names: `span` is where it does, `reader` reads its file."""
-
-    element: Element | None
-    data: DataType | None
-    span: Span
-    reader: _Reader
 
 
 @dataclass(slots=True)
@@ -159,43 +139,17 @@ def _left_out(element: Element) -> str | None:
     return next((word for word in words if element.attributes.get(word) == "true"), None)
 
 
-@dataclass(slots=True)
-class _Joint:
-    """What the readings of all files share.
-
-    Attributes:
-        lost: names of what is in the files but could not be read: to mention them is no mistake.
-        left_out: names of features that are left out, with the features that have them.
-        names: what classes and enums are called in the metamodel.
-        missing: files that are named and are not there, which has been reported.
-    """
-
-    diagnostics: list[Diagnostic] = field(default_factory=list)
-    lost: set[str] = field(default_factory=set)
-    left_out: dict[str, dict[Element, str]] = field(default_factory=dict)
-    readers: list[_Reader] = field(default_factory=list)
-    by_file: dict[str, _Reader] = field(default_factory=dict)
-    owners: dict[Element, Element] = field(default_factory=dict)
-    kinds: dict[Element, str] = field(default_factory=dict)
-    names: dict[Element, str] = field(default_factory=dict)
-    enums: dict[Element, EnumType] = field(default_factory=dict)
-    missing: set[tuple[str, str]] = field(default_factory=set)
-    errors: int = 0
-    warnings: int = 0
-    quiet: bool = False
-
-
-def _read_all(joint: _Joint) -> Metamodel | None:
-    readers = [one for one in joint.readers if one.begin()]
-    if not readers:
+def _read_all(joint: Joint, readers: Sequence[_Reader]) -> Metamodel | None:
+    sound = [one for one in readers if one.begin()]
+    if not sound:
         return None
     paths: set[str] = set()
-    for reader in readers:
+    for reader in sound:
         reader.enter(paths)
-    packages = [(path, one, reader) for reader in readers for path, one in reader.packages]
+    packages = [(path, one, reader) for reader in sound for path, one in reader.packages]
     named = _qualifiers([(path, one) for path, one, _ in packages])
     classifiers = [
-        (path, one, reader) for path, package, reader in packages for one in _inside(package, "eClassifiers")
+        (path, one, reader) for path, package, reader in packages for one in inside(package, "eClassifiers")
     ]
     homes: dict[str, dict[str, None]] = {}
     for path, one, _ in classifiers:
@@ -208,7 +162,7 @@ def _read_all(joint: _Joint) -> Metamodel | None:
 
 
 def _built(
-    joint: _Joint,
+    joint: Joint,
     packages: Sequence[tuple[str, Element, _Reader]],
     classifiers: Sequence[tuple[str, Element, _Reader]],
 ) -> Metamodel | None:
@@ -233,36 +187,20 @@ def _built(
 def _qualifiers(packages: Sequence[tuple[str, Element]]) -> dict[str, str]:
     """What stands before `::` for each package, by path: its name, else its prefix, if none before it has that."""
     found: dict[str, str] = {}
+    taken: set[str] = set()
     for path, one in packages:
         words = (one.attributes.get("name", ""), one.attributes.get("nsPrefix", ""), re.sub(r"\W", "_", path))
-        free = [word for word in words if word.isidentifier() and word not in found.values()]
+        free = [word for word in words if word.isidentifier() and word not in taken]
         word = free[0] if free else "package"
-        while word in found.values():
+        while word in taken:
             word += "_"
         found[path] = word
+        taken.add(word)
     return found
 
 
-def _inside(element: Element, name: str) -> Iterator[Element]:
-    return (child for child in element.children if child.name == name)
-
-
-class _Reader:
-    """The reading of one file.
-
-    Attributes:
-        packages: with their paths.
-    """
-
-    def __init__(self, document: EcoreDocument, joint: _Joint) -> None:
-        self.document = document
-        self.places = document.places
-        self.packages: list[tuple[str, Element]] = []
-        self.span = self.places.source.span(0, 0)
-        self._others: dict[str, tuple[_Reader | None, Element | None]] = {}
-        self._joint = joint
-        self._kinds = joint.kinds
-        self._owners = joint.owners
+class _Reader(Names):
+    """The reading of one file."""
 
     def begin(self) -> bool:
         """Whether the file has a package."""
@@ -282,11 +220,6 @@ class _Reader:
             path += "_"
         self._enter_package(path, root)
         paths |= {path for path, _ in self.packages}
-
-    @property
-    def _root(self) -> Element:
-        assert self.document.root is not None
-        return self.document.root
 
     def names(self) -> set[str]:
         """All words of the text: each may be a name of something that was not read."""
@@ -324,9 +257,9 @@ class _Reader:
         if depth > _DEEPEST:
             self._error("nested-too-deeply", "packages are nested too deeply", self.places.tag(element.byte))
             return
-        for classifier in _inside(element, "eClassifiers"):
+        for classifier in inside(element, "eClassifiers"):
             self._enter_classifier(classifier)
-        for inner in _inside(element, "eSubpackages"):
+        for inner in inside(element, "eSubpackages"):
             name = inner.attributes.get("name", "")
             self._enter_package(f"{path}.{name}" if path else name, inner, depth + 1)
 
@@ -338,14 +271,14 @@ class _Reader:
         self._kinds[element] = kind
         self._check_parts(element, kind)
         features = ("EAttribute", "EReference")
-        for member in _inside(element, "eStructuralFeatures") if kind == "EClass" else ():
+        for member in inside(element, "eStructuralFeatures") if kind == "EClass" else ():
             found = self._kind(member, features, "a feature")
             if found is None:
                 self._joint.lost.add(member.attributes.get("name", ""))
             else:
                 self._kinds[member] = found
                 self._check_parts(member, found)
-        for literal in _inside(element, "eLiterals") if kind == "EEnum" else ():
+        for literal in inside(element, "eLiterals") if kind == "EEnum" else ():
             self._check_parts(literal, "EEnumLiteral")
 
     def _kind(self, element: Element, known: Sequence[str], what: str) -> str | None:
@@ -407,7 +340,7 @@ class _Reader:
 
     def enum(self, path: str, element: Element) -> EnumType:
         literals, labels, numbers, places = [], [], [], []
-        for index, literal in enumerate(_inside(element, "eLiterals")):
+        for index, literal in enumerate(inside(element, "eLiterals")):
             name = self._name(literal, "literal")
             literals.append(name)
             labels.append(literal.attributes.get("literal", name))
@@ -434,7 +367,7 @@ class _Reader:
             name = self._joint.names.get(target.element, "") if target.element else ""
             supertypes.append(name)
             places.append((f"extends {name}", target.span))
-        features = [one for one in map(self._feature, _inside(element, "eStructuralFeatures")) if one]
+        features = [one for one in map(self._feature, inside(element, "eStructuralFeatures")) if one]
         abstract = self._boolean(element, "abstract", False)
         marks = self._marks(element, features)
         self._check_class(element)
@@ -455,11 +388,11 @@ class _Reader:
         )
 
     def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
-        members = [(one.attributes.get("name", ""), one) for one in _inside(element, "eStructuralFeatures")]
+        members = [(one.attributes.get("name", ""), one) for one in inside(element, "eStructuralFeatures")]
         known = self._joint.left_out
         return tuple((name, known[name][one]) for name, one in members if one in known.get(name, ()))
 
-    def _supertypes(self, element: Element) -> Iterator[_Target]:
+    def _supertypes(self, element: Element) -> Iterator[Target]:
         targets = [*self._targets(element, "eSuperTypes"), *self._generic(element, "eGenericSuperTypes")]
         for target in targets:
             kind = self._kinds.get(target.element) if target.element else "data type"
@@ -469,9 +402,9 @@ class _Reader:
                 self._error("wrong-type", "a class extends classes only", target.span)
 
     def _check_class(self, element: Element) -> None:
-        for part in _inside(element, "eTypeParameters"):
+        for part in inside(element, "eTypeParameters"):
             self._no_generics(self.places.tag(part.byte))
-        operations = list(_inside(element, "eOperations"))
+        operations = list(inside(element, "eOperations"))
         if operations:
             name = element.attributes.get("name", "")
             message = f"the operations of `{name}` are left out"
@@ -507,9 +440,9 @@ class _Reader:
         return tuple(found)
 
     def _details(self, element: Element) -> Iterator[tuple[Element, str, str]]:
-        for annotation in _inside(element, "eAnnotations"):
+        for annotation in inside(element, "eAnnotations"):
             if annotation.attributes.get("source") == _OWN:
-                for one in _inside(annotation, "details"):
+                for one in inside(annotation, "details"):
                     yield one, one.attributes.get("key", ""), one.attributes.get("value", "")
 
     # --- features ---
@@ -534,7 +467,7 @@ class _Reader:
         self._joint.lost.add(name)
         self._joint.left_out.setdefault(name, {})[element] = why
 
-    def _type(self, element: Element, what: str) -> _Target | None:
+    def _type(self, element: Element, what: str) -> Target | None:
         """The one type of a feature; None if it has none or it cannot be read, which has been reported."""
         before = len(self._joint.diagnostics)
         found = [*self._targets(element, "eType"), *self._generic(element, "eGenericType")]
@@ -573,7 +506,7 @@ class _Reader:
             identifier=self._boolean(element, "iD", False),
         )
 
-    def _data_type(self, target: _Target, name: str) -> DataType | None:
+    def _data_type(self, target: Target, name: str) -> DataType | None:
         if target.data is not None:
             self._check_exact(target.data, name, target.span)
             return target.data
@@ -690,13 +623,6 @@ class _Reader:
             return other.attributes.get("name", ""), target.span
         return None
 
-    def quietly(self, element: Element, *names: str) -> list[_Target]:
-        """The targets, without another word on what is wrong with them."""
-        self._joint.quiet = True
-        found = [one for name in names for one in self._targets(element, name)]
-        self._joint.quiet = False
-        return found
-
     def _fragment(self, element: Element) -> str:
         names: list[str] = []
         while element is not self._root:
@@ -706,148 +632,6 @@ class _Reader:
 
     def _path(self, element: Element) -> str:
         return f"{self._owners[element].attributes.get('name', '')}.{element.attributes.get('name', '')}"
-
-    # --- what names something else ---
-
-    def _mentions(self, element: Element, names: Sequence[str]) -> bool:
-        return any(name in element.attributes for name in names) or any(
-            child.name in names for child in element.children
-        )
-
-    def _generic(self, element: Element, tag: str) -> Iterator[_Target]:
-        """Types that are written as generic ones; without arguments they are plain types."""
-        for child in _inside(element, tag):
-            if "eTypeParameter" in child.attributes or child.children:
-                self._no_generics(self.places.tag(child.byte))
-                continue
-            yield from self._targets(child, "eClassifier")
-
-    def _no_generics(self, where: Span) -> None:
-        hint = "write a class for each type that you need"
-        self._error("generic-type", "generic types cannot be represented", where, hint)
-
-    def _targets(self, element: Element, name: str) -> Iterator[_Target]:
-        """What an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
-        words = element.attributes.get(name, "").split()
-        for index, word in enumerate(words):
-            after = words[index + 1] if index + 1 < len(words) else ""
-            if "#" not in word and ":" in word and "#" in after:
-                continue  # the type of what comes next
-            target = self._find(word, self.places.attribute(element.byte, name, word))
-            if target:
-                yield target
-        for child in _inside(element, name):
-            if "href" in child.attributes:
-                target = self._find(child.attributes["href"], self._at(child, "href"))
-                if target:
-                    yield target
-
-    def _find(self, text: str, span: Span) -> _Target | None:
-        document, mark, fragment = text.rpartition("#")
-        if not mark:
-            document = ""
-        last = fragment.rpartition("/")[2]
-        types = library_types(document)
-        if types is not None:
-            if last in types:
-                return _Target(None, types[last], span, self)
-            self._unknown_library_type(last, types, span)
-            return None
-        reader, base = self._reader_of(document)
-        if reader is None:
-            self._no_file(document, last, span)
-            return None
-        if base is None:
-            return None  # the file is no metamodel, which has been reported
-        element = reader.document.at(fragment, base)
-        if element is None:
-            self._unknown_part(fragment, span, reader, base)
-            return None
-        return _Target(element, None, span, reader)
-
-    def _reader_of(self, text: str) -> tuple[_Reader | None, Element | None]:
-        """Who reads the file that is called so, and the package in it that is meant."""
-        if text not in self._others:
-            self._others[text] = self._look_for(text)
-        return self._others[text]
-
-    def _look_for(self, text: str) -> tuple[_Reader | None, Element | None]:
-        if not text:
-            return self, self._root
-        for reader in self._joint.readers:
-            for package in reader.document.packages:
-                if package.attributes.get("nsURI") == text:
-                    return reader, package
-        known = self._joint.by_file
-        path = unquote(text)
-        here = self.places.source.name.rpartition("/")[0]
-        exact = self.document.paths.get(text) or posixpath.normpath(posixpath.join(here, path))
-        found = known.get(exact)
-        # Files that were given, but not where this one says.
-        last = path.rpartition("/")[2]
-        near = [name for name in known if name.rpartition("/")[2] == last]
-        if found is None and near and "://" not in path:
-            near.sort(key=lambda name: len(posixpath.commonprefix([name[::-1], path[::-1]])))
-            found = known[near[-1]]
-        return found, found.document.root if found and found.document.is_package else None
-
-    def _no_file(self, text: str, part: str, span: Span) -> None:
-        key = (self.places.source.name, text)
-        if self._joint.quiet or key in self._joint.missing:
-            return
-        self._joint.missing.add(key)
-        if "://" in text:
-            known = [uri for one in self._joint.readers for uri in one.document.calls()]
-            message, file = f"none of the files has the package `{text}`", "its file"
-            hint = near_uri(text, known)
-        else:
-            last = unquote(text).rpartition("/")[2]
-            message, file, hint = f"`{text}`: there is no such file", f"`{last}`", None
-        hint = hint or f"name {file}, which has `{part}`, too: for example with `--metamodel`"
-        self._error("missing-file", message, span, hint)
-
-    def _unknown_library_type(self, name: str, types: Mapping[str, DataType], span: Span) -> None:
-        if self._joint.quiet:
-            return
-        if name == "EObject":
-            message, hint = (
-                "`EObject` is any object, which cannot be represented",
-                "name a class, such as a common supertype",
-            )
-        elif name in ("EFeatureMapEntry", "EStringToStringMapEntry", "EMap", "EEList"):
-            message, hint = f"`{name}` cannot be represented: there are no feature maps", "use references"
-        else:
-            message = (
-                f"Ecore has no type `{name}` that could be read"
-                if types is ECORE_TYPES
-                else f"unknown type `{name}`"
-            )
-            hint = did_you_mean(name, types) or ""
-        self._error("unknown-type", message, span, hint or None)
-
-    def _unknown_part(self, fragment: str, span: Span, reader: _Reader, base: Element) -> None:
-        if self._joint.quiet:
-            return
-        document = reader.document
-        steps = [step for step in fragment.split("/") if step]
-        name = steps[-1] if steps else fragment
-        if name in self._joint.lost:
-            return
-        around = document.at("/" + "/".join(["", *steps[:-1]]), base) if len(steps) > 1 else base
-        if around is None:  # the class is unknown, and not only its feature
-            name, around = steps[0], base
-        known = list(document.parts(around))
-        hint = did_you_mean(name, known)
-        if self._kinds.get(around) == "EClass":
-            message = f"`{around.attributes.get('name')}` has no feature `{name}`"
-            self._error("unknown-reference", message, span, hint)
-            return
-        file = "" if reader is self else f" in {document.source.name.rpartition('/')[2]}"
-        if hint is None and name in ECORE_TYPES:
-            hint = f"write `ecore:EDataType {ECORE}#//{name}` for the data type"
-        elif hint is None and not fragment.startswith("/"):
-            hint = f"write `#//{name}` for a class of this file" if name in known and not file else None
-        self._error("unknown-class", f"unknown class or data type `{name}`{file}", span, hint)
 
     # --- parts of an element ---
 
@@ -863,16 +647,10 @@ class _Reader:
         """What a class or an enum is called in the metamodel."""
         return self._name(element, what) and (self._joint.names[element] or f"unnamed_{element.byte}")
 
-    def named(self, element: Element) -> Span:
-        return self._at(element, "name")
-
-    def _at(self, element: Element, attribute: str) -> Span:
-        return self.places.attribute(element.byte, attribute)
-
     def _doc(self, element: Element) -> str | None:
-        for annotation in _inside(element, "eAnnotations"):
+        for annotation in inside(element, "eAnnotations"):
             if annotation.attributes.get("source") == _GENMODEL:
-                for one in _inside(annotation, "details"):
+                for one in inside(annotation, "details"):
                     if one.attributes.get("key") == "documentation":
                         return one.attributes.get("value")
         return None
@@ -904,25 +682,3 @@ class _Reader:
     def check_instance(self, element: Element) -> None:
         if self._kinds.get(element) == "EDataType":
             self._name(element, "data type")
-
-    # --- messages ---
-
-    def _error(
-        self, code: str, message: str, where: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
-    ) -> None:
-        if self._joint.quiet:
-            return
-        self._joint.diagnostics.append(Diagnostic(code, message, where, hint, notes=notes))
-        self._joint.errors += 1
-        if self._joint.errors == _MOST:
-            message = "too many mistakes: the rest of the file is not read"
-            self._joint.diagnostics.append(Diagnostic("too-many-errors", message, where))
-            raise _Enough
-
-    def _warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
-        self._joint.warnings += 1
-        if self._joint.warnings > _MOST + 1:
-            return
-        if self._joint.warnings > _MOST:
-            code, message, hint = "too-many-warnings", "too many warnings: the others are not shown", None
-        self._joint.diagnostics.append(Diagnostic(code, message, where, hint, Severity.WARNING))
