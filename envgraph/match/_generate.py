@@ -7,6 +7,7 @@ no text of the user's: variables are numbered, constants and columns are paramet
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import takewhile
 
 from envgraph.match._options import call_key
@@ -413,8 +414,10 @@ class Translation:
                 return self._rows(goal)
             case CallAtom():
                 return self._view(goal, (), Mode.EXISTS)
-            case ClosureAtom():
-                return self._closure(goal)
+            case ClosureAtom(relation, _, source, target):
+                if self._known(source) and self._known(target):
+                    return self._closure(goal)
+                return self._test(replace(step, goal=CallAtom(relation, (source, target))))
             case UnequalAtom(left, right):
                 return f"{self._source(left)} != {self._source(right)}"
             case Condition(expression, reads):

@@ -28,6 +28,7 @@ from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
     CallAtom,
+    Closure,
     ClosureAtom,
     InstanceAtom,
     Library,
@@ -143,7 +144,7 @@ class Options:
                 free = _free(goal, bound)
                 return None if self._needed(goal, free, uses) else self._test_of_call(goal, bound)
             case ClosureAtom():
-                return self._test_of_closure(goal, bound)
+                return self._test_of_closure(goal, bound, uses)
             case _:
                 return self._derived(goal, bound) if bound.issuperset(inputs(goal)) else None
 
@@ -210,13 +211,22 @@ class Options:
             return None
         return Option(Kind.TEST, goal, (), cost / 2, 0.5)
 
-    def _test_of_closure(self, goal: ClosureAtom, bound: Bound) -> Option | None:
-        if not (goal.source in bound and goal.target in bound):
-            return None
+    def _test_of_closure(self, goal: ClosureAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        step = CallAtom(goal.step, (goal.source, goal.target))
+        free = _free(step, bound)
         try:
-            return Option(Kind.TEST, goal, (), self._closure_cost(goal, bound) / 2, 0.5)
+            if not free:
+                return Option(Kind.TEST, goal, (), self._closure_cost(goal, bound) / 2, 0.5)
+            # Whether anything is reached is whether there is a step.
+            if (
+                goal.closure is Closure.PLUS
+                and goal.source != goal.target
+                and not self._needed(step, free, uses)
+            ):
+                return Option(Kind.TEST, goal, (), self._estimate(step, bound, ())[1] / 2, 0.9)
         except Unplannable:
-            return None
+            pass
+        return None
 
     def _opaque(self, pattern: str) -> bool:
         """Whether no estimate is made: it would depend on which of a cycle is asked first, or take a deep stack."""

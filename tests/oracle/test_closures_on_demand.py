@@ -77,6 +77,15 @@ PATTERNS = (
     pattern("outside(a : Place, b : Place)", [path("Place.to", "a", "b"), neg(find("within", "b", "a"))]),
     pattern("circle(a : Place)", [find("step+", "a", "a")]),
     pattern("back(a : Place, b : Place)", [path("Place.near", "a", "b"), find("step+", "b", "a")]),
+    # Whether anything is reached at all.
+    pattern("ends(a : Place)", [is_a("Place", "a"), neg(find("reach", "a", "_"))]),
+    pattern(
+        "begins(b : Place)", [is_a("Place", "b"), neg(find("reach", "_", "b")), neg(find("far3", "_", "b"))]
+    ),
+    pattern(
+        "linked(a : Place)", [path("Place.near", "a", "b"), find("reach", "b", "_"), find("within", "_", "a")]
+    ),
+    pattern("any(a : Red)", [is_a("Red", "a"), find("reach", "_", "_")]),
     # Whether an end reaches any of several.
     pattern("none(a : Place)", [is_a("Place", "a"), neg(find("red", "a", "_"))]),
     pattern("neither(a : Place)", [is_a("Place", "a"), neg(find("redOrInn", "a", "_"))]),

@@ -103,6 +103,7 @@ SHARED = {
         "asked(a : Cell, b : Cell)", [path("Cell.to", "a", "b"), find("reaches", "a", "b")]
     ),
     "one of several": pattern("asked(a : Cell)", [is_a("Cell", "a"), neg(find("corners", "a", "_"))]),
+    "nothing at all": pattern("asked(a : Cell)", [is_a("Cell", "a"), neg(find("reaches", "_", "a"))]),
     "from any of several": pattern("asked(b : Cell)", [path("Cell.to", "a", "_"), find("reaches", "a", "b")]),
     "counted": pattern(
         "asked(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", fold("count", find("reaches", "a", "_")))]
