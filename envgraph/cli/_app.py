@@ -346,11 +346,13 @@ def show(
     ] = ShowFormat.TEXT,
 ) -> None:
     """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
-    from envgraph.cli._picture import PICTURED, show_file
+    from envgraph.cli._picture import DEFINITIONS, PICTURED, show_file
 
     if run.endswith(PICTURED):
         show_file(run, variant, metamodel, format)
         return
+    if run.endswith(DEFINITIONS):
+        raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
     from envgraph.cli._family import show_family
 
     if format in (ShowFormat.DOT, ShowFormat.SVG):

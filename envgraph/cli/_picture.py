@@ -12,6 +12,9 @@ from envgraph.metamodel import Attribute, Class, Metamodel
 PICTURED = (".model", ".metamodel", ".ecore", ".xmi")
 """Files that are shown as they are; everything else is a run."""
 
+DEFINITIONS = (".query", ".vql", ".rules", ".environment")
+"""Files that cannot be shown."""
+
 
 def show_file(path: str, variant: str | None, metamodels: list[str] | None, format: ShowFormat) -> None:
     """Print a model or a metamodel: as a table, as JSON, or as a picture."""

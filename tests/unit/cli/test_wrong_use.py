@@ -158,3 +158,8 @@ def test_a_search_that_finds_too_little_says_so(refused: Call) -> None:
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 0
     assert "warning: only 1 of 6 environments were found" in ended.stderr
+
+
+def test_definitions_are_not_shown_but_checked(refused: Call) -> None:
+    said = refused("show", QUERIES)
+    assert f"`{QUERIES}` is no run, model or metamodel; `envgraph check {QUERIES}` reads it" in said
