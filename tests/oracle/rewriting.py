@@ -95,6 +95,7 @@ class Change:
     added: list[Edge] = field(default_factory=list)
     moved: list[Move] = field(default_factory=list)
     merged: list[Merge] = field(default_factory=list)
+    redirected: list[Edge] = field(default_factory=list)
     sets: list[Set] = field(default_factory=list)
 
 
@@ -156,6 +157,7 @@ def of_actions(actions: Sequence[object], instance: Instance) -> Change:
             case Retype(node, cls):
                 change.retyped.append((node.name, cls))
             case Redirect(edge, target):
+                change.redirected.append(edge)
                 change.removed.append(edge)
                 change.added.append(Edge(edge.source, edge.reference, target.name))
             case Set():
@@ -249,6 +251,7 @@ class Application:
 
     def outcome(self) -> Outcome:
         self.compute()
+        self.check_redirected()
         self.check_identification()
         self.check_agreement()
         self.delete()
@@ -313,6 +316,12 @@ class Application:
             for name in [*change.deleted, *(merge.absorbed.name for merge in change.merged)]:
                 found.setdefault(instance.thing(name), []).append((number, name))
         return found
+
+    def check_redirected(self) -> None:
+        """What is to lead elsewhere is there."""
+        for instance, change in self.both:
+            if not {instance.link(edge) for edge in change.redirected} <= self.before.links:
+                self.reasons.add("missing-link")
 
     def check_identification(self) -> None:
         """What is deleted is matched by one name alone."""

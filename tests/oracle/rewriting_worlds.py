@@ -492,17 +492,16 @@ def action(right: Right) -> object:
         right.deleted.add(name)
         return DeleteNode(Variable(name))
     if roll < 7:
-        arrows = right.arrows()
-        return DeleteEdge(dice.one(arrows)) if arrows else None
+        edge = some_arrow(right, name)
+        return DeleteEdge(edge) if edge else None
     if roll < 13:
         return assignment(right, name)
     if roll < 15:
         return Retype(Variable(name), dice.one(concrete(scope.metamodel)))
     if roll < 16:
-        arrows = right.arrows()
-        if not arrows:
+        edge = some_arrow(right, name)
+        if edge is None:
             return None
-        edge = dice.one(arrows)
         others = [o for o in scope.fitting(scope.state.reference(edge.reference).target) if o in objects]
         return Redirect(edge, Variable(dice.one(others))) if others else None
     if roll < 17:
@@ -521,6 +520,12 @@ def action(right: Right) -> object:
         return Move(Variable(name), Variable(holder), reference)
     edge = new_edge(right, name)
     return Create((), (edge,)) if edge else None
+
+
+def some_arrow(right: Right, name: str) -> Edge | None:
+    """An arrow of the left side, or now and then one that may not be there."""
+    dice, arrows = right.scope.dice, right.arrows()
+    return dice.one(arrows) if arrows and dice.chance(80) else new_edge(right, name)
 
 
 def concrete(metamodel: Metamodel) -> list[str]:

@@ -96,10 +96,12 @@ def test_rules_do_it_one_after_the_other(seed: int) -> None:
     engine = found.engine(*found.rules)
     engine.watch(*(rule.name for rule in free))
     for _ in range(5):
+        if len(engine.model) > MOST + 2:
+            return
         for rule in found.rules:
             wrong = disagreement(engine, found.patterns, rule, given[rule.name], most=2)
             assert wrong is None, rule.name
-        if not free or len(engine.model) > MOST:
+        if not free:
             return
         apply_quietly(engine, found.dice.one(free).name)
         engine.check_integrity()
