@@ -88,7 +88,6 @@ class ClosureView:
 
     def _forget(self) -> None:
         """There is a new state of the model."""
-        self._revision = self._store.revision
         self._reached.clear()
         self._reaching.clear()
         self._edges[True].clear()
@@ -100,6 +99,7 @@ class ClosureView:
         self._enough, self._counted = FEW_VISITED, False
         self._condensed.clear()
         self._too_large = False
+        self._revision = self._store.revision  # last: Ctrl-C before leaves nothing out of date
 
     # --- what is reached
 

@@ -66,6 +66,14 @@ class Condensation:
         return (self._explored(start) if bits is None else bits).bit_count()
 
     def _explored(self, start: Any) -> int:
+        try:
+            return self._explore(start)
+        except BaseException:  # Ctrl-C, too: a component may have places, and is not known
+            for node in [node for node in self._place if node not in self._bits]:
+                del self._place[node]
+            raise
+
+    def _explore(self, start: Any) -> int:
         known, place = self._bits, self._place
         for component, exits in components([start], self._unknown):
             if component[0] in known:

@@ -332,8 +332,8 @@ class Recursion:
     def _look(self) -> None:
         """Forget everything if there is a new state of the model."""
         if self._revision != self._store.revision:
-            self._revision = self._store.revision
             self._forget()
+            self._revision = self._store.revision  # last: Ctrl-C before leaves nothing out of date
 
     def _solved(self, calls: Calls, values: tuple[Any, ...]) -> Table:
         """The table of a call, with all rows."""
