@@ -126,6 +126,7 @@ class Options:
         self._constants = frozenset(number for number, _ in conjunction.constants)
         self._plan_inside = plan_inside
         self._inner: dict[int, tuple[Plan, ...]] = {}
+        self._closure_ends: dict[int, tuple[float, float]] = {}
 
     def filter(self, goal: Goal, bound: Bound, uses: Counter[int]) -> Option | None:
         """The goal as something that cannot multiply the rows, if it can be that now."""
@@ -244,25 +245,29 @@ class Options:
             cost = min(self._views.view(key).cost for key in keys)
         if from_source and from_target:
             return REACHED * (cost + CALL) / MEETING_SHARE
-        starts = 1.0 if from_source or from_target else self._ends(goal)[0]
-        return starts * self._reached(goal, from_source or not from_target) * (cost + CALL)
-
-    def _reached(self, goal: ClosureAtom, forward: bool) -> float:
-        """Objects at the other end."""
-        return max(REACHED, self._ends(goal)[forward] / REACHED_SHARE)
+        ends = self._ends(goal)
+        starts = 1.0 if from_source or from_target else ends[0]
+        reached = max(REACHED, ends[from_source or not from_target] / REACHED_SHARE)
+        return starts * reached * (cost + CALL)
 
     def _follow(self, goal: ClosureAtom, free: tuple[int, ...], cost: float, forward: bool) -> Option:
-        rows = self._reached(goal, forward)
+        ends = self._ends(goal)
+        rows = max(REACHED, ends[forward] / REACHED_SHARE)
         if len(free) > 1:
-            return Option(Kind.LOOP, goal, free, cost, rows * self._ends(goal)[0])
-        all_ = self._ends(goal)[forward]
+            return Option(Kind.LOOP, goal, free, cost, rows * ends[0])
+        all_ = ends[forward]
         return Option(Kind.LOOP, goal, free, cost, rows, together=(max(1.0, all_ / rows) * cost, all_))
 
     def _ends(self, goal: ClosureAtom) -> tuple[float, float]:
         """Objects that may be sources, and those that may be targets."""
-        types = (self._conjunction.types[end] for end in (goal.source, goal.target))
-        source, target = (self._sizes.extent(t.cls) if isinstance(t, ObjectType) else REACHED for t in types)
-        return source, target
+        found = self._closure_ends.get(id(goal))
+        if found is None:
+            types = (self._conjunction.types[end] for end in (goal.source, goal.target))
+            source, target = (
+                self._sizes.extent(t.cls) if isinstance(t, ObjectType) else REACHED for t in types
+            )
+            found = self._closure_ends[id(goal)] = source, target
+        return found
 
     def _needed(self, goal: CallAtom, free: Sequence[int], uses: Counter[int]) -> tuple[int, ...]:
         """The free variables of a call whose values matter; all of them if the pattern is recursive."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from envgraph.match._options import Unplannable, call_key
 from envgraph.match._order import Search
@@ -21,6 +22,9 @@ from envgraph.match._plan import (
 from envgraph.match._planner import Planner
 from envgraph.match._sinks import Sink
 from envgraph.pattern import AggregateAtom, CallAtom, Closure, ClosureAtom
+
+MOST_JOINED: Final = 24
+"""Goals of a question of existence beyond which it is only answered directly: to plan it twice would take too long."""
 
 
 def shared_searches(steps: Sequence[Step], sink: Sink) -> dict[int, int]:
@@ -94,6 +98,8 @@ def join_of(planner: Planner, conjunction: Conjunction, plan: Plan, known: froze
         known: the variables with values, without constants.
     """
     goals = list(_goals(plan))
+    if len(goals) > MOST_JOINED:
+        return None
     fixed = frozenset(number for number, _ in conjunction.constants)
     for closure in goals:
         if not isinstance(closure, ClosureAtom):
