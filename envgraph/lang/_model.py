@@ -38,6 +38,9 @@ from envgraph.metamodel import (
     type_name,
 )
 
+_MOST_HINTS = 100
+"""For so many unknown objects it is worked out what may have been meant."""
+
 
 @dataclass(frozen=True, slots=True)
 class ModelText:
@@ -128,6 +131,7 @@ class _Reader:
     spans: dict[int, Span] = field(default_factory=dict)
     _model: Model = field(init=False)
     _names: dict[str, tuple[int | None, Span]] = field(default_factory=dict)
+    _unknown: int = 0
     _grids: dict[str, _Grid] = field(default_factory=dict)
     _tasks: list[_Task] = field(default_factory=list)
     _reported: set[tuple[str, int, int]] = field(default_factory=set)
@@ -418,7 +422,9 @@ class _Reader:
             if node is not None:
                 yield node, self.parsed.span(token)
             return
-        hint = did_you_mean(token, self._names)
+        # To compare every unknown name with every known one would take minutes.
+        self._unknown += 1
+        hint = did_you_mean(token, self._names) if self._unknown <= _MOST_HINTS else None
         if self.metamodel and str(token) in self.metamodel.classes:
             hint = f"write `{token} {{ }}` for a new object"
         elif str(token) in self._grids:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern._analysis import Entry, calls_of, is_closure
@@ -20,6 +21,10 @@ class _Edge:
     @property
     def monotone(self) -> bool:
         return not self.word
+
+
+_MOST_SHOWN: Final = 20
+"""Steps of a cycle that a message names."""
 
 
 def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -> Iterator[Diagnostic]:
@@ -124,9 +129,10 @@ def _declared_safe(pattern: Pattern) -> bool:
 
 def _diagnostic(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
     span = edge.call.pattern_span or edge.call.span
-    path = cycle[0].caller + "".join(
-        f" -> {link.word + ' ' if link.word else ''}{link.callee}" for link in cycle
-    )
+    steps = [f" -> {link.word + ' ' if link.word else ''}{link.callee}" for link in cycle]
+    if len(steps) > _MOST_SHOWN:
+        steps[_MOST_SHOWN // 2 : -_MOST_SHOWN // 2] = [f" -> ({len(steps) - _MOST_SHOWN} more)"]
+    path = cycle[0].caller + "".join(steps)
     if edge.monotone:
         hint = "`@SafeRecursion` says that this is meant"
         return Diagnostic("recursive-pattern", f"recursive pattern: {path}", span, hint, Severity.WARNING)

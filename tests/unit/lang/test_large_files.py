@@ -92,3 +92,21 @@ def test_names_after_the_place_where_reading_stopped_are_not_unknown() -> None:
         f"{IMPORT}pattern p(x : Node) {{ find q(x); }}\n" + "$ " * 200 + "\npattern q(x : Node) { Node(x); }"
     )
     assert {one.code for one in said(text)} == {"stray-character", "too-many-errors"}
+
+
+def test_only_some_of_many_unknown_objects_are_compared_with_the_known_ones() -> None:
+    objects = " ".join(f"a{n} : Node {{ next = b{n}; }}" for n in range(4 * COUNT))
+    started = process_time()
+    found = said(f"{IMPORT}model w : m {{ {objects} }}", "w.model")
+    assert process_time() - started < SECONDS
+    assert [one.code for one in found] == ["unknown-object"] * (4 * COUNT)
+    assert found[-1].hint is None
+
+
+def test_the_message_of_a_long_cycle_is_short() -> None:
+    (problem,) = said(
+        patterns(lambda n: f"pattern p{n}(x : Node) {{ Node(x); neg find p{(n + 1) % COUNT}(x); }}")
+    )
+    assert problem.code == "recursion-through-negation"
+    assert f" -> ({COUNT - 20} more) -> neg p{COUNT - 9}" in problem.message
+    assert problem.message.endswith("-> neg p0")
