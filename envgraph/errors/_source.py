@@ -10,6 +10,9 @@ from unicodedata import category, east_asian_width
 # A terminal would obey these, where they are to be shown: among them are those that reverse what follows.
 _CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
+_LONGEST_MESSAGE = 2000
+"""A message that is longer is not shown in full: names may have any length."""
+
 _LONGEST = 300
 """Of a longer line, only what surrounds the place is shown."""
 
@@ -103,7 +106,9 @@ class Span:
 
 
 def without_controls(text: str) -> str:
-    """A text that can be shown: characters that a terminal would obey are replaced, those that end a line, too."""
+    """A text that can be shown: not too long, and characters that a terminal would obey are replaced, line ends too."""
+    if len(text) > _LONGEST_MESSAGE:
+        text = f"{text[: _LONGEST_MESSAGE // 2]}...{text[-_LONGEST_MESSAGE // 2 :]}"
     return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text)
 
 

@@ -104,3 +104,9 @@ def test_no_part_of_a_message_is_obeyed_by_a_terminal() -> None:
     said = str(Diagnostic("code", "unknown `a\nb`", span, "write `\x1b[2J`", notes=(Note("\r", span),)))
     assert not any(character in said for character in "\x1b\u202e\r")
     assert len(said.split("\n")) == 7
+
+
+def test_a_message_with_a_name_of_any_length_can_be_read() -> None:
+    said = str(Diagnostic("code", f"unknown name `{'x' * 100_000}`"))
+    assert len(said) < 2100
+    assert said.startswith("unknown name `xxx") and said.endswith("xxx`")
