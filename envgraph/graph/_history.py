@@ -182,6 +182,12 @@ class History:
         if not self._stack:
             self._settle()
 
+    def unwind(self, depth: int) -> None:
+        """Roll back until so many savepoints are open: Ctrl-C may have kept one inside from being closed."""
+        if len(self._stack) > depth:
+            del self._stack[depth + 1 :]
+            self.rollback(self._stack[depth])
+
     def shelve(self, savepoint: Savepoint) -> Shelf:
         """As `rollback`, and what was taken back can be resumed."""
         store = self._store

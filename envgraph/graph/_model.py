@@ -529,13 +529,15 @@ class Model:
     @contextmanager
     def transaction(self) -> Iterator[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it."""
-        savepoint = self.savepoint()
+        history = self._history
+        depth = history.depth
         try:
+            savepoint = history.savepoint()
             yield savepoint
+            history.release(savepoint)
         except BaseException:
-            self.rollback(savepoint)
+            history.unwind(depth)  # nothing to do if a listener raises: the transaction has ended by then
             raise
-        self.release(savepoint)
 
     @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:

@@ -4,6 +4,7 @@ import pytest
 
 from envgraph.errors import RuleError, TransactionError
 from envgraph.graph import Model
+from envgraph.graph._history import History
 from tests.property.snapshots import snapshot
 from tests.unit.graph.domain import FOREST, feature, forest, people
 
@@ -136,3 +137,37 @@ def test_loading_ends_with_an_exception_too():
         raise KeyError
     with model.transaction():
         pass
+
+
+def test_a_transaction_that_ends_badly_takes_savepoints_inside_it_along():
+    model = forest()
+    before = snapshot(model)
+    with pytest.raises(KeyboardInterrupt), model.transaction():
+        model["t00"].x = 5
+        model.savepoint()  # as if Ctrl-C had come before anybody could hold it
+        model["t00"].x = 6
+        raise KeyboardInterrupt
+    assert snapshot(model) == before
+    with pytest.raises(TransactionError, match="still open"), model.transaction():
+        model["t00"].x = 5
+        model.savepoint()
+    assert snapshot(model) == before
+    assert not model.in_transaction
+
+
+@pytest.mark.parametrize("opened", [0, 1])
+def test_ctrl_c_while_a_transaction_begins_or_ends_leaves_none_open(opened, monkeypatch):
+    model = forest()
+    before = snapshot(model)
+    history = model._history
+
+    def interrupted(*arguments):
+        if not opened:
+            History.savepoint(history)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(history, "release" if opened else "savepoint", interrupted)
+    with pytest.raises(KeyboardInterrupt), model.transaction():
+        model["t00"].x = 5
+    assert snapshot(model) == before
+    assert not model.in_transaction
