@@ -336,6 +336,9 @@ class LeftLowering:
     ) -> Pattern:
         span = left.span or self.rule.span
         body = Body(tuple(constraints) or (Check(Constant(True), span),), span=span)
+        home = self.rule.left.span or self.rule.span
+        if span is not None and home is not None and span.source.name != home.source.name:
+            span = home  # the blocks are a text of their own, and what is private is seen in one source only
         pattern = Pattern(
             f"{self.rule.name}#{suffix}",
             tuple(parameters),

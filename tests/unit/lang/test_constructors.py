@@ -71,6 +71,28 @@ def test_a_rule_of_texts_is_the_rule_of_a_file() -> None:
     assert isinstance(made, RuleData) and (made.semantics, made.homomorphic) == ("spo", (("a", "b"),))
 
 
+def test_conditions_that_are_a_text_of_their_own_belong_to_the_rule() -> None:
+    made = engine("", model=chain(4))
+    made.add(
+        Rule("last", lhs="a : Item -next-> b : Item", blocks="not { b -next-> _; }", modify=""),
+        Rule(
+            "inner",
+            lhs=[Node("a", "Item"), Node("b", "Item"), Edge("a", "next", "b")],
+            blocks="require { not { not { b -next-> _; } } }",
+            modify="",
+        ),
+        Rule(
+            "each",
+            lhs="a : Item",
+            blocks="forall+ { lhs { a -next-> b : Item; } not { b -next-> _; } modify { delete a -next-> b; } }",
+        ),
+    )
+    ends = made.matches("last")
+    assert len(ends) == 1 and made.count("inner") == 2 and made.count("each") == 1
+    made.apply("each")
+    assert made.matches("last") != ends and made.count("last") == 1
+
+
 def test_a_rule_of_data_is_the_rule_of_its_text() -> None:
     made = Rule(
         "step",
