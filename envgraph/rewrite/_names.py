@@ -74,8 +74,10 @@ class Directory:
         """The one qualified name that a name means.
 
         Raises:
-            InvalidArgument: it means nothing, or several things.
+            InvalidArgument: it means nothing, or several things; or it is no name.
         """
+        if not isinstance(name, str):
+            raise InvalidArgument(f"a {what} is given by its name, not as {name!r}")
         found = self.candidates(name)
         if len(found) == 1:
             return found[0]

@@ -101,6 +101,9 @@ def _value(
             lambda node, feature: read_feature(model, node, feature),
         )
     if not callable(asked):
-        raise InvalidArgument(f"a function of the match is asked, not {asked!r}")
+        raise InvalidArgument(
+            f"a function of the match, or an expression of `envgraph.pattern`, is asked, not {asked!r}: "
+            "write `lambda match: ..`"
+        )
     function = asked
     return lambda row: function(Match(model, shape, row))

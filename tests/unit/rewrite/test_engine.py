@@ -46,6 +46,10 @@ def test_unknown_names_get_a_suggestion() -> None:
         made.matches("folowing")
     with pytest.raises(InvalidArgument, match="unknown rule, unit or group `sprad`: did you mean `spread`"):
         made.apply("sprad")
+    with pytest.raises(InvalidArgument, match="a rule, unit or group is given by its name, not as 5"):
+        made.apply(5)  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match="a rule, unit or group is given by its name, not as None"):
+        made.run(None)  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="`u` is a unit, not a rule"):
         made.apply("u")
     with pytest.raises(InvalidArgument, match="`u` is a unit, which has no matches of its own"):

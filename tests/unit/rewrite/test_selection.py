@@ -135,8 +135,9 @@ def test_arguments_and_selection_go_together() -> None:
     [
         ({"choose": "best"}, '`choose` is "random", "first" or a function'),
         ({"choose": "first", "by": N}, "one of `match`, `choose` and `by`"),
-        ({"by": 3}, "a function of the match is asked, not 3"),
-        ({"where": 3}, "a function of the match is asked, not 3"),
+        ({"by": 3}, "a function of the match, or an expression of .*, is asked, not 3"),
+        ({"by": "a.n"}, "is asked, not 'a.n': write `lambda match"),
+        ({"where": 3}, "a function of the match, or an expression of .*, is asked, not 3"),
     ],
 )
 def test_wrong_selections_are_refused(options: dict[str, object], message: str) -> None:
