@@ -567,6 +567,8 @@ class Application:
         for link in new:
             if state.contains(link) and link not in state.links and state.container(link[2]) is not None:
                 self.reasons.add("full")
+                if link[1] in state.tree(link[2]):
+                    self.reasons.add("containment")
                 if link[2] in self.placed:
                     self.unclear.append("a place beside that of what was absorbed")
             state.links.add(link)

@@ -319,7 +319,7 @@ def test_files_may_have_any_encoding_that_they_declare(tmp_path: Path, encoding:
         (b'<?xml version="1.0" encoding="unicode_escape"?><n/>', "1:31: unknown encoding `unicode_escape`"),
         (b"\xff\xfe<\0a\0\xff", "1:3: the byte 0xff is not UTF-16-LE"),
         (b"  \n", "1:1: the file is empty"),
-        (b"\0\0\0", "1:1: this is not XML"),
+        (b"\0\0\0", "1:1: `\\x00` cannot stand in XML"),
     ],
 )
 @pytest.mark.parametrize("name", ["a.xmi", "a.ecore"])
