@@ -13,7 +13,7 @@ from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, with_arti
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
-from envgraph.rewrite import Application, Engine, Firing, Match, trace_to_text
+from envgraph.rewrite import Application, Engine, Firing, trace_to_text
 
 _NO_MODELS = (".metamodel", ".ecore", ".query", ".vql", ".rules", ".environment")
 
@@ -128,11 +128,11 @@ def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[
         result = engine.run(rule, **bound)
         return [_traced(engine, firing) for firing in result.firings], result.reason
     application = engine.apply(rule, **bound)
-    return [] if application is None else [_told(application)], None
+    return [] if application is None else [_told(engine, application)], None
 
 
 def _traced(engine: Engine, firing: Firing) -> str:
-    """A step of a trace; an object that a later step deleted is shown by its id."""
+    """A step of a trace; an object that it or a later step deleted is shown by its id."""
     shape, model, shown = engine.prepare(firing.rule).shape, engine.model, []
     for position, (name, value) in enumerate(zip(shape.names, firing.values, strict=True)):
         alive = shape.is_object(position) and isinstance(value, int) and model.alive(value)
@@ -140,11 +140,9 @@ def _traced(engine: Engine, firing: Firing) -> str:
     return f"{firing.rule}({', '.join(shown)})"
 
 
-def _told(application: Application) -> str:
-    match: Match = application.match
-    what = ", ".join(f"{name}={_shown(match[name])}" for name in match.names)
+def _told(engine: Engine, application: Application) -> str:
     created = "".join(f"; created {_shown(node)}" for node in application.created.values())
-    return f"{application.rule}({what}){created}"
+    return _traced(engine, application.firing) + created
 
 
 def _pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:

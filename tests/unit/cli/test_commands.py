@@ -200,6 +200,27 @@ def test_apply_tells_what_it_did_and_writes_the_model(envgraph: Envgraph, tmp_pa
     assert "no match of moveUp" in ok(envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveUp")).out
 
 
+def test_apply_tells_what_a_rule_deleted_by_its_id(envgraph: Envgraph, tmp_path: Path) -> None:
+    (tmp_path / "s.metamodel").write_text("metamodel s class Box { contains Box[0..*] parts int n }")
+    (tmp_path / "s.model").write_text(
+        'import "s.metamodel" model m : s { top : Box { parts = [ a : Box { n = 1 }, b : Box { n = 2 } ] } }'
+    )
+    (tmp_path / "s.rules").write_text(
+        """import "s.metamodel"
+        rule drop(part : Box) { lhs { box : Box -parts-> part; } modify { delete part; create box -parts-> new : Box; } }
+        unit both { drop(_); drop(_); }
+        """
+    )
+    result = envgraph(
+        "apply", "s.model", "s.rules", "drop", "--where", "part=b", "--trace", "t.jsonl", "-o", "o.xmi"
+    )
+    assert ok(result).out.splitlines()[0] == "1: drop(part=2, box=Box top); created Box 3"
+    assert "Box" in (tmp_path / "o.xmi").read_text()
+    assert "1 application" in ok(envgraph("replay", "s.model", "s.rules", "t.jsonl")).out
+    told = json.loads(ok(envgraph("apply", "s.model", "s.rules", "both", "--format", "json")).out)
+    assert len(told["applications"][0]["steps"]) == 2
+
+
 def test_a_model_that_apply_wrote_can_be_matched_and_rewritten_again(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     files = ("maze/maze.rules", "moveRight")
