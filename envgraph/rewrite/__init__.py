@@ -15,7 +15,8 @@ It is refused, and the model left as it was, with a `RuleError` whose `reason` i
 - "identification": a deleted object or link is matched as something else, too (homomorphic rules);
 - "ambiguous": two matches of blocks, or two variables for one object, want different things, or things of which the
   later would undo the earlier; `details` names both matches and what they want;
-- "dangling": under DPO, a deleted object has links that the left side does not mention (its container's excepted);
+- "dangling": under DPO, a deleted object has links that the left side does not mention (except the one to its
+  container, and those of the object and what it contains with each other or themselves);
 - "lost-link": under DPO, a retyped or merged object has links that its class does not allow;
 - "full": a new link finds no room at one of its ends, or the object is in a container already;
 - "containment": a new link would close a cycle of containers, or what is kept would go with a container;
