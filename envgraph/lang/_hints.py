@@ -23,6 +23,8 @@ _OPERATORS = frozenset(
 )
 _COMPARISONS = ("==", "===", "!=", "=", "<", "<=", ">", ">=")
 _MOST_SHOWN = 9
+_BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
+"""What starts a definition of which kind of file."""
 
 
 def expectation(grammar: Grammar, states: list[int]) -> str:
@@ -54,6 +56,10 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
         return f"an arrow starts at an object: write `x -{word}-> ..`"
     if "neg" not in keywords:
         return None
+    home = "query" if "rule" in keywords else "rules"
+    starts = [keywords[one] for one in ("pattern", "rule") if one in keywords]
+    if word in _BELONGS[home] and after and any(grammar.accepts(states, one) for one in starts):
+        return f"a `{word}` stands in a `.{home}` file, which other files may import"
     if before[1] == "not" and "not" not in keywords:
         return "write `!`" if grammar.accepts(states, signs["&&"]) else "write `neg`"
     if word == "!" and grammar.accepts(states, keywords["neg"]):

@@ -425,7 +425,9 @@ class _Loader:
             imports = self._wrong_imports(lost)
             checked = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
             checked = [*imports, *without_calls(checked, imports)]
-            broken = {_file(one) for one in self.diagnostics} & set(self.xml)
+            # The import next to a mistake may be lost with it.
+            cut = {_file(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
+            broken = {_file(one) for one in self.diagnostics} & set(self.xml) | cut
             found += [one for one in checked if one.code != "no-metamodel" or _file(one) not in broken]
             for spec in self.families:
                 if spec.path in self.unclear:

@@ -254,3 +254,16 @@ def test_names_are_not_looked_up_when_a_file_is_not_known() -> None:
         (one,) = changed("family.toml", old, new)[:1]
         assert len([d for d in changed("family.toml", old, new) if d.code.startswith("unknown-")]) <= 1
         assert one.span is not None
+
+
+def test_what_belongs_into_another_file_is_told_once_and_where_it_belongs() -> None:
+    pattern, rule = "pattern p(x : A) { A(x); }", "rule r { lhs { a : A; } modify { set a.i = 1; } }"
+    for root, text, word, home in (
+        ("x.rules", f"{pattern} {rule}", "pattern", "query"),
+        ("x.query", f"{pattern} {rule}", "rule", "rules"),
+        ("x.query", f"{pattern} unit u {{ r; }}", "unit", "rules"),
+    ):
+        files = {root.replace(".", "_"): f'package b import "m.metamodel" {text}', "m_metamodel": METAMODEL}
+        (one,) = said(root, **files)
+        assert place(one) == (root, word)
+        assert one.hint == f"a `{word}` stands in a `.{home}` file, which other files may import"
