@@ -207,7 +207,10 @@ def test_apply_tells_what_a_rule_deleted_by_its_id(envgraph: Envgraph, tmp_path:
     )
     (tmp_path / "s.rules").write_text(
         """import "s.metamodel"
-        rule drop(part : Box) { lhs { box : Box -parts-> part; } modify { delete part; create box -parts-> new : Box; } }
+        rule drop(part : Box) {
+            lhs { box : Box -parts-> part; }
+            modify { delete part; create box -parts-> new : Box; }
+        }
         unit both { drop(_); drop(_); }
         """
     )
