@@ -12,7 +12,7 @@ from envgraph.env._check_calls import CallChecking
 from envgraph.env._check_views import ViewChecking
 from envgraph.env._clauses import condition_question, is_asked
 from envgraph.env._domains import MOST_VALUES, domain_count, domain_type
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, sort_diagnostics
+from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint, sort_diagnostics
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Negation, Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
@@ -178,7 +178,7 @@ class _Checker(CallChecking, ViewChecking):
             message = (
                 f"unknown enum or class `{name}`" if scalar is None else f"cannot count through `{name}`"
             )
-            hint = did_you_mean(name, known) if scalar is None else "give a range: `lo..hi`"
+            hint = name_hint(name, known) if scalar is None else "give a range: `lo..hi`"
             self.report("unknown-type", message, domain.span, hint)
         return type_
 

@@ -8,7 +8,7 @@ from math import isfinite
 from envgraph.env._behaviour import Action, Branch, RuleCall
 from envgraph.env._check_base import Checking, Scope
 from envgraph.env._rulebook import callable_names, signature_of, written
-from envgraph.errors import did_you_mean
+from envgraph.errors import name_hint
 from envgraph.metamodel import Scalar
 from envgraph.pattern import (
     Constant,
@@ -109,7 +109,7 @@ class CallChecking(Checking):
                 "ambiguous-rule", message, span, "write " + " or ".join(f"`{name}`" for name in several)
             )
             return
-        hint = did_you_mean(call.rule, [*names, "nothing"])
+        hint = name_hint(call.rule, [*names, "nothing"])
         self.report("unknown-rule", f"unknown rule `{call.rule}`", span, hint)
 
     def _arguments(self, call: RuleCall, signature: Signature, scope: Scope) -> Scope:

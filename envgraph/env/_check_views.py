@@ -14,7 +14,7 @@ from envgraph.env._behaviour import (
 )
 from envgraph.env._check_base import Checking, Scope, a_type, type_names
 from envgraph.env._clauses import condition_question, count_question
-from envgraph.errors import Severity, Span, did_you_mean
+from envgraph.errors import Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
 from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, check_expression
 
@@ -123,7 +123,7 @@ class ViewChecking(Checking):
         feature = features.get(name)
         if not isinstance(feature, Attribute):
             known = [f.name for f in features.values() if isinstance(f, Attribute)]
-            hint = did_you_mean(name, known)
+            hint = name_hint(name, known)
             self.report("unknown-feature", f"`{cls}` has no attribute `{name}`", span, hint)
         elif whole and feature.type is not Scalar.INT:
             message = f"a place in the grid is an `int`, `{feature}` is {a_type(feature.type)}"

@@ -19,7 +19,7 @@ from envgraph.errors._exceptions import (
     TypeMismatch,
 )
 from envgraph.errors._source import Source, Span
-from envgraph.errors._suggest import did_you_mean, with_article
+from envgraph.errors._suggest import did_you_mean, listed, name_hint, with_article
 
 __all__ = [
     "Diagnostic",
@@ -39,6 +39,8 @@ __all__ = [
     "TypeMismatch",
     "did_you_mean",
     "has_errors",
+    "listed",
+    "name_hint",
     "sort_diagnostics",
     "with_article",
 ]

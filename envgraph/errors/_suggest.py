@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from heapq import nsmallest
 from unicodedata import normalize
 
 _MANY = 1000
 """Among more names than this, only those that begin in the same way are compared letter by letter."""
 _LONG = 200
 """A name that is longer than this is compared with none."""
+_SHOWN = 5
+"""So many names are listed."""
 
 
 _LOOKALIKES = str.maketrans(
@@ -51,3 +54,28 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
         ]
     close = get_close_matches(name, candidates, n=1, cutoff=0.6)
     return f"did you mean `{close[0]}`?" if close else None
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names in backquotes, in order; of many only the first five.
+
+    >>> listed("b") + "; " + listed("gfedcba")
+    '`b`; `a`, `b`, `c`, `d`, `e` and 2 more'
+    """
+    known = set(names)
+    shown = ", ".join(f"`{name}`" for name in nsmallest(_SHOWN, known))
+    return f"{shown} and {len(known) - _SHOWN} more" if len(known) > _SHOWN else shown
+
+
+def name_hint(name: str, known: Iterable[str]) -> str | None:
+    """A hint for an unknown name: the known name that is nearest, or else what there is; None if there is nothing.
+
+    >>> name_hint("methds", ["methods", "fields"]), name_hint("Zed", ["methods", "fields"])
+    ('did you mean `methods`?', 'there are `fields`, `methods`')
+    """
+    candidates = set(known)
+    near = did_you_mean(name, candidates)
+    if near is not None:
+        return near
+    plain = [one for one in candidates if one[:1] != "_" and "#" not in one]
+    return f"there {'is' if len(plain) == 1 else 'are'} {listed(plain)}" if plain else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType
 
-from envgraph.errors import Diagnostic, Span, did_you_mean
+from envgraph.errors import Diagnostic, Span, did_you_mean, name_hint
 from envgraph.lang._family import ComponentSpec, FamilySpec, Name
 from envgraph.lang._workspace import Workspace
 from envgraph.metamodel import Reference
@@ -178,7 +178,7 @@ class _Checker:
         metamodel = self._workspace.metamodel
         if metamodel is not None and name not in metamodel.classes:
             yield Diagnostic(
-                "unknown-class", f"unknown class `{name}`", span, did_you_mean(name, metamodel.classes)
+                "unknown-class", f"unknown class `{name}`", span, name_hint(name, metamodel.classes)
             )
 
     def _path(self, name: str, span: Span | None) -> Iterator[Diagnostic]:

@@ -13,8 +13,8 @@ from envgraph.errors import (
     ResolutionError,
     Severity,
     Span,
-    did_you_mean,
     has_errors,
+    name_hint,
     with_article,
 )
 from envgraph.lang._imports import without_consequences
@@ -220,7 +220,7 @@ class _Reader:
             self._error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
             return None
         known = [*Scalar, *self._enums, "contains", "refers", "opposite"]
-        self._error("unknown-type", f"unknown type `{token}`", token, did_you_mean(token, known))
+        self._error("unknown-type", f"unknown type `{token}`", token, name_hint(token, known))
         return None
 
     def _default(self, tree: Tree[Token], type_: AttributeType, name: str) -> Value | None:
@@ -331,7 +331,7 @@ class _Reader:
                         "unknown-annotation",
                         message,
                         self._span(name),
-                        did_you_mean(name, known),
+                        name_hint(name, known),
                         severity=Severity.WARNING,
                     )
                 )

@@ -19,6 +19,7 @@ from envgraph.errors import (
     TypeMismatch,
     did_you_mean,
     has_errors,
+    name_hint,
     with_article,
 )
 from envgraph.graph import Model
@@ -188,7 +189,7 @@ class _Reader:
         if metamodel is None:
             return False
         if cls not in metamodel.classes:
-            hint = did_you_mean(cls, metamodel.classes)
+            hint = name_hint(cls, metamodel.classes)
             if metamodel.named(cls):
                 hint = "several packages have one of this name: their objects can be in `.xmi` and JSON files"
             self._report("unknown-class", f"unknown class `{cls}`", span, hint)
@@ -431,6 +432,8 @@ class _Reader:
             hint = f"write `{token}[column, row]` for an object of the grid"
         elif hint is None and any(str(token) in enum.literals for enum in self._enums()):
             hint = f"write `::{token}` for a literal"
+        elif hint is None and self._unknown <= _MOST_HINTS:
+            hint = name_hint(token, self._names)
         self._error("unknown-object", f"unknown object `{token}`", token, hint)
 
     def _enums(self) -> Iterable[EnumType]:
@@ -439,7 +442,7 @@ class _Reader:
     def _cell(self, tree: Tree[Token]) -> Iterator[tuple[int, Span]]:
         name = tokens(tree.children)[0]
         if str(name) not in self._grids:
-            self._error("unknown-object", f"unknown grid `{name}`", name, did_you_mean(name, self._grids))
+            self._error("unknown-object", f"unknown grid `{name}`", name, name_hint(name, self._grids))
             return
         grid = self._grids[str(name)]
         column, row = (

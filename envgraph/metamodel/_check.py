@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 
-from envgraph.errors import Diagnostic, Note, Span, did_you_mean
+from envgraph.errors import Diagnostic, Note, Span, did_you_mean, name_hint
 from envgraph.metamodel._above import Above, linearise
 from envgraph.metamodel._features import (
     Attribute,
@@ -102,7 +102,7 @@ def _check_types(cls: Class, enums: Mapping[str, EnumType]) -> Iterator[Diagnost
                 if name not in enums:
                     text = f"unknown enum `{name}`"
                 yield Diagnostic(
-                    "unknown-enum", text, place(feature, "type") or cls.span, did_you_mean(name, enums)
+                    "unknown-enum", text, place(feature, "type") or cls.span, name_hint(name, enums)
                 )
 
 
@@ -126,7 +126,8 @@ def _check_supertypes(cls: Class, inherited: Above) -> Iterator[Diagnostic]:
     for above in cls.supertypes:
         span = places.get(f"extends {above}", cls.span)
         if above not in table:
-            yield Diagnostic("unknown-class", f"unknown class `{above}`", span, did_you_mean(above, table))
+            hint = name_hint(above, set(table) - {cls.name}) or f"declare it: `class {above} {{ }}`"
+            yield Diagnostic("unknown-class", f"unknown class `{above}`", span, hint)
         elif inherited.in_cycle(cls.name, above):
             yield Diagnostic("cyclic-inheritance", f"`{cls.name}` is its own supertype", span)
     if len(set(cls.supertypes)) != len(cls.supertypes):
@@ -199,7 +200,7 @@ def _check_reference(reference: Reference, cls: Class, above: Above) -> Iterator
             "unknown-class",
             f"unknown class `{reference.target}`",
             place(reference, "target") or cls.span,
-            did_you_mean(reference.target, table),
+            name_hint(reference.target, table),
         )
         return
     if reference.opposite is not None:
@@ -224,7 +225,8 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
             "unknown-reference",
             f"`{reference.target}` has no reference `{reference.opposite}`",
             span,
-            did_you_mean(reference.opposite or "", names),
+            did_you_mean(reference.opposite or "", names)
+            or f"declare `refers {cls.name} {reference.opposite} opposite {reference.name}` in `{reference.target}`",
         )
         return
     if owner != reference.target or found.target != cls.name or found.opposite != reference.name:

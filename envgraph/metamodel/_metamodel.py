@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import count
 from typing import TYPE_CHECKING, Final
 
-from envgraph.errors import ResolutionError, did_you_mean, has_errors
+from envgraph.errors import ResolutionError, has_errors, name_hint
 from envgraph.metamodel._above import components, linearise
 from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference, simple_name
@@ -111,7 +111,7 @@ class Metamodel:
         known = [one for one in self.named(simple_name(name)).values() if one != name]
         if known:
             return "write " + " or ".join(f"`{one}`" for one in sorted(known))
-        return did_you_mean(name, self.classes)
+        return name_hint(name, self.classes)
 
     @cached_property
     def _named(self) -> Mapping[str, Mapping[str, str]]:

@@ -22,7 +22,7 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-from envgraph.errors import Diagnostic, Span, did_you_mean, with_article
+from envgraph.errors import Diagnostic, Span, did_you_mean, name_hint, with_article
 from envgraph.metamodel import EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern._bodies import children, depth, none_test, size
 from envgraph.pattern._lowered import ObjectType, StaticType
@@ -148,7 +148,7 @@ class ExpressionChecker:
             self._report("unknown-variable", "`_` has no value", node, "give the variable a name")
             return None
         if node.name not in self.scope:
-            hint = did_you_mean(node.name, self.scope)
+            hint = name_hint(node.name, self.scope)
             self._report("unknown-variable", f"unknown variable `{node.name}`", node, hint)
             return None
         type_ = self.scope[node.name]
@@ -172,7 +172,7 @@ class ExpressionChecker:
         if node.enum is not None:
             enum = self.metamodel.enums.get(node.enum)
             if enum is None:
-                hint = did_you_mean(node.enum, self.metamodel.enums)
+                hint = name_hint(node.enum, self.metamodel.enums)
                 self._at("unknown-enum", f"unknown enum `{node.enum}`", node.enum_span or node.span, hint)
                 return None
         elif isinstance(expected, EnumType):
@@ -183,7 +183,7 @@ class ExpressionChecker:
         if node.literal not in enum.literals:
             message = f"enum `{enum.name}` has no literal `{node.literal}`"
             span = node.literal_span or node.span
-            self._at("unknown-literal", message, span, did_you_mean(node.literal, enum.literals))
+            self._at("unknown-literal", message, span, name_hint(node.literal, enum.literals))
             return None
         return enum
 
@@ -215,6 +215,7 @@ class ExpressionChecker:
             hint = self.metamodel.left_out(owner.cls, node.feature)
             hint = hint or did_you_mean(node.feature, self.metamodel.features(owner.cls))
             hint = hint or subclass_hint(owner.cls, node.feature, self.metamodel)
+            hint = hint or name_hint(node.feature, self.metamodel.features(owner.cls))
             self._at("unknown-feature", f"`{owner.cls}` has no feature `{node.feature}`", span, hint)
             return None
         if isinstance(feature, Reference):
@@ -391,7 +392,7 @@ class ExpressionChecker:
         function = FUNCTIONS.get(node.function)
         if function is None:
             hint = self._getter_hint(node) or _OF_JAVA.get(node.function)
-            hint = hint or did_you_mean(node.function, FUNCTIONS)
+            hint = hint or name_hint(node.function, FUNCTIONS)
             span = node.function_span or node.span
             self._at("unknown-function", f"unknown function `{node.function}`", span, hint)
             return None

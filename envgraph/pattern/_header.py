@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import Final
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
 from envgraph.metamodel import Annotation, Metamodel
 from envgraph.pattern._queries import Body, Comparison, Negation, PathConstraint, Pattern
 from envgraph.pattern._types import static_type, type_hint
@@ -102,7 +102,7 @@ def _annotation(annotation: Annotation, pattern: Pattern) -> Iterator[Diagnostic
     if annotation.name in OF_TOOLS:
         return
     if annotation.name not in KNOWN_ANNOTATIONS:
-        hint = did_you_mean(annotation.name, KNOWN_ANNOTATIONS)
+        hint = name_hint(annotation.name, KNOWN_ANNOTATIONS)
         message = f"unknown annotation `@{annotation.name}`"
         yield Diagnostic("unknown-annotation", message, _name_span(annotation), hint, Severity.WARNING)
     elif annotation.name == "Constraint":
@@ -149,5 +149,5 @@ def _parameter_names(value: object, span: Span | None, pattern: Pattern) -> Iter
     for name in value if isinstance(value, tuple) else (value,):
         if name not in known:
             message = f"`{name}` is no parameter of `{pattern.name}`"
-            hint = did_you_mean(str(name), known)
+            hint = name_hint(str(name), known)
             yield Diagnostic("annotation-argument", message, span, hint)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Final
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, has_errors, with_article
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, has_errors, name_hint, with_article
 from envgraph.metamodel import Metamodel, Reference, Scalar
 from envgraph.pattern._analysis import Names
 from envgraph.pattern._bodies import Reading, terms_of
@@ -151,6 +151,7 @@ class RelationCheck:
         hint = self._metamodel.left_out(broken.cls, name)
         hint = hint or did_you_mean(name, self._metamodel.features(broken.cls))
         hint = hint or subclass_hint(broken.cls, name, self._metamodel)
+        hint = hint or name_hint(name, self._metamodel.features(broken.cls))
         return Diagnostic("unknown-feature", f"`{broken.cls}` has no feature `{name}`", span, hint)
 
     def _call(self, call: PatternCall) -> Iterator[Diagnostic]:
@@ -170,7 +171,7 @@ class RelationCheck:
                 "private-pattern", message, span, "a private pattern is visible in its own file only"
             )
         else:
-            hint = did_you_mean(call.pattern, self._names.visible_names(package, self._pattern))
+            hint = name_hint(call.pattern, self._names.visible_names(package, self._pattern))
             yield Diagnostic("unknown-pattern", f"unknown pattern `{call.pattern}`", span, hint)
 
     def _arity(self, call: PatternCall, callee: Pattern) -> Iterator[Diagnostic]:

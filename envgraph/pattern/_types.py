@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from envgraph.errors import did_you_mean
+from envgraph.errors import did_you_mean, name_hint
 from envgraph.metamodel import Metamodel, Scalar, Value, simple_name, type_name
 from envgraph.pattern._lowered import ObjectType, StaticType
 
@@ -50,7 +50,8 @@ def type_hint(name: str, metamodel: Metamodel) -> str | None:
         return metamodel.likely(name)
     plain = name.removeprefix("E").lower()
     ours = next((str(scalar) for scalar, names in _ELSEWHERE.items() if plain in names), None)
-    return did_you_mean(name, type_names(metamodel)) or (f"write `{ours}`" if ours else None)
+    near = did_you_mean(name, type_names(metamodel)) or (f"write `{ours}`" if ours else None)
+    return near or name_hint(name, metamodel.classes or type_names(metamodel))
 
 
 def _any_object_hint(metamodel: Metamodel) -> str:

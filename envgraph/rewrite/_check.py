@@ -7,7 +7,7 @@ from copy import copy
 from dataclasses import dataclass
 from itertools import combinations, zip_longest
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, has_errors, with_article
+from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
 from envgraph.pattern import (
     Block,
     Create,
@@ -215,7 +215,7 @@ def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
     """Types of parameters; those of the left side are checked with it."""
     for parameter in rule.parameters:
         if parameter.type and static_type(parameter.type, library.metamodel) is None:
-            hint = did_you_mean(parameter.type, type_names(library.metamodel))
+            hint = name_hint(parameter.type, type_names(library.metamodel))
             yield Diagnostic(
                 "unknown-type",
                 f"unknown type `{parameter.type}`",
@@ -283,7 +283,7 @@ def _check_homomorphic(rule: Rule, sight: Sight, problems: list[Diagnostic]) -> 
         for name in dict.fromkeys(group):
             span = spans.get(name) or annotation_span(rule.annotations, "hom") or rule.span
             if name not in sight.types and name not in nested:
-                hint = did_you_mean(name, [*sight.types, *nested])
+                hint = name_hint(name, [*sight.types, *nested])
                 message = f"the left side has no variable `{name}`"
                 problems.append(Diagnostic("unknown-variable", message, span, hint))
             elif sight.types.get(name) is not None and not isinstance(sight.types[name], ObjectType):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from inspect import signature as signature_of
 from typing import TYPE_CHECKING, Final
 
-from envgraph.errors import InvalidArgument, RuleError, did_you_mean
+from envgraph.errors import InvalidArgument, RuleError, name_hint
 from envgraph.graph import Node
 from envgraph.pattern import ObjectType, Parameter, static_type
 from envgraph.rewrite._described import unit_parameters
@@ -90,7 +90,7 @@ def _taken(parameter: Parameter, name: str, engine: Engine) -> Taken:
     assert parameter.type is not None, "parameters of functions have types"
     type_ = static_type(parameter.type, metamodel)
     if type_ is None:
-        hint = did_you_mean(parameter.type, type_names(metamodel))
+        hint = name_hint(parameter.type, type_names(metamodel))
         message = f"parameter `{parameter.name}` of unit `{name}` has the unknown type `{parameter.type}`"
         raise InvalidArgument(message + (f": {hint}" if hint else ""))
     return Taken(parameter.name, type_, required=True)

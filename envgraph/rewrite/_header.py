@@ -8,7 +8,7 @@ from dataclasses import replace
 from math import isfinite
 from typing import Final
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
 from envgraph.metamodel import Annotation, Metamodel, Scalar
 from envgraph.pattern import Library, Parameter, Pattern
 
@@ -31,7 +31,7 @@ def check_annotations(annotations: Sequence[Annotation], known: Sequence[str]) -
     for annotation in annotations:
         if annotation.name not in known:
             message = f"`@{annotation.name}` means nothing here"
-            hint = did_you_mean(annotation.name, known)
+            hint = name_hint(annotation.name, known)
             yield Diagnostic("unknown-annotation", message, annotation.span, hint, Severity.WARNING)
 
 
@@ -64,7 +64,7 @@ def _plain(problem: Diagnostic, library: Library) -> Diagnostic:
         return problem
     quoted = problem.message.split("`")
     known = [pattern.name for pattern in library.patterns if "#" not in pattern.name]
-    return replace(problem, hint=did_you_mean(quoted[1], known) if len(quoted) > 1 else None)
+    return replace(problem, hint=name_hint(quoted[1], known) if len(quoted) > 1 else None)
 
 
 def type_names(metamodel: Metamodel) -> list[str]:

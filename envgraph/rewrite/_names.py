@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, did_you_mean, name_hint
 from envgraph.pattern import StaticType
 
 Kind = Literal["rule", "unit", "group"]
@@ -68,7 +68,8 @@ class Directory:
     def hint(self, name: str, others: Iterable[str] = ()) -> str | None:
         """The nearest known name, as short as it is understood."""
         known = [simple if len(names) == 1 else names[0] for simple, names in self._simple.items()]
-        return did_you_mean(name, [*known, *self.signatures, *others])
+        near = did_you_mean(name, [*known, *self.signatures, *others])
+        return near or name_hint(name, known)
 
     def resolve(self, name: str, what: str = "rule, unit or group") -> str:
         """The one qualified name that a name means.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, with_article
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, name_hint, with_article
 from envgraph.metamodel import Attribute, Metamodel, Reference
 from envgraph.pattern import Edge, ObjectType, StaticType
 
@@ -187,7 +187,7 @@ class Sight:
         feature = self.metamodel.feature(cls, name)
         if feature is None:
             hint = self.metamodel.left_out(cls, name) or self._subclass_hint(cls, name)
-            hint = hint or did_you_mean(name, self.metamodel.features(cls))
+            hint = hint or name_hint(name, self.metamodel.features(cls))
             self.error("unknown-feature", f"`{cls}` has no feature `{name}`", span, hint)
         return feature
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, with_article
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, name_hint, with_article
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (
     Alap,
@@ -175,7 +175,7 @@ class _Checker:
             return None
         type_ = static_type(parameter.type, self.metamodel)
         if type_ is None:
-            hint = did_you_mean(parameter.type, type_names(self.metamodel))
+            hint = name_hint(parameter.type, type_names(self.metamodel))
             span = parameter.type_span or parameter.span
             self._error("unknown-type", f"unknown type `{parameter.type}`", span, hint)
         return type_

@@ -187,7 +187,8 @@ def test_what_names_mean_is_told_with_the_place_too() -> None:
         "hint: did you mean `Item`?\n\n"
         "body of u:2:1: unknown rule or unit `q`\n"
         " 2 | q\n"
-        "   | ^"
+        "   | ^\n"
+        "hint: there are `r`, `u`"
     )
 
 

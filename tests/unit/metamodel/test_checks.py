@@ -24,7 +24,7 @@ def cls(name, *features, **more):
     ("classes", "code", "message", "hint"),
     [
         ([cls("A"), cls("A")], "duplicate-definition", "`A` is defined twice", None),
-        ([cls("A", supertypes=("B",)), cls("C")], "unknown-class", "unknown class `B`", None),
+        ([cls("A", supertypes=("B",)), cls("C")], "unknown-class", "unknown class `B`", "there is `C`"),
         (
             [cls("Tile", supertypes=("Stat",)), cls("State")],
             "unknown-class",
@@ -87,18 +87,18 @@ def cls(name, *features, **more):
             "`r` cannot have -1..* targets",
             "the lower bound comes first, and the upper bound is at least 1",
         ),
-        ([cls("A", Reference("r", "B"))], "unknown-class", "unknown class `B`", None),
+        ([cls("A", Reference("r", "B"))], "unknown-class", "unknown class `B`", "there is `A`"),
         (
             [cls("A", Reference("r", "A", opposite="s"), Reference("t", "A"))],
             "unknown-reference",
             "`A` has no reference `s`",
-            None,
+            "declare `refers A s opposite r` in `A`",
         ),
         (
             [cls("A", Reference("r", "A", opposite="x"), Attribute("x", INT))],
             "unknown-reference",
             "`A` has no reference `x`",
-            None,
+            "declare `refers A x opposite r` in `A`",
         ),
         (
             [cls("A", Reference("r", "B", opposite="s")), cls("B", Reference("s", "A"))],

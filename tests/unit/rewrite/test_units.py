@@ -413,7 +413,7 @@ MISTAKES = [
         "write `mark(a, value)`; `_` leaves one open",
     ),
     ("unit u(a : Item) { mark(a, _); }", "wrong-arity", "_", None),
-    ("unit u(a : Item) { mark(b, 1); }", "unknown-variable", "b", None),
+    ("unit u(a : Item) { mark(b, 1); }", "unknown-variable", "b", "there is `a`"),
     ('unit u(a : Item) { mark(a, "x"); }', "wrong-type", '"x"', None),
     ("unit u(a : Box) { mark(a, 1); }", "wrong-type", "a", None),
     ("unit v { up; } unit u { all v; }", "wrong-kind", "v", None),
