@@ -8,7 +8,7 @@ from math import isfinite
 from envgraph.env._behaviour import Action, Branch, RuleCall
 from envgraph.env._check_base import Checking, Scope
 from envgraph.env._rulebook import callable_names, signature_of, written
-from envgraph.errors import name_hint
+from envgraph.errors import listed, name_hint, with_article
 from envgraph.metamodel import Scalar
 from envgraph.pattern import (
     Constant,
@@ -19,6 +19,7 @@ from envgraph.pattern import (
     assignable,
     check_expression,
     type_text,
+    value_hint,
     variables_in,
 )
 from envgraph.rewrite import Signature
@@ -78,7 +79,7 @@ class CallChecking(Checking):
         """Check `rule(arguments)`; returns the names that its outputs give a value, and their types."""
         if call.rule is None:
             if call.arguments:
-                self.report("wrong-arity", "`nothing` takes no arguments", call.span)
+                self.report("wrong-arity", "`nothing` takes no arguments", call.span, "write `nothing()`")
             return {}
         signature = signature_of(self.engine, call.rule)
         if signature is None:
@@ -130,11 +131,16 @@ class CallChecking(Checking):
         self.problems.extend(problems)
         if problems or type_ is None or not isinstance(expected, ObjectType):
             if not problems and type_ is None and isinstance(argument, Constant):
-                self.report("wrong-type", "an argument needs a value", argument.span)
+                hint = (
+                    f"write the name of {with_article(type_text(expected))}" if expected else "write a value"
+                )
+                self.report("wrong-type", "an argument needs a value", argument.span, hint)
             return
         if not self._fits(type_, expected):
             message = f"expected `{type_text(expected)}`, found `{type_text(type_)}`"
-            self.report("wrong-type", message, argument.span)
+            fitting = [name for name, known in scope.items() if known and self._fits(known, expected)]
+            hint = f"write {listed(fitting)}" if fitting else value_hint(expected)
+            self.report("wrong-type", message, argument.span, hint)
 
     def _fits(self, type_: StaticType, expected: StaticType) -> bool:
         """Whether some value of one type is of the other: an object of a superclass may be the right one."""

@@ -87,7 +87,7 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
-from envgraph.pattern._types import assignable, static_type, type_text
+from envgraph.pattern._types import assignable, static_type, type_text, value_hint
 
 __all__ = [
     "EXPRESSION_NAMESPACE",
@@ -181,6 +181,7 @@ __all__ = [
     "terms_in",
     "terms_of",
     "type_text",
+    "value_hint",
     "value_of",
     "variables_in",
     "with_children",

@@ -138,7 +138,8 @@ class _PatternCheck:
         names = ", ".join(f"`{type_text(type_)}`" for type_ in dict.fromkeys(known))
         if known and not above:
             message = f"the bodies give `{parameter.name}` types without a common supertype: {names}"
-            yield Diagnostic("no-common-supertype", message, span)
+            hint = "use another parameter for one of them, or two patterns"
+            yield Diagnostic("no-common-supertype", message, span, hint)
         elif len(above) > 1:
             names = " or ".join(f"`{type_text(type_)}`" for type_ in above)
             hint = f"declare its type: {names}"
@@ -242,9 +243,12 @@ class _BodyCheck:
             found.extend(problems or self._derived(expression, scope))
             if isinstance(owner, Check) and type_ is not None and type_text(type_) != "bool" and not problems:
                 message = f"a check needs a truth value, not `{type_text(type_)}`"
-                found.append(Diagnostic("check-not-boolean", message, expression.span or owner.span))
+                hint = "compare it: `check(.. == ..)`"
+                found.append(Diagnostic("check-not-boolean", message, expression.span or owner.span, hint))
             if isinstance(expression, Constant) and expression.value is None:
-                found.append(Diagnostic("none-argument", "`none` is no value", expression.span or owner.span))
+                hint = "`check(x.feature == none)` says that there is none"
+                where = expression.span or owner.span
+                found.append(Diagnostic("none-argument", "`none` is no value", where, hint))
             if problems:
                 self._taint_results(owner)
                 for occurrence in variables_read(expression):

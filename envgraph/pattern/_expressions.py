@@ -38,7 +38,7 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
-from envgraph.pattern._types import NUMBERS, assignable, comparable, type_text, value_type
+from envgraph.pattern._types import NUMBERS, assignable, comparable, type_text, value_hint, value_type
 
 MOST_LEVELS: Final = 100
 """How deep an expression may nest; generated source nests alike, and Python stops at 200 parentheses."""
@@ -95,6 +95,7 @@ def wrong_type(expression: Expression, type_: StaticType, expected: StaticType) 
         hint = enum_hint(expression.value, expected)
     elif expected is Scalar.INT and type_ is Scalar.FLOAT:
         hint = "`round`, `floor` or `toInt` make an int of it"
+    hint = hint or value_hint(expected, None if isinstance(expression, Constant) else type_)
     message = f"expected `{type_text(expected)}`, found `{type_text(type_)}`"
     return _problem("wrong-type", message, expression, hint)
 
@@ -192,7 +193,11 @@ class ExpressionChecker:
         hint = f"write `{owners[0]}::{node.literal}`" if owners else None
         if expected is None:
             return f"the enum of `::{node.literal}` is not known here", node, hint
-        return f"expected `{type_text(expected)}`, found the enum literal `::{node.literal}`", node, None
+        return (
+            f"expected `{type_text(expected)}`, found the enum literal `::{node.literal}`",
+            node,
+            value_hint(expected),
+        )
 
     def _at(self, code: str, message: str, span: Span | None, hint: str | None) -> None:
         self.problems.append(Diagnostic(code, message, span, hint))
@@ -208,7 +213,7 @@ class ExpressionChecker:
         span = node.feature_span or node.span
         if not isinstance(owner, ObjectType):
             message = f"{with_article(type_text(owner))} has no features"
-            self._at("unknown-feature", message, span, None)
+            self._at("unknown-feature", message, span, "leave the feature out: only objects have features")
             return None
         feature = self.metamodel.feature(owner.cls, node.feature)
         if feature is None:
@@ -248,6 +253,12 @@ class ExpressionChecker:
                 hint = f"use an attribute of `{type_.cls}`"
             elif wanted == "bool" and type_ in NUMBERS:
                 hint = "compare it: `.. != 0`"
+            elif wanted in {"number", "int"}:
+                hint = value_hint(Scalar.INT, type_)
+            elif wanted == "string":
+                hint = value_hint(Scalar.STRING, type_)
+            elif wanted == "bool":
+                hint = "compare it: `.. == ..`"
             message = f"`{what}` takes {_KINDS[wanted]}, not `{type_text(type_)}`"
             self._report("operand-type", message, node, hint)
         else:
@@ -288,7 +299,10 @@ class ExpressionChecker:
         for side, type_ in ((node.left, left), (node.right, right)):
             if type_ is not None and type_ not in NUMBERS:
                 message = f"`+` adds numbers or strings, not `{type_text(type_)}`"
-                self._report("operand-type", message, side)
+                hint = "`toString(..)` makes a string of a value"
+                if isinstance(type_, ObjectType):
+                    hint = f"use an attribute of `{type_.cls}`"
+                self._report("operand-type", message, side, hint)
                 return None
         return _number(left, right)
 
@@ -297,7 +311,7 @@ class ExpressionChecker:
         right = self._operand(node.right, node.operator, "ordered")
         if left and right and (left in NUMBERS) != (right in NUMBERS):
             message = f"`{node.operator}` cannot compare `{type_text(left)}` with `{type_text(right)}`"
-            self._report("operand-type", message, node)
+            self._report("operand-type", message, node, "compare two numbers, or two strings")
 
     def _equality(self, node: Binary) -> None:
         if _is_none(node.left) or _is_none(node.right):
@@ -314,7 +328,8 @@ class ExpressionChecker:
             hint = None
             for side, other in ((node.left, right), (node.right, left)):
                 if isinstance(side, Constant) and isinstance(side.value, str) and isinstance(other, EnumType):
-                    hint = enum_hint(side.value, other)
+                    hint = enum_hint(side.value, other) or value_hint(other)
+            hint = hint or f"compare {with_article(type_text(left))} with another one"
             message = f"`{node.operator}` cannot compare `{type_text(left)}` with `{type_text(right)}`"
             self._report("operand-type", message, node, hint)
 
@@ -385,7 +400,12 @@ class ExpressionChecker:
         ]
         if above:
             return ObjectType(above[0])
-        self._report("operand-type", f"`{then.cls}` and `{otherwise.cls}` have no common superclass", node)
+        self._report(
+            "operand-type",
+            f"`{then.cls}` and `{otherwise.cls}` have no common superclass",
+            node,
+            "read an attribute of each instead",
+        )
         return None
 
     def _call(self, node: FunctionCall) -> StaticType | None:

@@ -138,7 +138,7 @@ class RelationCheck:
         span = path.source.span or path.span
         if type_ is not None:
             message = f"`{name}` is {with_article(type_text(type_))}, which has no features"
-            return Diagnostic("unknown-feature", message, span)
+            return Diagnostic("unknown-feature", message, span, "a path starts at an object")
         hint = f"write `{name} : Class`"
         return Diagnostic("untyped-source", f"nothing says of what class `{name}` is", span, hint)
 
@@ -147,7 +147,9 @@ class RelationCheck:
         span = path.feature_spans[broken.position] if path.feature_spans else path.span
         if broken.attribute is not None:
             message = f"`{broken.attribute}` is an attribute: nothing follows it in a path"
-            return Diagnostic("attribute-in-path", message, span)
+            return Diagnostic(
+                "attribute-in-path", message, span, f"end the path with `{broken.attribute.name}`"
+            )
         hint = self._metamodel.left_out(broken.cls, name)
         hint = hint or did_you_mean(name, self._metamodel.features(broken.cls))
         hint = hint or subclass_hint(broken.cls, name, self._metamodel)

@@ -23,6 +23,7 @@ from envgraph.pattern._types import (
     literal_fits,
     meet,
     type_text,
+    value_hint,
     value_type,
 )
 
@@ -90,11 +91,14 @@ class TypeCheck:
             assert isinstance(earlier.term, Variable)
             both = (*notes, Note(f"`{type_text(fact.type)}` because of {fact.what}", fact.span))
             message = f"`{earlier.term.name}`, {earlier_type}, is never equal to `{name}`, {later_type}"
+            hint = hint or "compare with a variable of the same type"
             return Diagnostic("type-conflict", message, link.span, hint, notes=both)
         if fact.origin == "call":
             message = f"{fact.what} takes {later_type} here, and `{name}` is {earlier_type}"
+            hint = hint or f"write the name of {later_type}, or change the type of `{name}`"
             return Diagnostic("argument-type", message, fact.span, hint, notes=notes)
         message = f"`{name}` cannot be both {earlier_type} and {later_type}"
+        hint = hint or "use another variable for one of them"
         return Diagnostic("type-conflict", message, fact.span, hint, notes=notes)
 
     def _link(self, one: Term, other: Variable) -> Comparison | None:
@@ -141,7 +145,7 @@ class TypeCheck:
         actual = self._types.of_term(term)
         if actual is not None and not assignable(actual, type_, self._metamodel):
             message = f"expected `{type_text(type_)}`, found `{type_text(actual)}`"
-            yield Diagnostic("wrong-type", message, span)
+            yield Diagnostic("wrong-type", message, span, value_hint(type_, actual))
 
     def _never(self, place: Place, term: Term, type_: StaticType, span: Span | None) -> Iterator[Diagnostic]:
         if isinstance(term, Variable) and (term.anonymous or self._reading.root(term.name) in self._tainted):
@@ -167,6 +171,7 @@ class TypeCheck:
         hint = None
         if isinstance(type_, EnumType) and isinstance(term.value, str):
             hint = enum_hint(term.value, type_)
+        hint = hint or value_hint(type_)
         text = type_text(type_)
         expected = f"{with_article(text)} object" if isinstance(type_, ObjectType) else f"`{text}`"
         message = f"expected {expected}, found `{type_text(value_type(term.value))}`"
@@ -183,7 +188,7 @@ class TypeCheck:
         yield from checker.problems
         if actual is not None and type_ is not None and actual != type_:
             message = f"expected `{type_text(type_)}`, found the enum `{type_text(actual)}`"
-            yield Diagnostic("wrong-enum", message, term.enum_span or span)
+            yield Diagnostic("wrong-enum", message, term.enum_span or span, value_hint(type_))
 
     def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
         """Sides of different types."""
@@ -229,10 +234,12 @@ class TypeCheck:
         if not compatible(one, other, self._metamodel):
             if comparison.operator == "==":
                 message = f"`==` cannot compare `{type_text(one)}` with `{type_text(other)}`"
-                yield Diagnostic("type-conflict", message, comparison.span)
+                hint = f"compare {with_article(type_text(one))} with another one"
+                yield Diagnostic("type-conflict", message, comparison.span, hint)
             elif not comparable(one, other, self._metamodel):
                 message = f"{with_article(type_text(one))} is never {with_article(type_text(other))}"
-                yield Diagnostic("always-different", message, comparison.span, severity=Severity.WARNING)
+                hint = "this always holds: leave it out"
+                yield Diagnostic("always-different", message, comparison.span, hint, Severity.WARNING)
 
     def _is_tainted(self, term: Term) -> bool:
         return isinstance(term, Variable) and self._reading.root(term.name) in self._tainted

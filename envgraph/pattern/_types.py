@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from envgraph.errors import did_you_mean, name_hint
-from envgraph.metamodel import Metamodel, Scalar, Value, simple_name, type_name
+from envgraph.errors import did_you_mean, name_hint, with_article
+from envgraph.metamodel import EnumType, Metamodel, Scalar, Value, simple_name, type_name
 from envgraph.pattern._lowered import ObjectType, StaticType
 
 NUMBERS = (Scalar.INT, Scalar.FLOAT)
@@ -18,6 +18,15 @@ _ELSEWHERE: Final = {
     Scalar.STRING: ("string", "str", "char", "character", "text"),
 }
 """What other languages call the data types, without the `E` of EMF."""
+
+_EXAMPLES: Final = {
+    Scalar.INT: "write a whole number, such as `3`",
+    Scalar.FLOAT: "write a number, such as `1.5`",
+    Scalar.BOOL: "write `true` or `false`",
+    Scalar.STRING: 'write a string, such as `"a"`',
+}
+_LITERALS = 4
+"""Of an enum with more literals only one is shown."""
 
 
 def static_type(name: str, metamodel: Metamodel) -> StaticType | None:
@@ -67,6 +76,36 @@ def _any_object_hint(metamodel: Metamodel) -> str:
 def type_text(type_: StaticType) -> str:
     """How a type is written in a file."""
     return type_.cls if isinstance(type_, ObjectType) else type_name(type_)
+
+
+def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
+    """What to write where a value of a type stands, in the words of a hint.
+
+    Args:
+        type_: the type.
+        found: of what type the expression there is now, if something can be made of that.
+
+    >>> value_hint(Scalar.BOOL), value_hint(EnumType("Way", ("east", "west")))
+    ('write `true` or `false`', 'write `Way::east` or `Way::west`')
+    >>> value_hint(Scalar.FLOAT, Scalar.BOOL)
+    'write a number, such as `1.5`; `.. ? 1 : 0` makes one of a bool'
+    """
+    if isinstance(type_, ObjectType):
+        return f"write the name of {with_article(type_.cls)}"
+    if isinstance(type_, EnumType):
+        shown = [f"`{type_.name}::{literal}`" for literal in type_.literals[:_LITERALS]]
+        if len(type_.literals) > _LITERALS:
+            return f"write a literal, such as {shown[0]}"
+        return "write " + " or ".join(filter(None, (", ".join(shown[:-1]), *shown[-1:])))
+    if isinstance(found, ObjectType):
+        return f"use an attribute of `{found.cls}`"
+    if type_ is Scalar.STRING and found is not None:
+        return f"{_EXAMPLES[type_]}; `toString(..)` makes one"
+    if type_ is Scalar.BOOL and found is not None:
+        return "compare it: `.. == ..`"
+    if type_ in NUMBERS and found is Scalar.BOOL:
+        return f"{_EXAMPLES[type_]}; `.. ? 1 : 0` makes one of a bool"
+    return _EXAMPLES[type_]
 
 
 def value_type(value: Value) -> Scalar:

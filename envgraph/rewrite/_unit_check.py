@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, name_hint, with_article
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, name_hint, with_article
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (
     Alap,
@@ -34,6 +34,7 @@ from envgraph.pattern import (
     check_expression,
     static_type,
     type_text,
+    value_hint,
 )
 from envgraph.pattern import (
     Sequence as Steps,
@@ -235,7 +236,9 @@ class _Checker:
         callee = self.directory.signatures[found[0]]
         self.result.calls[id(call)] = callee
         if call.every and callee.kind == "unit":
-            self._error("wrong-kind", f"`all` takes a rule, and `{call.name}` is a unit", span)
+            self._error(
+                "wrong-kind", f"`all` takes a rule, and `{call.name}` is a unit", span, "leave `all` out"
+            )
             return
         if self._arity(call, callee):
             for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
@@ -253,9 +256,8 @@ class _Checker:
             return
         if callee.kind != "rule":
             span = call.name_span or call.span
-            self._error(
-                "wrong-kind", f"`{words[0]}` takes a rule, and `{call.name}` is a {callee.kind}", span
-            )
+            message = f"`{words[0]}` takes a rule, and `{call.name}` is a {callee.kind}"
+            self._error("wrong-kind", message, span, f"leave `{words[0]}` out")
             return
         if any(variable.type is None for variable in callee.variables) or not (
             callee.variables or not callee.parameters
@@ -269,7 +271,7 @@ class _Checker:
 
     def _shape_of_selection(self, call: Call) -> None:
         if call.limit is not None and call.limit < 1:
-            self._error("bad-bounds", "`top` takes at least 1", call.span)
+            self._error("bad-bounds", "`top` takes at least 1", call.span, "write `top 1`")
         if call.limit is not None and call.by is None:
             hint = "write `by` and an expression: the matches with the largest values are taken"
             self._error("missing-by", "`top` says how many, and not by what", call.span, hint)
@@ -280,14 +282,14 @@ class _Checker:
             )
         if (call.first or call.limit is not None) and call.every is not (call.limit is not None):
             message = "a call takes the `first`, `all` or the `top` ones of the matches, not several of these"
-            self._error("wrong-selection", message, call.span)
+            self._error("wrong-selection", message, call.span, "leave one of the words out")
 
     def _order(self, by: Expression, scope: Scope) -> None:
         type_, problems = check_expression(by, scope, self.metamodel, bare_objects=False)
         self.result.problems.extend(problems)
         if type_ is not None and not problems and type_ not in (Scalar.INT, Scalar.FLOAT):
             message = f"`by` takes a number, not {with_article(type_text(type_))}"
-            self._error("wrong-type", message, by.span)
+            self._error("wrong-type", message, by.span, "take an attribute that is an int or a float")
 
     def _arity(self, call: Call, callee: Signature) -> bool:
         required = [parameter.name for parameter in callee.parameters if parameter.required]
@@ -310,7 +312,7 @@ class _Checker:
         if isinstance(argument, Variable) and not is_named(argument.name):
             if parameter.required:
                 message = f"`{callee.simple}` needs a value for `{parameter.name}`"
-                self._error("wrong-arity", message, argument.span)
+                self._error("wrong-arity", message, argument.span, "write a value instead of `_`")
             return
         if isinstance(argument, Variable) and argument.name not in scope and parameter.output and not every:
             scope[argument.name] = parameter.type
@@ -323,7 +325,10 @@ class _Checker:
         self.result.problems.extend(problems)
         if not problems and type_ and parameter.type and not self._may_be(type_, parameter.type):
             message = f"`{parameter.name}` of `{callee.simple}` is {with_article(type_text(parameter.type))}"
-            self._error("wrong-type", f"{message}, not {with_article(type_text(type_))}", argument.span)
+            fitting = [name for name, known in scope.items() if known and self._may_be(known, parameter.type)]
+            hint = f"write {listed(fitting)}" if fitting else value_hint(parameter.type, type_)
+            message = f"{message}, not {with_article(type_text(type_))}"
+            self._error("wrong-type", message, argument.span, hint)
 
     def _is_created(self, parameter: Taken, callee: Signature) -> bool:
         return all(variable.name != parameter.name for variable in callee.variables) and (

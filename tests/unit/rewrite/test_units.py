@@ -412,11 +412,11 @@ MISTAKES = [
         "mark(a)",
         "write `mark(a, value)`; `_` leaves one open",
     ),
-    ("unit u(a : Item) { mark(a, _); }", "wrong-arity", "_", None),
+    ("unit u(a : Item) { mark(a, _); }", "wrong-arity", "_", "write a value instead of `_`"),
     ("unit u(a : Item) { mark(b, 1); }", "unknown-variable", "b", "there is `a`"),
-    ('unit u(a : Item) { mark(a, "x"); }', "wrong-type", '"x"', None),
-    ("unit u(a : Box) { mark(a, 1); }", "wrong-type", "a", None),
-    ("unit v { up; } unit u { all v; }", "wrong-kind", "v", None),
+    ('unit u(a : Item) { mark(a, "x"); }', "wrong-type", '"x"', "write a whole number, such as `3`"),
+    ("unit u(a : Box) { mark(a, 1); }", "wrong-type", "a", "write the name of an `Item`"),
+    ("unit v { up; } unit u { all v; }", "wrong-kind", "v", "leave `all` out"),
     (
         "unit v(a : Item) { mark(a, 1); } unit u { v; }",
         "wrong-arity",
@@ -434,7 +434,7 @@ MISTAKES = [
     ),
     ("unit u { if find linked(a, _) { up; } }", "unknown-variable", "a", "write `_` for any"),
     ("unit u { if find linkd(_, _) { up; } }", "unknown-pattern", "linkd", "did you mean `linked`?"),
-    ("unit u(a : Item) { if check a.n { up; } }", "wrong-type", "a.n", None),
+    ("unit u(a : Item) { if check a.n { up; } }", "wrong-type", "a.n", "compare it: `.. == ..`"),
     ("@weigth(2.0) unit u { up; }", "unknown-annotation", "@weigth(2.0)", "did you mean `weight`?"),
 ]
 
