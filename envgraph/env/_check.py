@@ -102,7 +102,12 @@ class _Checker(CallChecking, ViewChecking):
     def _agent(self, agent: Agent, outer: Scope, shared: Mapping[str, Span | None]) -> None:
         scope = dict(outer)
         if agent.variable in scope:
-            self.report("duplicate-definition", f"`{agent.variable}` is a parameter already", agent.span)
+            self.report(
+                "duplicate-definition",
+                f"`{agent.variable}` is a parameter already",
+                agent.span,
+                "choose another name",
+            )
         scope[agent.variable] = self.known_class(agent.cls, agent.cls_span or agent.span)
         self._owner(agent, scope, dict(shared))
 
@@ -131,7 +136,12 @@ class _Checker(CallChecking, ViewChecking):
             total += self._action(action, scope)
         if total > MOST_ACTIONS:
             message = f"{total} actions, at most {MOST_ACTIONS} are possible"
-            self.report("too-many-actions", message, owner.span)
+            self.report(
+                "too-many-actions",
+                message,
+                owner.span,
+                "give its actions fewer parameters, or smaller ranges",
+            )
         for effect in owner.effects:
             self._effect(effect, scope)
         sizes = [self.observation(observation, scope) for observation in owner.observations]

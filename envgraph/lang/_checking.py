@@ -94,7 +94,15 @@ def _same_names(behaviours: Iterable[Behaviour], what: str) -> list[Diagnostic]:
         if behaviour.name in first:
             notes = (Note("the first definition is here", first[behaviour.name]),)
             message = f"{what} `{behaviour.name}` is defined twice"
-            problems.append(Diagnostic("duplicate-definition", message, behaviour.span, notes=notes))
+            problems.append(
+                Diagnostic(
+                    "duplicate-definition",
+                    message,
+                    behaviour.span,
+                    "choose another name, or leave one out",
+                    notes=notes,
+                )
+            )
         first.setdefault(behaviour.name, behaviour.span)
     return problems
 

@@ -97,7 +97,7 @@ class Reading:
                 first = self.span(item)
                 continue
             notes = (Note("the first one is here", first),)
-            self.error("duplicate-part", f"{what} stands here twice", item, hint, notes)
+            self.error("duplicate-part", f"{what} stands here twice", item, hint or "leave one out", notes)
 
     def gap(self, tree: Tree[Token]) -> None:
         """Notes that the data lacks what a tree says; that has been reported."""

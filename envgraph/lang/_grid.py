@@ -82,7 +82,9 @@ def _parts(parsed: Parsed, tree: Tree[Token], report: Report) -> dict[str, Tree[
         if first is not part:
             note = Note("the first one is here", parsed.span(first))
             message = f"the grid has `{part.data}` twice"
-            report(Diagnostic("duplicate-definition", message, parsed.span(part), notes=(note,)))
+            report(
+                Diagnostic("duplicate-definition", message, parsed.span(part), "leave one out", notes=(note,))
+            )
     return parts
 
 
@@ -105,9 +107,17 @@ def _legend(
         where = parsed.span(cls[0] if cls else key)
         entry = Entry(str(cls[0]) if cls else None, where, next(iter(trees(part.children, "body")), None))
         if len(key) != 1:
-            report(Diagnostic("bad-legend", f"`{key}` is not a single letter", parsed.span(key)))
+            report(
+                Diagnostic(
+                    "bad-legend", f"`{key}` is not a single letter", parsed.span(key), "write one letter"
+                )
+            )
         elif key in legend:
-            report(Diagnostic("duplicate-definition", f"the legend has `{key}` twice", parsed.span(key)))
+            report(
+                Diagnostic(
+                    "duplicate-definition", f"the legend has `{key}` twice", parsed.span(key), "leave one out"
+                )
+            )
         else:
             legend[str(key)] = entry
     return legend, True

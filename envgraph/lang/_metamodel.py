@@ -118,6 +118,7 @@ class _Reader:
                 "duplicate-definition",
                 "a file defines one metamodel",
                 tokens(header.children)[0],
+                "move it to a file of its own, or leave it out",
                 notes=(Note("the first definition is here", first),),
             )
         if not headers:
@@ -288,7 +289,9 @@ class _Reader:
             return 0, None
         first, last = bounds[0], bounds[-1]
         if first is None and len(bounds) == 2:
-            self._error("bad-multiplicity", "the lower bound is a number", tree)
+            self._error(
+                "bad-multiplicity", "the lower bound is a number", tree, "write `[*]`, `[1..*]` or `[0..3]`"
+            )
         return first or 0, last
 
     def _bound(self, tree: Tree[Token]) -> int | None:
@@ -312,6 +315,7 @@ class _Reader:
                     "duplicate-annotation",
                     f"`@{annotation.name}` stands here twice",
                     part,
+                    "leave one out",
                     notes=(Note("the first one is here", seen[annotation.name]),),
                 )
             elif annotation.name in readers:
@@ -369,7 +373,7 @@ class _Reader:
     def _frozen(self, tree: Tree[Token], annotation: Annotation, marks: _Marks) -> None:
         marks.frozen = True
         if annotation.arguments or annotation.named:
-            self._error("bad-annotation", "`@frozen` takes no arguments", tree)
+            self._error("bad-annotation", "`@frozen` takes no arguments", tree, "write `@frozen`")
 
     # --- messages ---
 

@@ -92,7 +92,15 @@ def read_models(parsed: Parsed, metamodel: Metamodel | None, lost: frozenset[str
         if first is not text:
             note = Note("the first definition is here", first.span)
             message = f"model `{text.name}` is defined twice"
-            diagnostics.append(Diagnostic("duplicate-definition", message, text.span, notes=(note,)))
+            diagnostics.append(
+                Diagnostic(
+                    "duplicate-definition",
+                    message,
+                    text.span,
+                    "choose another name, or leave one out",
+                    notes=(note,),
+                )
+            )
     if not models and not diagnostics:
         hint = "write `model name : metamodel { ... }`"
         diagnostics.append(
@@ -205,7 +213,13 @@ class _Reader:
         if str(name) not in self._names:
             return True
         note = Note("the first one is here", self._names[str(name)][1])
-        self._error("duplicate-object", f"there are two objects `{name}`", name, notes=(note,))
+        self._error(
+            "duplicate-object",
+            f"there are two objects `{name}`",
+            name,
+            "choose another name for one",
+            notes=(note,),
+        )
         return False
 
     def _body(self, node: int | None, body: Tree[Token] | None, made: Made) -> None:
@@ -217,7 +231,13 @@ class _Reader:
             self._declare(value, made)
             if first.setdefault(str(feature), feature) is not feature:
                 note = Note("the first value is here", self.parsed.span(first[str(feature)]))
-                self._error("duplicate-feature", f"`{feature}` is set twice", feature, notes=(note,))
+                self._error(
+                    "duplicate-feature",
+                    f"`{feature}` is set twice",
+                    feature,
+                    "leave one out; several targets stand in a list: `[a, b]`",
+                    notes=(note,),
+                )
             elif node is not None:
                 self._tasks.append(_Task(node, feature, value, made))
 
@@ -265,7 +285,13 @@ class _Reader:
         first = self._grids.setdefault(str(text.name), grid)
         if first is not grid:
             note = Note("the first one is here", self.parsed.span(first.text.name))
-            self._error("duplicate-object", f"there are two grids `{text.name}`", text.name, notes=(note,))
+            self._error(
+                "duplicate-object",
+                f"there are two grids `{text.name}`",
+                text.name,
+                "choose another name for one",
+                notes=(note,),
+            )
         for cell in text.cells:
             if cell.entry is not None and cell.entry.cls is not None:
                 self._letter(grid, cell, cell.entry)
@@ -309,7 +335,9 @@ class _Reader:
     def _link_next(self, node: int, token: Token, after: int) -> None:
         feature = self._feature(node, token)
         if isinstance(feature, Attribute):
-            self._error("wrong-type", f"`{feature}` is an attribute, not a reference", token)
+            self._error(
+                "wrong-type", f"`{feature}` is an attribute, not a reference", token, "name a reference"
+            )
         elif feature is not None and self._fits(after, feature, self.parsed.span(token)):
             self._link(node, feature, after, self.parsed.span(token))
 
@@ -391,10 +419,12 @@ class _Reader:
                 continue
             kept += 1
             if target in seen:
-                self._report("duplicate-target", f"`{reference.name}` has this object already", where)
+                self._report(
+                    "duplicate-target", f"`{reference.name}` has this object already", where, "leave it out"
+                )
             elif reference.upper is not None and kept > reference.upper:
                 message = f"`{reference}` takes {_plural(reference.upper, 'object')} at most"
-                self._report("too-many-targets", message, where)
+                self._report("too-many-targets", message, where, "leave the others out")
                 return
             else:
                 self._link(task.node, reference, target, where)

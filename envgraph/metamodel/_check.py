@@ -57,6 +57,7 @@ def _duplicates(named: Sequence[Class | EnumType | Feature], owner: str = "") ->
                 "duplicate-definition",
                 f"`{owner}{item.name}` is defined twice",
                 item.span,
+                "choose another name, or leave one out",
                 notes=(Note("the first definition is here", first[item.name]),),
             )
         else:
@@ -68,7 +69,12 @@ def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterato
     types: list[Class | EnumType] = [*classes, *enums]
     for type_ in types:
         if type_.name in tuple(Scalar):
-            yield Diagnostic("bad-name", f"`{type_.name}` is the name of a built-in type", type_.span)
+            yield Diagnostic(
+                "bad-name",
+                f"`{type_.name}` is the name of a built-in type",
+                type_.span,
+                "choose another name",
+            )
     named: list[Class | EnumType | Feature] = [
         *classes,
         *enums,
@@ -108,7 +114,12 @@ def _check_types(cls: Class, enums: Mapping[str, EnumType]) -> Iterator[Diagnost
 
 def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
     if not enum.literals:
-        yield Diagnostic("empty-enum", f"enum `{enum.name}` has no literals", enum.span)
+        yield Diagnostic(
+            "empty-enum",
+            f"enum `{enum.name}` has no literals",
+            enum.span,
+            "give it one or more",
+        )
     first: dict[str, int] = {}
     for index, literal in enumerate(enum.literals):
         if first.setdefault(literal, index) != index:
@@ -116,6 +127,7 @@ def _check_enum(enum: EnumType) -> Iterator[Diagnostic]:
                 "duplicate-definition",
                 f"literal `{literal}` of `{enum.name}` is defined twice",
                 place(enum, f"literal {index}"),
+                "leave it out",
                 notes=(Note("the first definition is here", place(enum, f"literal {first[literal]}")),),
             )
 
@@ -129,9 +141,16 @@ def _check_supertypes(cls: Class, inherited: Above) -> Iterator[Diagnostic]:
             hint = name_hint(above, set(table) - {cls.name}) or f"declare it: `class {above} {{ }}`"
             yield Diagnostic("unknown-class", f"unknown class `{above}`", span, hint)
         elif inherited.in_cycle(cls.name, above):
-            yield Diagnostic("cyclic-inheritance", f"`{cls.name}` is its own supertype", span)
+            yield Diagnostic(
+                "cyclic-inheritance",
+                f"`{cls.name}` is its own supertype",
+                span,
+                "leave one supertype of the circle out",
+            )
     if len(set(cls.supertypes)) != len(cls.supertypes):
-        yield Diagnostic("duplicate-definition", f"`{cls.name}` names a supertype twice", cls.span)
+        yield Diagnostic(
+            "duplicate-definition", f"`{cls.name}` names a supertype twice", cls.span, "leave it out once"
+        )
 
 
 def _check_features(cls: Class, above: Above) -> Iterator[Diagnostic]:
@@ -166,6 +185,7 @@ def _check_inherited(cls: Class, above: Above) -> Iterator[Diagnostic]:
                 "duplicate-definition",
                 f"`{cls.name}` inherits `{feature.name}` from `{owner}` already",
                 feature.span or cls.span,
+                "leave it out here, or choose another name",
                 notes=(Note("inherited from here", other.span),),
             )
 
@@ -238,10 +258,18 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
             notes=(Note("the other reference is here", found.span),),
         )
     elif reference.containment and found.containment:
-        yield Diagnostic("opposite-mismatch", "both ends of an opposite pair contain the other", span)
+        yield Diagnostic(
+            "opposite-mismatch",
+            "both ends of an opposite pair contain the other",
+            span,
+            "write `refers` at one end",
+        )
     elif reference.containment and found.many:
         yield Diagnostic(
-            "bad-multiplicity", f"`{found.name}` leads to the one container: at most 1", found.span or span
+            "bad-multiplicity",
+            f"`{found.name}` leads to the one container: at most 1",
+            found.span or span,
+            "its upper bound is 1",
         )
 
 
@@ -256,7 +284,7 @@ def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
     if len(set(cls.key)) != len(cls.key):
         twice = next(name for name in cls.key if cls.key.count(name) > 1)
         message = f"`@key` of `{cls.name}` names `{twice}` twice"
-        yield Diagnostic("duplicate-definition", message, place(cls, f"key {twice}"))
+        yield Diagnostic("duplicate-definition", message, place(cls, f"key {twice}"), "leave it out once")
     for name in cls.key:
         if not isinstance(known.get(name), Attribute):
             attributes = [key for key, feature in known.items() if isinstance(feature, Attribute)]
@@ -273,7 +301,10 @@ def _check_glyph(cls: Class) -> Iterator[Diagnostic]:
         return
     if len(cls.glyph.letter) != 1:
         yield Diagnostic(
-            "bad-glyph", f"the glyph of `{cls.name}` is not a single letter", place(cls, "letter")
+            "bad-glyph",
+            f"the glyph of `{cls.name}` is not a single letter",
+            place(cls, "letter"),
+            "write one letter",
         )
     if not re.fullmatch("#[0-9a-fA-F]{6}", cls.glyph.colour):
         yield Diagnostic(
@@ -295,5 +326,6 @@ def _check_glyphs_differ(classes: Sequence[Class]) -> Iterator[Diagnostic]:
                 "bad-glyph",
                 f"`{cls.name}` and `{other.name}` share the glyph `{cls.glyph.letter}`",
                 place(cls, "letter"),
+                "choose another letter",
                 notes=(Note("the other class is here", place(other, "letter")),),
             )

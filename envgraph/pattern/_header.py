@@ -53,7 +53,11 @@ def check_duplicates(patterns: Sequence[Pattern], known: Mapping[str, Pattern]) 
         if name in first:
             note = Note("the first definition is here", first[name].span)
             yield Diagnostic(
-                "duplicate-definition", f"pattern `{name}` is defined twice", pattern.span, notes=(note,)
+                "duplicate-definition",
+                f"pattern `{name}` is defined twice",
+                pattern.span,
+                "choose another name, or leave one out",
+                notes=(note,),
             )
         else:
             first[name] = pattern
@@ -65,7 +69,12 @@ def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]
     for annotation in pattern.annotations:
         yield from _annotation(annotation, pattern)
     if not pattern.bodies:
-        yield Diagnostic("empty-body", f"pattern `{pattern.name}` has no body", pattern.span)
+        yield Diagnostic(
+            "empty-body",
+            f"pattern `{pattern.name}` has no body",
+            pattern.span,
+            "write `{ .. }` with a constraint after its parameters",
+        )
     for body in pattern.bodies:
         if not body.constraints:
             hint = "`check(true)` holds always"
@@ -86,7 +95,7 @@ def _parameters(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
         if parameter.name in first:
             note = Note("the first one is here", first[parameter.name])
             message = f"parameter `{parameter.name}` is declared twice"
-            yield Diagnostic("duplicate-parameter", message, span, notes=(note,))
+            yield Diagnostic("duplicate-parameter", message, span, "choose another name", notes=(note,))
         elif parameter.name.startswith("_"):
             message = f"parameter `{parameter.name}` has the name of a single-use variable"
             hint = f"call it `{parameter.name.lstrip('_') or 'x'}`"

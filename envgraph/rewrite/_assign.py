@@ -75,7 +75,9 @@ class AssignmentReader:
             if "=" in (operator, earlier):
                 notes = (Note("the first is here", where),)
                 message = f"`{name}.{feature}` gets two values"
-                self.sight.problems.append(Diagnostic("duplicate-assignment", message, span, notes=notes))
+                self.sight.problems.append(
+                    Diagnostic("duplicate-assignment", message, span, "leave one out", notes=notes)
+                )
                 return None
         self._earlier[name, feature] = operator, span
         return found
@@ -84,7 +86,12 @@ class AssignmentReader:
         self, name: str, attribute: Attribute, operator: Operator, value: Values, span: Span | None
     ) -> None:
         if isinstance(value, tuple):
-            self.sight.error("wrong-type", f"`{attribute}` has one value, not a list", span)
+            self.sight.error(
+                "wrong-type",
+                f"`{attribute}` has one value, not a list",
+                span,
+                "write one value without brackets",
+            )
         elif operator != "=" and not _can_increase(attribute, operator):
             message = (
                 f"`{operator}` does not apply to `{attribute}`, {with_article(type_text(attribute.type))}"
@@ -122,7 +129,12 @@ class AssignmentReader:
     def _targets(self, reference: Reference, value: Values, span: Span | None) -> tuple[int, ...]:
         """Slots of the targets that a value gives; what is wrong is reported and left out."""
         if isinstance(value, tuple) and not reference.many and len(value) != 1:
-            self.sight.error("wrong-type", f"`{reference}` has at most one target, not a list", span)
+            self.sight.error(
+                "wrong-type",
+                f"`{reference}` has at most one target, not a list",
+                span,
+                "write one object without brackets",
+            )
             return ()
         found: list[int] = []
         for part in value if isinstance(value, tuple) else (value,):
@@ -141,7 +153,9 @@ class AssignmentReader:
         for name, variable in read.items():
             if name in self.sight.created:
                 message = f"`{name}` is created by this rule: it has no values before it"
-                self.sight.error("no-value-yet", message, variable.span or span)
+                self.sight.error(
+                    "no-value-yet", message, variable.span or span, "take a value from the left side"
+                )
                 return None
         problems = self._check(expression, expected, span)
         self.sight.problems.extend(problems)

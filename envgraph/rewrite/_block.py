@@ -205,13 +205,20 @@ class BlockBuilder:
         if not self.sight.knows(name, span) or not self.sight.was_object(name, span):
             return
         if name in self.sight.created:
-            self.sight.error("duplicate-action", f"`{name}` is created by this rule", span)
+            self.sight.error(
+                "duplicate-action",
+                f"`{name}` is created by this rule",
+                span,
+                "leave out the creation and the deletion",
+            )
         elif name in self.sight.deleted:
             self.sight.warn("duplicate-action", f"`{name}` is deleted already", span)
         elif name in self._kept:
             message = f"`{name}` is deleted and changed"
             notes = (Note("the other action is here", self._kept[name]),)
-            self.sight.problems.append(Diagnostic("contradiction", message, span, notes=notes))
+            self.sight.problems.append(
+                Diagnostic("contradiction", message, span, "leave one of the two out", notes=notes)
+            )
         else:
             self._gone[name] = span
             self.sight.deleted[name] = None
@@ -221,10 +228,15 @@ class BlockBuilder:
         kept, absorbed = action.kept.name, action.absorbed.name
         span = action.span
         if kept == absorbed:
-            self.sight.error("duplicate-action", f"`{kept}` cannot be merged with itself", span)
+            self.sight.error(
+                "duplicate-action",
+                f"`{kept}` cannot be merged with itself",
+                span,
+                "merge two different objects",
+            )
         elif absorbed in self.sight.created:
             message = f"`{absorbed}` is created by this rule, so that there is nothing to merge"
-            self.sight.error("duplicate-action", message, action.absorbed.span or span)
+            self.sight.error("duplicate-action", message, action.absorbed.span or span, "leave it out")
         elif all([self.sight.is_object(v.name, v.span or span) for v in (action.kept, action.absorbed)]):
             places = self.sight.slot(kept), self.sight.slot(absorbed), self.sight.add("")
             self._absorbs.append(Absorb(*places, span))
@@ -254,7 +266,12 @@ class BlockBuilder:
             else:
                 self._create(node)
         elif node.type is not None and node.name in self._own_created:
-            self.sight.error("duplicate-definition", f"`{node.name}` is created twice", node.span)
+            self.sight.error(
+                "duplicate-definition",
+                f"`{node.name}` is created twice",
+                node.span,
+                "choose another name for one",
+            )
         elif node.type is not None and node.type not in self._left_classes(node.name):
             self._retype(Retype(Variable(node.name, node.span), node.type, node.span, node.type_span))
 
@@ -536,7 +553,9 @@ class BlockBuilder:
                 message = f"{error.message}, so that the rule can never be applied"
                 found = Diagnostic("never-applicable", message, second, None, Severity.WARNING, notes)
             else:
-                found = Diagnostic("contradiction", error.message, second, notes=notes)
+                found = Diagnostic(
+                    "contradiction", error.message, second, "leave one of the two out", notes=notes
+                )
             self.sight.problems.append(found)
 
     def _check_required(self, plan: BlockPlan) -> None:

@@ -207,7 +207,13 @@ def _check_names(rule: Rule) -> Iterable[Diagnostic]:
         if node.name in declared:
             notes = (Note("the first definition is here", declared[node.name]),)
             message = f"`{node.name}` is declared twice"
-            yield Diagnostic("duplicate-definition", message, node.span, notes=notes)
+            yield Diagnostic(
+                "duplicate-definition",
+                message,
+                node.span,
+                f"choose another name; for the same object write `{node.name}` without a class",
+                notes=notes,
+            )
         declared.setdefault(node.name, node.span)
 
 
@@ -237,7 +243,9 @@ def _outputs(rule: Rule, sight: Sight, given: Sequence[str]) -> tuple[tuple[str,
             continue
         if name in sight.deleted:
             message = f"`{name}` is deleted by this rule, and cannot be handed out"
-            sight.error("deleted-variable", message, parameter.span)
+            sight.error(
+                "deleted-variable", message, parameter.span, "leave out the deletion, or the parameter"
+            )
         elif name in sight.created:
             found.append((name, sight.slot(name)))
             _check_created_output(parameter, sight)
@@ -254,7 +262,7 @@ def _check_created_output(parameter: Parameter, sight: Sight) -> None:
     above = parameter.type
     if above and above in sight.metamodel.classes and not sight.metamodel.is_a(cls, above):
         message = f"`{parameter.name}` is declared as `{above}` and created as `{cls}`"
-        sight.error("wrong-type", message, parameter.span)
+        sight.error("wrong-type", message, parameter.span, f"write `out {parameter.name} : {cls}`")
 
 
 def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterable[Diagnostic]:
@@ -288,7 +296,7 @@ def _check_homomorphic(rule: Rule, sight: Sight, problems: list[Diagnostic]) -> 
                 problems.append(Diagnostic("unknown-variable", message, span, hint))
             elif sight.types.get(name) is not None and not isinstance(sight.types[name], ObjectType):
                 message = f"`{name}` is a data value; values are never compared"
-                problems.append(Diagnostic("not-an-object", message, span))
+                problems.append(Diagnostic("not-an-object", message, span, "leave it out"))
         problems.extend(_never_one(group, spans, sight))
 
 

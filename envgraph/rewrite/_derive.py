@@ -31,7 +31,9 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
             problems.append(Diagnostic("bad-annotation", message, annotation.span, "write `@weight(2.0)`"))
     if len(set(derivation.classes)) < 2:
         message = f"`{derivation.name}` needs at least two classes to retype among"
-        problems.append(Diagnostic("too-few-classes", message, derivation.span))
+        problems.append(
+            Diagnostic("too-few-classes", message, derivation.span, "write `retype among { A, B }`")
+        )
     return problems
 
 
@@ -43,7 +45,7 @@ def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Dia
         if cls is None:
             yield Diagnostic("unknown-type", f"unknown class `{name}`", span, metamodel.likely(name))
         elif name in seen:
-            yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span)
+            yield Diagnostic("duplicate-definition", f"`{name}` is named twice", span, "leave it out")
         elif cls.abstract and derivation.kind == "retype":
             concrete = ", ".join(f"`{sub}`" for sub in metamodel.concrete(name))
             message = f"`{name}` is abstract: no object is exactly a `{name}`"

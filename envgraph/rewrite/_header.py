@@ -47,7 +47,9 @@ def duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diagnostic
         if parameter.name in first:
             notes = (Note("the first definition is here", first[parameter.name]),)
             message = f"parameter `{parameter.name}` is declared twice"
-            yield Diagnostic("duplicate-definition", message, parameter.span, notes=notes)
+            yield Diagnostic(
+                "duplicate-definition", message, parameter.span, "choose another name", notes=notes
+            )
         first.setdefault(parameter.name, parameter.span)
 
 

@@ -294,6 +294,7 @@ class LeftLowering:
                         "misplaced-block",
                         f"`{inner.kind}` cannot stand in a `{block.kind}` block, which rewrites nothing",
                         inner.span,
+                        "move it to the rule",
                     )
                 )
         conditions = tuple(inner for inner in block.blocks if inner.kind in _CONDITIONS)
@@ -316,7 +317,12 @@ class LeftLowering:
         constraints, nested = self._body(block.left, block.blocks, types, enclosing)
         if not constraints and not quiet:
             self.problems.append(
-                Diagnostic("empty-block", f"this `{block.kind}` block asks for nothing", block.span)
+                Diagnostic(
+                    "empty-block",
+                    f"this `{block.kind}` block asks for nothing",
+                    block.span,
+                    "leave it out, or write a constraint in it",
+                )
             )
         used = all_names(LeftSide(constraints=tuple(constraints)))
         # What the blocks inside rewrite may need more: they are looked up with the enclosing match at hand.

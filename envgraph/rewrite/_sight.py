@@ -135,7 +135,12 @@ class Sight:
         if not self.knows(name, span):
             return False
         if name in self.deleted:
-            self.error("deleted-variable", f"`{name}` is deleted by this rule", span)
+            self.error(
+                "deleted-variable",
+                f"`{name}` is deleted by this rule",
+                span,
+                "leave this out, or do not delete it",
+            )
             return False
         return self.was_object(name, span)
 
@@ -144,7 +149,12 @@ class Sight:
         if not self.knows(name, span):
             return False
         if name in self.created:
-            self.error("no-value-yet", f"`{name}` is created by this rule: it has no links before it", span)
+            self.error(
+                "no-value-yet",
+                f"`{name}` is created by this rule: it has no links before it",
+                span,
+                "leave this out",
+            )
             return False
         return self.was_object(name, span)
 
@@ -154,7 +164,12 @@ class Sight:
         if name in self.created or isinstance(type_, ObjectType):
             return True
         if type_ is not None:
-            self.error("not-an-object", f"`{name}` is a data value, not an object", span)
+            self.error(
+                "not-an-object",
+                f"`{name}` is a data value, not an object",
+                span,
+                "name a variable of a class",
+            )
         return False
 
     # --- classes and features
@@ -212,7 +227,7 @@ class Sight:
         if cls is None or self.metamodel.is_a(cls, reference.target):
             return cls is not None
         message = f"`{reference}` leads to `{reference.target}`, and `{name}` is {with_article(cls)}"
-        self.error("wrong-type", message, span)
+        self.error("wrong-type", message, span, f"name an object of class `{reference.target}`")
         return False
 
     # --- arrows
@@ -229,7 +244,7 @@ class Sight:
             message = (
                 f"`{edge.reference}{edge.closure}` stands for any number of links, which no rule can rewrite"
             )
-            self.error("closure-in-right-side", message, where)
+            self.error("closure-in-right-side", message, where, f"write `-{edge.reference}->`")
             return None
         ends = {edge.target: edge.target_span or edge.span, edge.source: edge.source_span or edge.span}
         check = self.had_links if before else self.is_object

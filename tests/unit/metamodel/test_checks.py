@@ -23,7 +23,12 @@ def cls(name, *features, **more):
 @pytest.mark.parametrize(
     ("classes", "code", "message", "hint"),
     [
-        ([cls("A"), cls("A")], "duplicate-definition", "`A` is defined twice", None),
+        (
+            [cls("A"), cls("A")],
+            "duplicate-definition",
+            "`A` is defined twice",
+            "choose another name, or leave one out",
+        ),
         ([cls("A", supertypes=("B",)), cls("C")], "unknown-class", "unknown class `B`", "there is `C`"),
         (
             [cls("Tile", supertypes=("Stat",)), cls("State")],
@@ -31,24 +36,29 @@ def cls(name, *features, **more):
             "unknown class `Stat`",
             "did you mean `State`?",
         ),
-        ([cls("A", supertypes=("A",))], "cyclic-inheritance", "`A` is its own supertype", None),
+        (
+            [cls("A", supertypes=("A",))],
+            "cyclic-inheritance",
+            "`A` is its own supertype",
+            "leave one supertype of the circle out",
+        ),
         (
             [cls("B"), cls("A", supertypes=("B", "B"))],
             "duplicate-definition",
             "`A` names a supertype twice",
-            None,
+            "leave it out once",
         ),
         (
             [cls("A", Attribute("x", INT), Reference("x", "A"))],
             "duplicate-definition",
             "`A.x` is defined twice",
-            None,
+            "choose another name, or leave one out",
         ),
         (
             [cls("A", Attribute("x", INT)), cls("B", Attribute("x", INT), supertypes=("A",))],
             "duplicate-definition",
             "`B` inherits `x` from `A` already",
-            None,
+            "leave it out here, or choose another name",
         ),
         (
             [cls("A", Attribute("x", INT)), cls("B", Attribute("x", INT)), cls("C", supertypes=("A", "B"))],
@@ -110,7 +120,7 @@ def cls(name, *features, **more):
             [cls("A", Reference("r", "A", 0, None, containment=True, opposite="r"))],
             "opposite-mismatch",
             "both ends of an opposite pair contain the other",
-            None,
+            "write `refers` at one end",
         ),
         (
             [
@@ -119,7 +129,7 @@ def cls(name, *features, **more):
             ],
             "bad-multiplicity",
             "`s` leads to the one container: at most 1",
-            None,
+            "its upper bound is 1",
         ),
         (
             [cls("A", Attribute("column", INT), key=("colum",))],
@@ -137,9 +147,14 @@ def cls(name, *features, **more):
             [cls("A", Attribute("x", INT), key=("x", "x"))],
             "duplicate-definition",
             "`@key` of `A` names `x` twice",
-            None,
+            "leave it out once",
         ),
-        ([cls("A", glyph=Glyph("AB"))], "bad-glyph", "the glyph of `A` is not a single letter", None),
+        (
+            [cls("A", glyph=Glyph("AB"))],
+            "bad-glyph",
+            "the glyph of `A` is not a single letter",
+            "write one letter",
+        ),
         (
             [cls("A", glyph=Glyph("A", "red"))],
             "bad-glyph",
@@ -150,7 +165,7 @@ def cls(name, *features, **more):
             [cls("A", glyph=Glyph("x")), cls("B", glyph=Glyph("x"))],
             "bad-glyph",
             "`B` and `A` share the glyph `x`",
-            None,
+            "choose another letter",
         ),
         ([cls("A b")], "bad-name", "`A b` is not a name: write letters, digits and _", None),
         ([cls("")], "bad-name", "`` is not a name: write letters, digits and _", None),
@@ -160,7 +175,7 @@ def cls(name, *features, **more):
             "`x-y` is not a name: write letters, digits and _",
             None,
         ),
-        ([cls("int")], "bad-name", "`int` is the name of a built-in type", None),
+        ([cls("int")], "bad-name", "`int` is the name of a built-in type", "choose another name"),
         ([cls("A", Attribute("x", WAY))], "unknown-enum", "unknown enum `Way`", None),
     ],
 )

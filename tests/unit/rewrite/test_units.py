@@ -425,7 +425,7 @@ MISTAKES = [
     ),
     ("unit u(a) { mark(a, 1); }", "missing-type", "a", "write `a : Class`, or a data type"),
     ("unit u(a : Itm) { mark(a, 1); }", "unknown-type", "Itm", "did you mean `Item`?"),
-    ("unit u(a : Item, a : Item) { mark(a, 1); }", "duplicate-definition", "a", None),
+    ("unit u(a : Item, a : Item) { mark(a, 1); }", "duplicate-definition", "a", "choose another name"),
     (
         "unit u(out x : int) { up; }",
         "unbound-output",
