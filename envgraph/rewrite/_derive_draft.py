@@ -26,6 +26,7 @@ from envgraph.pattern import (
     Pattern,
     PatternCall,
     Rule,
+    Strategy,
     TypeConstraint,
     Variable,
 )
@@ -41,6 +42,7 @@ class Draft:
     Attributes:
         types: class of each variable of the left side.
         patterns: what the rule calls.
+        largest: for the name of a pattern of numbers the variable of the left side for the largest one.
     """
 
     def __init__(self, schema: Schema, group: str) -> None:
@@ -48,6 +50,7 @@ class Draft:
         self.group = group
         self.types: dict[str, str] = {}
         self.patterns: dict[str, Pattern] = {}
+        self.largest: dict[str, Variable] = {}
         self._names: dict[str, None] = {}
         self._nodes: list[Node] = []
         self._edges: list[Edge] = []
@@ -185,12 +188,18 @@ class Draft:
             self.pattern(suffix, {"container": outer, "part": end.far}, bodies)
         return PatternCall(name, (Variable(container), Variable(part)))
 
-    def pattern(self, suffix: str, parameters: Mapping[str, str], bodies: Iterable[Body]) -> str:
-        """A pattern for this derivation alone, given its parameters with their classes; returns its name."""
+    def pattern(
+        self,
+        suffix: str,
+        parameters: Mapping[str, str],
+        bodies: Iterable[Body],
+        strategy: Strategy | None = "search",
+    ) -> str:
+        """A pattern for this derivation alone, given its parameters with their types; returns its name."""
         package, _, name = self.group.rpartition(".")
         declared = tuple(Parameter(parameter, cls) for parameter, cls in parameters.items())
         made = Pattern(
-            name + suffix, declared, tuple(bodies), package=package, private=True, strategy="search"
+            name + suffix, declared, tuple(bodies), package=package, private=True, strategy=strategy
         )
         self.patterns[made.qualified_name] = made
         return made.qualified_name

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations, permutations
 
-from envgraph.metamodel import Attribute, Scalar
 from envgraph.pattern import (
     Aggregate,
-    Assignment,
     Binary,
     Body,
     Check,
@@ -16,10 +14,8 @@ from envgraph.pattern import (
     Constant,
     Constraint,
     Create,
-    EnumLiteral,
     Negation,
     Node,
-    PathConstraint,
     PatternCall,
     Retype,
     Term,
@@ -27,6 +23,7 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite._derive_draft import Draft, variable_for
+from envgraph.rewrite._derive_keys import key_owner, new_key
 from envgraph.rewrite._derive_links import Operator
 from envgraph.rewrite._derive_plans import Plan, creation_plans, retyping_plans, uses
 from envgraph.rewrite._derive_schema import End, Schema
@@ -153,7 +150,7 @@ def _create(draft: Draft, plan: Plan) -> Operator:
     cast.declare_old()
     cast.new += [draft.name(variable_for(cls)) for cls in plan.new]
     nodes = [
-        Node(name, cls, tuple(_key(draft, cls, plan.new[:number])))
+        Node(name, cls, tuple(new_key(draft, plan.new, number)))
         for number, (name, cls) in enumerate(zip(cast.new, plan.new, strict=True))
     ]
     draft.act(Create(tuple(nodes)))
@@ -166,53 +163,6 @@ def _creation_doc(plan: Plan) -> str:
     if len(plan.new) > 1:
         text += ", together with " + " and ".join(f"a `{cls}`" for cls in plan.new[1:])
     return text + (", which takes what it needs from others." if plan.steals else ".")
-
-
-def _key(draft: Draft, cls: str, before: Sequence[str]) -> Iterator[Assignment]:
-    """A key that no other object has: a string is given a number, anything else has to be free."""
-    schema, metamodel = draft.schema, draft.schema.metamodel
-    owner = _key_owner(schema, cls)
-    if owner is None:
-        return
-    attributes = [metamodel.features(owner)[name] for name in metamodel.key(owner)]
-    rank = sum(schema.is_a(other, owner) for other in before)
-    twin = draft.name("twin")
-    same: list[Constraint] = []
-    for attribute in attributes:
-        assert isinstance(attribute, Attribute)
-        path = (owner, (attribute.name,), Variable(twin))
-        if attribute.type is Scalar.STRING:
-            number, again, value = (draft.name(name) for name in ("number", "again", "value"))
-            count = Aggregate("count", TypeConstraint(owner, Variable("_")))
-            draft.ask([Comparison("==", Variable(number), count)])
-            # Counted anew in the block: the number is a value, and has no type that a block could see.
-            same += [
-                Comparison("==", Variable(again), count),
-                PathConstraint(*path, Variable(value)),
-                Check(Binary("==", Variable(value), _numbered(cls, again, rank))),
-            ]
-            key = _numbered(cls, number, rank)
-            yield Assignment(attribute.name, key)
-        else:
-            same.append(PathConstraint(*path, _literal(attribute)))
-    draft.block("not", [Node(twin, owner)], [], same)
-
-
-def _numbered(cls: str, number: str, rank: int) -> Binary:
-    return Binary("+", Constant(cls), Binary("+", Variable(number), Constant(rank + 1)))
-
-
-def _key_owner(schema: Schema, cls: str) -> str | None:
-    """The class that says what the key of a class is."""
-    classes = schema.metamodel.classes
-    return next((above for above in schema.metamodel.supertypes(cls) if classes[above].key), None)
-
-
-def _literal(attribute: Attribute) -> Constant | EnumLiteral:
-    value = attribute.initial
-    if isinstance(attribute.type, Scalar):
-        return Constant(value)
-    return EnumLiteral(attribute.type.name, str(value))
 
 
 # --- deletion
@@ -507,7 +457,7 @@ def _has_place(schema: Schema, before: str, after: str) -> bool:
     if before in schema.roots and after not in schema.roots:
         return False
     had = schema.containers(before)
-    keys = [_key_owner(schema, cls) for cls in (after, before)]
+    keys = [key_owner(schema, cls) for cls in (after, before)]
     return keys[0] in (None, keys[1]) and all(end in had for end in schema.containers(after) if end.lower)
 
 
@@ -532,7 +482,7 @@ def _retype(draft: Draft, before: str, after: str, plan: Plan) -> Operator:
                     draft.may_be(needy, other)
     cast.new += [name, *(draft.name(variable_for(cls)) for cls in plan.new[1:])]
     fresh = [
-        Node(one, cls, tuple(_key(draft, cls, plan.new[1:number])))
+        Node(one, cls, tuple(new_key(draft, plan.new[1:], number - 1)))
         for number, (one, cls) in enumerate(zip(cast.new, plan.new, strict=True))
         if number
     ]

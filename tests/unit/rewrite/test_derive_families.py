@@ -255,10 +255,10 @@ def test_donors_keep_what_they_need() -> None:
     ("key", "free"),
     [
         ("@key(s) class A { string s }", 3),
-        ("@key(n) class A { int n }", 1),
+        ("@key(n) class A { int n }", 3),
         ("@key(c) class A { C c } enum C { red, green }", 1),
         ("@key(s, n) class A { string s int n }", 3),
-        ("@key(n) class A { int n } class B extends A", 1),
+        ("@key(n) class A { int n } class B extends A", 3),
     ],
 )
 def test_a_new_object_has_a_key_that_is_free(key: str, free: int) -> None:

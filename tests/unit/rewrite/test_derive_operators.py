@@ -195,15 +195,66 @@ def test_objects_do_not_move_into_what_they_contain() -> None:
     assert moves == [(leaf, top)]
 
 
-def test_new_keys_are_free() -> None:
-    made = engine("@key(name) class R { string name } @key(x) class S { int x }", "R", "S")
-    for _ in range(3):
-        made.apply("d.create.R")
-    made.apply("d.create.S")
-    assert [node.name for node in made.model.nodes("R")] == ["R1", "R2", "R3"]
-    assert not made.exists("d.create.S")
-    made.model.delete(made.model.nodes("R")[0].id)
-    assert not made.exists("d.create.R"), "`R3` is taken"
+def created(made: Engine, cls: str, times: int) -> list[object]:
+    """The keys of all objects of a class after some more were created."""
+    for _ in range(times):
+        made.apply(f"d.create.{cls}")
+    [key] = made.model.metamodel.key(cls)
+    return [getattr(node, key) for node in made.model.nodes(cls)]
+
+
+def test_new_keys_are_above_those_in_use() -> None:
+    made = engine("@key(name) class R { string name } @key(x) class S { int x = 4 }", "R", "S")
+    assert created(made, "R", 3) == ["R1", "R2", "R3"]
+    assert created(made, "S", 3) == [4, 5, 6]
+    for cls in ("R", "S"):
+        made.model.delete(made.model.nodes(cls)[0].id)
+    assert sorted(map(str, created(made, "R", 9))) == sorted(f"R{n}" for n in range(2, 13))
+    assert sorted(map(int, map(str, created(made, "S", 2)))) == [5, 6, 7, 8]
+    made.model.create("S", x=2**63 - 1)
+    assert not made.exists("d.create.S"), "no number is above this one"
+
+
+@pytest.mark.parametrize(
+    ("name", "new"),
+    [
+        ("R1", "R2"),
+        ("R0", "R1"),
+        ("R9", "R10"),
+        ("R1999", "R2000"),
+        ("R20305999", "R20306000"),
+        ("R999999998", "R999999999"),
+        ("R999999999", None),
+        ("R1000000000", "R1"),
+        ("R12345678901234567890123", "R1"),
+        ("R007", "R1"),
+        ("R-7", "R1"),
+        ("R 7", "R1"),
+        ("R1x", "R1"),
+        ("R²", "R1"),
+        ("R", "R1"),
+        ("", "R1"),
+        ("7", "R1"),
+        ("S7", "R1"),
+    ],
+)
+def test_numbers_are_read_from_strings(name: str, new: str | None) -> None:
+    made = engine("@key(name) class R { string name }", "R")
+    made.model.create("R", name=name)
+    assert made.exists("d.create.R") is (new is not None)
+    if new is not None:
+        assert created(made, "R", 1) == [name, new]
+
+
+def test_new_keys_of_objects_that_come_together() -> None:
+    """The largest number is that of all their classes: `A1` with 2 and `A` with 12 are one string."""
+    text = "@key(k) abstract class K { string k } class A extends K { contains A1[2] e } class A1 extends K"
+    made = engine(text, "A")
+    made.model.create("A1", k="A10")
+    for _ in range(2):
+        made.apply("d.create.A.with.A1.A1")
+    keys = [node.k for node in sorted(made.model.nodes("K"), key=lambda node: node.id)]
+    assert keys == ["A10", "A11", "A112", "A113", "A114", "A1115", "A1116"]
 
 
 def test_numbers_step_within_their_range() -> None:
