@@ -38,6 +38,7 @@ from envgraph.metamodel import (
     accepts,
     type_name,
 )
+from envgraph.pattern import value_hint
 
 _MOST_HINTS = 100
 """For so many unknown objects it is worked out what may have been meant."""
@@ -386,14 +387,19 @@ class _Reader:
             return value
         wanted = f"a literal of `{type_.name}`" if isinstance(type_, EnumType) else f"`{type_name(type_)}`"
         message = f"`{attribute}` takes {wanted}, not {_kind(tree)}"
-        self._error("wrong-type", message, tree, _type_hint(tree, attribute))
+        self._error("wrong-type", message, tree, _type_hint(tree, attribute) or value_hint(type_))
         return None
 
     def _literal(self, tree: Tree[Token], attribute: Attribute) -> Value | None:
         *enum, literal = tokens(tree.children)
         type_ = attribute.type
         if not isinstance(type_, EnumType):
-            self._error("wrong-type", f"`{attribute}` takes `{type_name(type_)}`, not an enum literal", tree)
+            self._error(
+                "wrong-type",
+                f"`{attribute}` takes `{type_name(type_)}`, not an enum literal",
+                tree,
+                value_hint(type_),
+            )
         elif enum and enum[0] != type_.name:
             hint = f"write `{type_.name}::` or `::`"
             self._error(
@@ -445,7 +451,7 @@ class _Reader:
                 yield from self._cell(tree)
             case _:
                 message = f"`{reference}` takes {_of_class(reference)}, not {_kind(tree)}"
-                self._error("wrong-type", message, tree)
+                self._error("wrong-type", message, tree, f"name an object of class `{reference.target}`")
 
     def _named(self, token: Token) -> Iterator[tuple[int, Span]]:
         if str(token) in self._names:
@@ -494,9 +500,8 @@ class _Reader:
         cls = self._model.class_of(target)
         if self.metamodel.is_a(cls, reference.target):
             return True
-        self._report(
-            "wrong-type", f"`{reference}` takes {_of_class(reference)}, not {with_article(cls)}", where
-        )
+        message = f"`{reference}` takes {_of_class(reference)}, not {with_article(cls)}"
+        self._report("wrong-type", message, where, f"name an object of class `{reference.target}`")
         return False
 
     def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:

@@ -202,7 +202,7 @@ def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
         "wrong-type",
         f"default of `{attribute.name}` is not of type `{type_name(attribute.type)}`",
         place(attribute, "default") or cls.span,
-        hint,
+        hint or "write a value of that type, or no default",
     )
 
 

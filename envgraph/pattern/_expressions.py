@@ -149,7 +149,7 @@ class ExpressionChecker:
             self._report("unknown-variable", "`_` has no value", node, "give the variable a name")
             return None
         if node.name not in self.scope:
-            hint = name_hint(node.name, self.scope)
+            hint = name_hint(node.name, self.scope) or "no variable is known here"
             self._report("unknown-variable", f"unknown variable `{node.name}`", node, hint)
             return None
         type_ = self.scope[node.name]

@@ -196,7 +196,7 @@ class BlockBuilder:
         elif self.sight.was_object(name, action.node.span or action.span):
             if self.sight.retyped.get(name, cls) != cls:
                 message = f"`{name}` cannot become both `{self.sight.retyped[name]}` and `{cls}`"
-                self.sight.error("duplicate-action", message, where)
+                self.sight.error("duplicate-action", message, where, "leave one out")
             self._spans[name] = where
             self.sight.retyped[name] = cls
             self._own_retyped.append(name)

@@ -72,12 +72,17 @@ def cls(name, *features, **more):
             "default of `x` is not of type `int`",
             "write the type as `float`, or the default without a fraction",
         ),
-        ([cls("A", Attribute("x", INT, True))], "wrong-type", "default of `x` is not of type `int`", None),
+        (
+            [cls("A", Attribute("x", INT, True))],
+            "wrong-type",
+            "default of `x` is not of type `int`",
+            "write a value of that type, or no default",
+        ),
         (
             [cls("A", Attribute("x", Scalar.FLOAT, float("nan")))],
             "wrong-type",
             "default of `x` is not of type `float`",
-            None,
+            "write a value of that type, or no default",
         ),
         (
             [cls("A", Reference("r", "A", 2, 1))],
