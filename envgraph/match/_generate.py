@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import takewhile
+from typing import Final
 
 from envgraph.match._options import call_key
 from envgraph.match._plan import (
     Absence,
+    BodyPlan,
     Condition,
     Conjunction,
     Kind,
@@ -22,9 +25,10 @@ from envgraph.match._plan import (
     ViewKey,
     arguments,
 )
-from envgraph.match._planner import Planner
+from envgraph.match._planner import Planner, determined
 from envgraph.match._sharing import alike_by, join_of, mentioned, only_search, shared_searches
-from envgraph.match._sinks import COUNT, EXISTENCE, Sink, gathering, view_sink, visiting
+from envgraph.match._sieves import OUTSIDE, Sieve, sieves
+from envgraph.match._sinks import COUNT, EXISTENCE, Sink, gathering, sieved_sink, value, view_sink, visiting
 from envgraph.match._symbols import (
     Backward,
     Builtin,
@@ -41,7 +45,7 @@ from envgraph.match._symbols import (
     Values,
     View,
 )
-from envgraph.match._write import Block, Module
+from envgraph.match._write import DEPTH, INDENT, Block, Module
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -54,6 +58,9 @@ from envgraph.pattern import (
     UnequalAtom,
 )
 
+_END: Final = 0
+"""Stands for the place behind the last step, among identities of steps."""
+
 
 def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     """The source of one view of a pattern.
@@ -64,7 +71,8 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     view = planner.view(key)
     module, block = Module(), Block()
     given = {position: f"v{position}" for position in key.bound}
-    frame = view_sink(mode, view.distinct, ())
+    sieved = not view.distinct and _ends_in_sieve(planner, view.bodies, key, mode)
+    frame = view_sink(mode, view.distinct or sieved, ())
     if mode is Mode.COUNT and (search := only_search(view)):
         question = Reach.SIZE if search.source not in view.bodies[0].plan.steps[0].binds else Reach.SIZE_BACK
         size = module.name(Closed(search.step, search.closure is Closure.STAR, question))
@@ -75,11 +83,25 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     for body in view.bodies:
         conjunction = body.conjunction
         positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
-        sink = view_sink(mode, view.distinct, tuple(conjunction.parameters[p] for p in positions))
+        outputs = tuple(conjunction.parameters[p] for p in positions)
+        sink = sieved_sink(mode, outputs) if sieved else view_sink(mode, view.distinct, outputs)
         Translation(planner, module, conjunction, block, given).body(body.plan, sink)
     block.raw(frame.tail)
     module.function("view", list(given.values()), block)
     return module.source("view")
+
+
+def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
+    """Whether values are better told apart by a sieve at the end of the plan: one that looks at fewer of them."""
+    if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST):
+        return False
+    conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps
+    outputs = {conjunction.parameters[p] for p in key.outputs}
+    known = {number for number, _ in conjunction.constants} | {conjunction.parameters[p] for p in key.bound}
+    last = sieves(steps, outputs, known, partial(determined, sizes=planner.sizes)).get(len(steps))
+    return last is not None and len(last.key) < (
+        len(conjunction.parameters) if mode is Mode.ROWS else len(key.outputs)
+    )
 
 
 def reach_source(planner: Planner, step: str, forward: bool, question: Reach) -> Source:
@@ -93,6 +115,7 @@ def reach_source(planner: Planner, step: str, forward: bool, question: Reach) ->
     near, far = (0, 1) if forward else (1, 0)
     frame = visiting(far, question)
     block.raw(frame.head)
+    start = len(block.lines)
     block.loop("node", "todo")
     if planner.calls.recursive(step):
         rows = module.name(Recursive(step, (near,)))
@@ -108,7 +131,10 @@ def reach_source(planner: Planner, step: str, forward: bool, question: Reach) ->
         for body in bodies:
             conjunction = body.conjunction
             sink = visiting(conjunction.parameters[far], question)
-            Translation(planner, module, conjunction, block, {near: "node"}).body(body.plan, sink)
+            translation = Translation(planner, module, conjunction, block, {near: "node"})
+            translation.around = (conjunction.parameters[near],)
+            translation.body(body.plan, sink)
+            block.lines[start:start] = [f"{INDENT * DEPTH}{name} = set()" for name in translation.outside]
     block.raw(frame.tail)
     more = {Reach.SPREAD: ["seen"], Reach.HOLDS: ["goal", "todo"]}.get(question, [])
     module.function("search", ["start", *more], block)
@@ -124,7 +150,13 @@ class Translation:
         conjunction: the body.
         block: where the lines go; it is left as deep as it was.
         given: source of the values at the bound positions.
+
+    Attributes:
+        around: variables whose values come from a loop around the plan.
+        outside: names of the sets that have to be made before that loop.
     """
+
+    around: tuple[int, ...] = ()
 
     def __init__(
         self, planner: Planner, module: Module, conjunction: Conjunction, block: Block, given: dict[int, str]
@@ -138,6 +170,9 @@ class Translation:
         self._names: dict[int, str] = {}
         self._seen: dict[int, str] = {}
         self._given = given
+        self._sieves: dict[int, tuple[int, tuple[int, ...]]] | None = None
+        self._passed: dict[int, str] = {}
+        self.outside: list[str] = []
 
     _deepens = False
     """Whether a test, too, makes what follows deeper."""
@@ -179,13 +214,16 @@ class Translation:
     def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
         shared = shared_searches(steps, sink) if self._shares else {}
         self._begin_searches(-1, steps, shared)
+        self._place_sieves(steps, sink)
         found: set[int] = set()
         for number, step in enumerate(steps):
             if id(step) in found:
                 continue
+            self._sieve(id(step))
             if self._block.full and (step.kind in (Kind.LOOP, Kind.BIND) or self._deepens):
                 self._continue(steps[number:], sink)
                 return
+            self._begin_sieves(id(step))
             if step.kind is Kind.LOOP and (tests := self._tests_of_values(step, steps[number + 1 :])):
                 self._loop_by_value(step, tests)
                 found.update(map(id, tests))
@@ -197,7 +235,42 @@ class Translation:
                 self._block.test(self._test(step))
             self._after(step)
             self._begin_searches(number, steps, shared)
+        self._sieve(_END)
         self._block.write(sink.each(self._source))
+
+    def _place_sieves(self, steps: Sequence[Step], sink: Sink) -> None:
+        """Find out where partial matches may be alike, but for the rest of a plan for which that is known."""
+        if self._sieves is not None:
+            return
+        found: dict[int, Sieve] = {}
+        if self._shares and sink.repeatable:
+            of = partial(determined, sizes=self._planner.sizes)
+            found = sieves(steps, sink.variables, {*self._names, *self._constants}, of, self.around)
+        places = {number: id(step) for number, step in enumerate(steps)}
+        self._sieves = {
+            places.get(number, _END): (places.get(each.first, OUTSIDE), each.key)
+            for number, each in found.items()
+            if number < len(steps) or sink.sieved
+        }
+        self._begin_sieves(OUTSIDE)
+
+    def _begin_sieves(self, place: int) -> None:
+        """Before what stands at a place, the sieves that are empty there."""
+        for here, (first, _) in (self._sieves or {}).items():
+            if first == place:
+                name = self._passed[here] = self._module.fresh("d")
+                if place == OUTSIDE:
+                    self.outside.append(name)
+                else:
+                    self._block.line(f"{name} = set()")
+
+    def _sieve(self, place: int) -> None:
+        """Before what stands at a place, leave out what has been there."""
+        _, key = (self._sieves or {}).pop(place, (0, ()))
+        if key:
+            name, key_ = self._passed.pop(place), value(key, self._source)
+            self._block.test(f"{key_} not in {name}")
+            self._block.line(f"{name}.add({key_})")
 
     def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:
         """Before the searches whose results do not depend on what the steps after this one find."""
@@ -242,12 +315,16 @@ class Translation:
         inner = self._fork(Block(), continuation)
         inner._names = {v: f"v{v}" for v in inputs}
         inner._joins = self._joins
+        passed: tuple[str, ...] = ()
+        if continuation:
+            inner._sieves, inner._passed = dict(self._sieves or {}), dict(self._passed)
+            passed = tuple(self._passed.values())
         inner._block.raw(() if shared else sink.head)
         inner._steps(steps, sink)
         inner._block.raw(() if shared and not sink.relay else sink.tail)
         name = self._module.fresh(prefix)
-        self._module.function(name, [*shared, *(f"v{v}" for v in inputs)], inner._block)
-        return name, [*shared, *(self._source(v) for v in inputs)]
+        self._module.function(name, [*shared, *passed, *(f"v{v}" for v in inputs)], inner._block)
+        return name, [*shared, *passed, *(self._source(v) for v in inputs)]
 
     def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
         """The variables with a value that some steps and a sink read; constants are known everywhere."""

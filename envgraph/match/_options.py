@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import fsum
+from math import fsum, inf
 from typing import Final, Protocol
 
 from envgraph.match._calls import CallGraph
@@ -257,6 +257,11 @@ class Options:
             return Option(Kind.LOOP, goal, free, cost, rows * ends[0])
         all_ = ends[forward]
         return Option(Kind.LOOP, goal, free, cost, rows, together=(max(1.0, all_ / rows) * cost, all_))
+
+    def values(self, variable: int) -> float:
+        """How many values a variable may have."""
+        type_ = self._conjunction.types[variable]
+        return self._sizes.extent(type_.cls) if isinstance(type_, ObjectType) else inf
 
     def _ends(self, goal: ClosureAtom) -> tuple[float, float]:
         """Objects that may be sources, and those that may be targets."""

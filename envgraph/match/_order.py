@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import inf, prod
 from typing import Final
 
 from envgraph.match._options import ACCESS, Option, Options, Unplannable, Views
@@ -21,6 +21,8 @@ MOST_PLANS: Final = 48
 """Plans of one conjunction that are compared; beyond, the most promising loop is taken."""
 MOST_EXPLORED: Final = 24
 """Goals of a conjunction beyond which only the most promising loop is tried."""
+WIDEST: Final = 2
+"""Variables in which partial matches have to differ before a loop: with more, hardly ever two are alike."""
 _ENOUGH: Final = 1e100
 """Estimates stop here: a product of hundreds of fanouts would leave the floats."""
 
@@ -163,6 +165,7 @@ class Search:
 
     def _enter(self, draft: Draft, loop: Option) -> None:
         """Execute a loop, and drop the goals that it meets."""
+        draft.rows = min(draft.rows, self._different(draft))
         draft.add(loop, together=loop.together is not None and self._alone(draft, loop))
         met: list[Goal] = [loop.goal]
         if isinstance(loop.goal, InstanceAtom):
@@ -180,6 +183,16 @@ class Search:
         """Whether nothing that steps have found so far is used after a loop."""
         own = self._variables[id(loop.goal)]
         return all(draft.uses[v] == (v in own) for step in draft.steps for v in step.binds)
+
+    def _different(self, draft: Draft) -> float:
+        """Upper bound of the partial matches that differ in what is still used: others do not enter a loop."""
+        steps = draft.steps
+        loops = (n for n, step in enumerate(steps) if step.kind is Kind.LOOP)
+        first = next((n for n in loops if not all(draft.uses[v] for v in steps[n].binds)), len(steps))
+        key = [v for step in steps[first:] for v in step.binds if draft.uses[v]]
+        if not 0 < len(key) <= WIDEST:
+            return inf
+        return prod(map(self._options.values, key), start=steps[first - 1].rows if first else 1.0)
 
     # --- filters
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from envgraph.match._symbols import Mode, Reach
 
@@ -23,6 +23,7 @@ class Sink:
         relay: what the caller does with the value of a continuation: "flag" returns True if it is true, "found"
             returns it unless it is None, "sum" adds it up, "" ignores it.
         repeatable: whether the same values again change nothing.
+        sieved: whether that is so because they are kept from it.
     """
 
     variables: tuple[int, ...]
@@ -32,6 +33,7 @@ class Sink:
     shared: tuple[str, ...] = ()
     relay: str = ""
     repeatable: bool = False
+    sieved: bool = False
 
 
 def row(variables: Sequence[int], names: Names) -> str:
@@ -70,6 +72,11 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
     tail = "return len(out)" if mode is Mode.COUNT else "return list(out)"
     each = lambda n: [f"out[{shape(variables, n)}] = None"]  # noqa: E731
     return Sink(variables, ("out = {}",), each, (tail,), ("out",), repeatable=True)
+
+
+def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
+    """The sink of a view whose plan has a sieve at its end."""
+    return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, sieved=True)
 
 
 def gathering(variables: tuple[int, ...], item: Callable[[Names], str], tail: str) -> Sink:

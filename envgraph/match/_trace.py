@@ -79,7 +79,8 @@ def _source(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> Source:
     given = {position: f"v{position}" for position in bound}
     translation = _Tracing(planner, module, body.conjunction, block, given)
     translation.numbers = {id(step): number for number, step in enumerate(body.plan.steps)}
-    translation.body(body.plan, Sink((), (), lambda names: ["pass"], ()))
+    results = Sink(body.conjunction.parameters, (), lambda names: ["pass"], (), repeatable=True)
+    translation.body(body.plan, results)
     module.function("traced", list(given.values()), block)
     return module.source("traced")
 
