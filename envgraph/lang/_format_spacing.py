@@ -30,7 +30,7 @@ def spaced(tokens: Tokens, index: int) -> bool:
         return right not in _CLOSING
     if left in _OPENING or right in _CLOSING or left == "::":
         return False
-    if owner == "closure":
+    if owner == "closure" or left == "#":
         return False
     if left in ("-", "!") and owner in _SIGNED:
         return False

@@ -248,7 +248,8 @@ def _constant(reading: Reading, tree: Tree[Token]) -> Term:
 
 
 def _hash(reading: Reading, tree: Tree[Token]) -> Hash:
-    return Hash(reading.span(tree))
+    name = next((str(token) for token in tokens(tree.children)), None)
+    return Hash(reading.span(tree), name)
 
 
 def _evaluation(reading: Reading, tree: Tree[Token]) -> Evaluation:

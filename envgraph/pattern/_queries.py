@@ -26,9 +26,10 @@ class Closure(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Hash:
-    """`#`: the column that sum, min, max and avg aggregate."""
+    """`#` or `#name`: the column that sum, min, max and avg aggregate; the name only tells the reader what it is."""
 
     span: Span | None = field(default=None, compare=False, repr=False)
+    name: str | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -215,6 +215,9 @@ class RelationCheck:
         elif len(marks) > 1:
             message = f"`{aggregate.function}` aggregates one column"
             yield Diagnostic("second-hash", message, marks[1].span or place.relation.span, "write `_`")
+        elif marks[0].name in self._reading.occurrences:
+            message = f"`#{marks[0].name}` is a column of the aggregate, and `{marks[0].name}` a variable outside of it"
+            yield Diagnostic("named-hash", message, marks[0].span or place.relation.span, "write `#`")
 
     # --- closures
 
