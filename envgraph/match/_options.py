@@ -291,10 +291,24 @@ class Options:
         view = self._views.view(call_key(goal, bound, needed))
         return view.rows, view.cost + CALL
 
-    def loops(self, goals: Iterable[Goal], bound: Bound, uses: Counter[int]) -> list[Option]:
-        """What can be looped over now, the least effort first."""
-        goals = list(goals)
-        found = [*self._relations(goals, bound, uses), *self._extents(goals, bound, uses)]
+    def loops(
+        self, goals: Iterable[Goal], bound: Bound, uses: Counter[int], known: dict[int, list[Option]]
+    ) -> list[Option]:
+        """What can be looped over now, the least effort first.
+
+        Args:
+            goals: what remains.
+            bound: variables with values.
+            uses: how often each variable is still used.
+            known: loops over the relations of goals, by identity, for which nothing has changed; more are added.
+        """
+        goals, found = list(goals), []
+        for goal in goals:
+            options = known.get(id(goal))
+            if options is None:
+                options = known[id(goal)] = list(self._relations([goal], bound, uses))
+            found += options
+        found += self._extents(goals, bound, uses)
         return sorted(found, key=lambda option: option.effort)
 
     def _relations(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
@@ -328,9 +342,10 @@ class Options:
         classes: dict[int, list[InstanceAtom]] = {}
         for goal in goals:
             for variable in variables(goal):
-                type_ = self._conjunction.types[variable]
-                if variable not in bound and isinstance(type_, ObjectType):
-                    classes.setdefault(variable, [InstanceAtom(type_.cls, variable)])
+                if variable not in bound and variable not in classes:
+                    type_ = self._conjunction.types[variable]
+                    if isinstance(type_, ObjectType):
+                        classes[variable] = [InstanceAtom(type_.cls, variable)]
             if isinstance(goal, InstanceAtom):
                 classes[goal.variable].append(goal)
         for variable, atoms in classes.items():

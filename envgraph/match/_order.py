@@ -35,12 +35,14 @@ class Draft:
         remaining: goals that are not met yet, by identity: literals that differ in type compare equal.
         uses: how often each variable stands in a remaining goal, and once more if it is wanted.
         options: the remaining goals as filters, as far as they have been looked at since something changed for them.
+        loops: the same as loops.
     """
 
     remaining: dict[int, Goal]
     uses: Counter[int]
     bound: set[int]
     options: dict[int, Option | None] = field(default_factory=dict)
+    loops: dict[int, list[Option]] = field(default_factory=dict)
     steps: list[Step] = field(default_factory=list)
     rows: float = 1.0
     cost: float = 0.0
@@ -53,6 +55,7 @@ class Draft:
             uses=self.uses.copy(),
             bound=set(self.bound),
             options=dict(self.options),
+            loops=dict(self.loops),
             steps=list(self.steps),
         )
 
@@ -131,7 +134,7 @@ class Search:
                 self._plans_left -= self.counts_abandoned
                 return None
             if not self._detach(draft):
-                loops = self._options.loops(draft.remaining.values(), draft.bound, draft.uses)
+                loops = self._options.loops(draft.remaining.values(), draft.bound, draft.uses, draft.loops)
                 if not loops:
                     unbound = {v for key in draft.remaining for v in self._variables[key]} - draft.bound
                     raise Unplannable(frozenset(unbound))
@@ -215,12 +218,14 @@ class Search:
         for goal in goals:
             if draft.remaining.pop(id(goal), None) is not None:
                 draft.options.pop(id(goal), None)
+                draft.loops.pop(id(goal), None)
                 for variable in self._variables[id(goal)]:
                     draft.uses[variable] -= 1
                     touched.add(variable)
         for variable in touched:
             for key in self._mentions.get(variable, ()):
                 draft.options.pop(key, None)
+                draft.loops.pop(key, None)
 
     # --- existence
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from time import process_time
+from typing import Any
 
 import pytest
 
@@ -12,6 +13,7 @@ from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match._calls import CallGraph
 from envgraph.match._generate import view_source
+from envgraph.match._options import Options
 from envgraph.match._plan import ViewKey
 from envgraph.match._planner import Planner
 from envgraph.match._symbols import Mode
@@ -179,6 +181,10 @@ LONG = {
     "calls of closures": [find("edge+", f"x{number}", f"x{number + 1}") for number in range(199)],
     "clique": [path("Node.to", f"x{i}", f"x{j}") for i in range(15) for j in range(15) if i != j],
     "tree": [path("Node.to", f"x{(number - 1) // 2}", f"x{number}") for number in range(1, 200)],
+    "cycle": [path("Node.to", f"x{number}", f"x{(number + 1) % 198}") for number in range(198)],
+    "grid": [path("Node.to", f"x{n}", f"x{n + step}") for n in range(90) for step in (1, 10)],
+    "pieces": [path("Node.to", f"x{2 * number}", f"x{2 * number + 1}") for number in range(200)],
+    "values": [path("Node.size", f"x{n // 2}", f"v{n // 3}") for n in range(200)],
 }
 
 
@@ -193,6 +199,24 @@ def test_a_pattern_of_200_constraints_is_planned_in_under_a_second(name: str) ->
     rows = nodes.rows("p", (FREE,))
     assert process_time() - started < 1
     assert rows == ([] if name == "clique" else [(0,), (1,), (2,)])
+
+
+def test_a_call_is_looked_at_again_only_when_something_has_changed_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    estimated = 0
+
+    def estimate(*arguments: Any) -> tuple[float, float]:
+        nonlocal estimated
+        estimated += 1
+        return original(*arguments)
+
+    original = Options._estimate
+    monkeypatch.setattr(Options, "_estimate", estimate)
+    edge = pattern("edge(a : Node, b : Node)", [path("Node.next", "a", "b")], [path("Node.to", "a", "b")])
+    nodes = matcher(ring(3), edge, pattern("p(x0 : Node)", [is_a("Node", "x0"), *LONG["calls"]]))
+    assert nodes.exists("p", (0,))
+    assert estimated <= 4 * len(LONG["calls"])
 
 
 def test_explain_shows_the_order_with_estimates_and_the_source() -> None:
