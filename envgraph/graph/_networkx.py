@@ -65,8 +65,10 @@ def from_networkx(graph: nx.MultiDiGraph, metamodel: Metamodel) -> Model:
         TypeMismatch: a class, value or target that the metamodel does not allow.
         RuleError: too many edges for a reference, two containers for an object, or cyclic containment.
     """
-    if not (graph.is_directed() and graph.is_multigraph()):
-        raise InvalidArgument("a model is made from a networkx.MultiDiGraph")
+    import networkx as nx
+
+    if not (isinstance(graph, nx.Graph) and graph.is_directed() and graph.is_multigraph()):
+        raise InvalidArgument(f"a model is made from a networkx.MultiDiGraph, not from {graph!r}")
     model = Model(metamodel, str(graph.graph.get("name") or "model"))
     ids = _ids(graph)
     with model.loading():

@@ -7,31 +7,44 @@ extra `emf`.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
+from urllib.parse import quote
 
-from envgraph.errors import InvalidArgument, Source
+from envgraph.errors import InvalidArgument, LoadError, Source, sort_diagnostics
 from envgraph.graph import Model, model_to_xmi
-from envgraph.lang._ecore import parse_ecore
+from envgraph.lang._ecore import read_ecore
+from envgraph.lang._ecore_document import EcoreDocument
+from envgraph.lang._ecore_types import ECORE
 from envgraph.lang._xmi import parse_xmi
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
 
+_XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
+_PLACE = re.compile(r"#/(\d+)/")
+"""How pyecore names what is in one of several roots."""
 
-def metamodel_from_pyecore(package: Any) -> Metamodel:
-    """The metamodel of a `pyecore.ecore.EPackage` and the packages in it.
+
+def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
+    """The metamodel of a `pyecore.ecore.EPackage`, the packages in it, and those that they refer to.
+
+    Args:
+        package: the metamodel's own package.
+        *others: packages to be part of it that nothing refers to.
 
     Raises:
-        LoadError: all that cannot be represented; positions are those of the package as an `.ecore` file.
+        LoadError: all that cannot be represented; positions are those of the packages as `.ecore` files.
         InvalidArgument: this is no package, or pyecore is not installed.
     """
     ecore = _module("pyecore.ecore")
-    if not isinstance(package, ecore.EPackage):
-        raise InvalidArgument(f"a metamodel is made from an EPackage, not from {package!r}")
-    etree = _module("lxml.etree")  # which pyecore writes with
-    tree = etree.fromstring(_written([package]).encode())
-    _add_opposites(tree, package, ecore)
-    text = str(etree.tostring(tree, encoding="unicode"))
-    return parse_ecore(Source(f"{package.name}.ecore", text))
+    for one in (package, *others):
+        if not isinstance(one, ecore.EPackage):
+            raise InvalidArgument(f"a metamodel is made from an EPackage, not from {one!r}")
+    roots = _with_referenced([package, *others], ecore)
+    found = read_ecore([EcoreDocument(source) for source in _sources(roots, ecore)])
+    if found.metamodel is None:
+        raise LoadError(sort_diagnostics(found.diagnostics))
+    return found.metamodel
 
 
 def metamodel_to_pyecore(metamodel: Metamodel) -> Any:
@@ -74,7 +87,8 @@ def model_to_pyecore(model: Model, package: Any = None) -> list[Any]:
     _module("pyecore.ecore")
     if package is None:
         package = metamodel_to_pyecore(model.metamodel)
-    return _read("model.xmi", model_to_xmi(model), _packages(package))
+    packages = _with_referenced([package], _module("pyecore.ecore"))
+    return _read("model.xmi", model_to_xmi(model), [one for root in packages for one in _packages(root)])
 
 
 def _module(name: str) -> Any:
@@ -135,13 +149,75 @@ def _packages(package: Any) -> Iterator[Any]:
         yield from _packages(inner)
 
 
-def _add_opposites(element: Any, package: Any, ecore: Any) -> None:
+def _with_referenced(packages: Sequence[Any], ecore: Any) -> list[Any]:
+    """The outermost packages of these, and of all that they refer to, in the order in which they are met."""
+    found: list[Any] = []
+    open_ = [_outermost(package) for package in packages]
+    while open_:
+        root = open_.pop(0)
+        if root not in found and root.nsURI not in (ECORE, _XML_TYPES):
+            found.append(root)
+            open_.extend(
+                _outermost(other) for inner in _packages(root) for other in _referenced(inner, ecore)
+            )
+    return found
+
+
+def _referenced(package: Any, ecore: Any) -> Iterator[Any]:
+    for classifier in package.eClassifiers:
+        if isinstance(classifier, ecore.EClass):
+            types = [feature.eType for feature in classifier.eStructuralFeatures]
+            for type_ in (*classifier.eSuperTypes, *types):
+                if type_ is not None and type_.ePackage is not None:
+                    yield type_.ePackage
+
+
+def _outermost(package: Any) -> Any:
+    while package.eSuperPackage is not None:
+        package = package.eSuperPackage
+    return package
+
+
+def _sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
+    """The texts of packages as `.ecore` files that name each other."""
+    etree = _module("lxml.etree")  # which pyecore writes with
+    tree = etree.fromstring(_written(list(packages)).encode())
+    elements = [tree] if len(packages) == 1 else list(tree)
+    names: list[str] = []
+    for package in packages:
+        names.append(package.name if package.name not in names else f"{package.name}-{len(names)}")
+    for place, (element, package) in enumerate(zip(elements, packages, strict=True)):
+        for part in element.iter():
+            for attribute in ("eType", "eSuperTypes"):
+                if attribute in part.attrib:
+                    part.attrib[attribute] = _PLACE.sub(
+                        lambda found: _prefix(names, int(found[1]), place) + "#//", part.attrib[attribute]
+                    )
+        _add_opposites(element, package, ecore, lambda root: _prefix(names, packages.index(root), place))
+        yield Source(f"{names[place]}.ecore", str(etree.tostring(element, encoding="unicode")))
+
+
+def _prefix(names: Sequence[str], target: int, here: int) -> str:
+    return "" if target == here else f"{quote(names[target])}.ecore"
+
+
+def _add_opposites(element: Any, package: Any, ecore: Any, prefix: Callable[[Any], str]) -> None:
     """Writes the `eOpposite`s into a tree of a package: pyecore 0.15 leaves them out."""
     for tag, classifier in zip(element.findall("eClassifiers"), package.eClassifiers, strict=True):
         if isinstance(classifier, ecore.EClass):
             features = zip(tag.findall("eStructuralFeatures"), classifier.eStructuralFeatures, strict=True)
             for inner, feature in features:
                 if isinstance(feature, ecore.EReference) and feature.eOpposite is not None:
-                    inner.set("eOpposite", feature.eOpposite.eURIFragment())
+                    inner.set("eOpposite", _address(feature.eOpposite, prefix))
     for tag, inside in zip(element.findall("eSubpackages"), package.eSubpackages, strict=True):
-        _add_opposites(tag, inside, ecore)
+        _add_opposites(tag, inside, ecore, prefix)
+
+
+def _address(feature: Any, prefix: Callable[[Any], str]) -> str:
+    """Where a feature stands: `#//Class/feature`, with the packages around the class, and the file."""
+    steps = [feature.name, feature.eContainingClass.name]
+    package = feature.eContainingClass.ePackage
+    while package.eSuperPackage is not None:
+        steps.append(package.name)
+        package = package.eSuperPackage
+    return f"{prefix(package)}#//{'/'.join(reversed(steps))}"

@@ -62,6 +62,7 @@ def test_labels_of_any_kind_are_numbered_in_their_order():
 @pytest.mark.parametrize(
     ("made", "error", "text"),
     [
+        ([], InvalidArgument, "MultiDiGraph"),
         (nx.DiGraph(), InvalidArgument, "MultiDiGraph"),
         (nx.MultiGraph(), InvalidArgument, "MultiDiGraph"),
         (graph(("a", {})), InvalidArgument, "node 'a' has no class"),

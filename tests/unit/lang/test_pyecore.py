@@ -44,6 +44,45 @@ def test_a_package_becomes_a_metamodel_with_its_opposites(society) -> None:
     assert members is not None and members.opposite == "group"
 
 
+def test_packages_that_a_package_refers_to_come_with_it() -> None:
+    people = ecore.EPackage("people", "http://example.org/people", "p")
+    inner = ecore.EPackage("inner", "http://example.org/people/inner", "i")
+    people.eSubpackages.append(inner)
+    person = ecore.EClass("Person")
+    inner.eClassifiers.append(person)
+    hotel = ecore.EPackage("hotel", "http://example.org/hotel", "h")
+    room, guest = ecore.EClass("Room"), ecore.EClass("Guest", superclass=(person,))
+    room.eStructuralFeatures.append(ecore.EReference("host", person))
+    guests = ecore.EReference("guests", person, upper=-1, containment=True)
+    room.eStructuralFeatures.append(guests)
+    person.eStructuralFeatures.append(ecore.EReference("room", room, eOpposite=guests))
+    hotel.eClassifiers.extend([room, guest])
+
+    metamodel = metamodel_from_pyecore(hotel)
+    assert [(one.name, one.package) for one in metamodel.class_list] == [
+        ("Room", ""),
+        ("Guest", ""),
+        ("Person", "people.inner"),
+    ]
+    assert metamodel.classes["Guest"].supertypes == ("Person",)
+    opposite = metamodel.feature("Room", "guests")
+    assert opposite is not None and opposite.opposite == "room"
+
+    suite, visitor = room(), guest()
+    suite.guests.append(visitor)
+    model = model_from_pyecore(suite, metamodel=metamodel)
+    assert model.nodes("Guest")[0].room == model.nodes("Room")[0]
+    (again,) = model_to_pyecore(model, hotel)
+    assert isinstance(again.guests[0], person)
+
+
+def test_a_package_that_nothing_refers_to_is_named() -> None:
+    first, second = (ecore.EPackage("same", f"http://example.org/{name}", name) for name in "ab")
+    first.eClassifiers.append(ecore.EClass("A"))
+    second.eClassifiers.append(ecore.EClass("B"))
+    assert list(metamodel_from_pyecore(first, second).classes) == ["A", "B"]
+
+
 def test_objects_become_a_model(society) -> None:
     package, group = society
     model = model_from_pyecore(group, metamodel=metamodel_from_pyecore(package))
