@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
@@ -185,39 +185,41 @@ def _sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
     elements = [tree] if len(packages) == 1 else list(tree)
     names: list[str] = []
     for package in packages:
-        names.append(package.name if package.name not in names else f"{package.name}-{len(names)}")
-    for place, (element, package) in enumerate(zip(elements, packages, strict=True)):
-        for part in element.iter():
-            for attribute in ("eType", "eSuperTypes"):
-                if attribute in part.attrib:
-                    part.attrib[attribute] = _PLACE.sub(
-                        lambda found: _prefix(names, int(found[1]), place) + "#//", part.attrib[attribute]
-                    )
-        _add_opposites(element, package, ecore, lambda root: _prefix(names, packages.index(root), place))
-        yield Source(f"{names[place]}.ecore", str(etree.tostring(element, encoding="unicode")))
+        name = package.name or "package"
+        names.append(name if name not in names else f"{name}-{len(names)}")
+    for name, element, package in zip(names, elements, packages, strict=True):
+        files = [("" if other == name else f"{quote(other)}.ecore") for other in names]
+        _name_files(element, files)
+        _add_opposites(element, package, ecore, dict(zip(packages, files, strict=True)))
+        yield Source(f"{name}.ecore", str(etree.tostring(element, encoding="unicode")))
 
 
-def _prefix(names: Sequence[str], target: int, here: int) -> str:
-    return "" if target == here else f"{quote(names[target])}.ecore"
+def _name_files(tree: Any, files: Sequence[str]) -> None:
+    """Names what is in other roots by their files."""
+    for part in tree.iter():
+        for attribute in ("eType", "eSuperTypes"):
+            if attribute in part.attrib:
+                text = part.attrib[attribute]
+                part.attrib[attribute] = _PLACE.sub(lambda found: f"{files[int(found[1])]}#//", text)
 
 
-def _add_opposites(element: Any, package: Any, ecore: Any, prefix: Callable[[Any], str]) -> None:
+def _add_opposites(element: Any, package: Any, ecore: Any, files: Mapping[Any, str]) -> None:
     """Writes the `eOpposite`s into a tree of a package: pyecore 0.15 leaves them out."""
     for tag, classifier in zip(element.findall("eClassifiers"), package.eClassifiers, strict=True):
         if isinstance(classifier, ecore.EClass):
             features = zip(tag.findall("eStructuralFeatures"), classifier.eStructuralFeatures, strict=True)
             for inner, feature in features:
                 if isinstance(feature, ecore.EReference) and feature.eOpposite is not None:
-                    inner.set("eOpposite", _address(feature.eOpposite, prefix))
+                    inner.set("eOpposite", _address(feature.eOpposite, files))
     for tag, inside in zip(element.findall("eSubpackages"), package.eSubpackages, strict=True):
-        _add_opposites(tag, inside, ecore, prefix)
+        _add_opposites(tag, inside, ecore, files)
 
 
-def _address(feature: Any, prefix: Callable[[Any], str]) -> str:
+def _address(feature: Any, files: Mapping[Any, str]) -> str:
     """Where a feature stands: `#//Class/feature`, with the packages around the class, and the file."""
     steps = [feature.name, feature.eContainingClass.name]
     package = feature.eContainingClass.ePackage
     while package.eSuperPackage is not None:
         steps.append(package.name)
         package = package.eSuperPackage
-    return f"{prefix(package)}#//{'/'.join(reversed(steps))}"
+    return f"{files[package]}#//{'/'.join(reversed(steps))}"
