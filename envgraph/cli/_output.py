@@ -24,7 +24,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from envgraph.errors import Diagnostic, DiagnosticError, EnvgraphError, Severity
+from envgraph.errors import Diagnostic, EnvgraphError, Severity
 
 
 class Advance(Protocol):
@@ -92,8 +92,9 @@ def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
 
 def print_error(error: EnvgraphError | OSError) -> None:
     """An exception as a person reads it, on standard error."""
-    if isinstance(error, DiagnosticError):
-        print_diagnostics(error.diagnostics)
+    diagnostics: tuple[Diagnostic, ...] = getattr(error, "diagnostics", ())
+    if diagnostics:
+        print_diagnostics(diagnostics)
         return
     console = Console(stderr=True, soft_wrap=True, highlight=False)
     text = str(error)

@@ -13,7 +13,7 @@ from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, with_arti
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
-from envgraph.rewrite import Application, Engine, Firing, trace_to_text
+from envgraph.rewrite import Application, Engine, Firing, RunResult, trace_to_text
 
 _NO_MODELS = (".metamodel", ".ecore", ".query", ".vql", ".rules", ".environment")
 
@@ -94,26 +94,29 @@ def apply_rule(
     engine = open_engine(model, rules, metamodels, seed)
     bound = _bound(engine, {p.name: p.type for p in engine.signature(rule).parameters}, where)
     done: list[dict[str, Any]] = []
-    failure: str | None = None
+    failed: RunResult | None = None
     with engine.recording() as recorded:
         for number in range(1, times + 1):
-            lines, failure = _apply_once(engine, rule, bound)
+            lines, failed = _apply_once(engine, rule, bound)
             if lines:
                 done.append({"application": number, "steps": lines})
-            if failure is not None or not lines:
+            if failed is not None or not lines:
                 break
     if trace is not None:
         trace.parent.mkdir(parents=True, exist_ok=True)
         trace.write_text(trace_to_text(engine, recorded), "utf-8")
     if format is OutputFormat.JSON:
+        failure = failed.reason if failed is not None else None
         told = {"rule": rule, "applications": done, "failure": failure, "model": model_to_json(engine.model)}
         print_json(told)
     else:
         for entry in done:
             for line in entry["steps"]:
                 print(f"{entry['application']}: {line}")
-        if failure is not None:
-            print(f"{rule} failed: {failure}")
+        if failed is not None:
+            print(f"{rule} failed: {failed.reason}")
+            if failed.span is not None:
+                print(failed.span.excerpt())
         elif len(done) < times:
             print(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
         if trace is not None:
@@ -122,11 +125,11 @@ def apply_rule(
         write_model(engine, output, format)
 
 
-def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[str], str | None]:
-    """What one application did, a line a step, and why a unit failed."""
+def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[str], RunResult | None]:
+    """What one application did, a line a step, and the result of a unit that failed."""
     if engine.signature(rule).kind == "unit":
         result = engine.run(rule, **bound)
-        return [_traced(engine, firing) for firing in result.firings], result.reason
+        return [_traced(engine, firing) for firing in result.firings], None if result else result
     application = engine.apply(rule, **bound)
     return [] if application is None else [_told(engine, application)], None
 

@@ -52,13 +52,19 @@ def observer(
     padding: int,
     bound: Scope,
 ) -> Callable[[], int]:
-    if owner is None:
-        return lambda: index(follow(path, bound, read))
-    name, value = owner
+    name, value = owner or ("", None)
 
     def observe() -> int:
-        node = value()
-        return padding if node is None else index(follow(path, {**bound, name: node}, read))
+        scope = bound
+        if value is not None:
+            node = value()
+            if node is None:
+                return padding
+            scope = {**bound, name: node}
+        try:
+            return index(follow(path, scope, read))
+        except EvaluationError as error:
+            raise EvaluationError(error.message, path.span, error.hint) from None
 
     return observe
 
@@ -70,7 +76,7 @@ def object_index(
         if type(value) is int:
             return indexer(value)
         if missing is None:
-            raise EvaluationError(f"an observed path leads nowhere: write `among {cls} or none`")
+            raise EvaluationError("an observed path leads nowhere", hint=f"write `among {cls} or none`")
         return missing
 
     return index
@@ -79,7 +85,9 @@ def object_index(
 def range_index(low: int, high: int) -> Callable[[Value | None], int]:
     def index(value: Value | None) -> int:
         if type(value) is not int:
-            raise EvaluationError("an observed path leads nowhere, and a range has no place for that")
+            message = "an observed path leads nowhere, and a range has no place for that"
+            hint = "give the attribute a value in each state, or observe a pattern with `find`"
+            raise EvaluationError(message, hint=hint)
         return min(max(value, low), high) - low
 
     return index
@@ -90,7 +98,8 @@ def literal_index(literals: Sequence[Value]) -> Callable[[Value | None], int]:
 
     def index(value: Value | None) -> int:
         if value is None:
-            raise EvaluationError("an observed attribute has no value")
+            hint = "give the attribute a value in each state, or observe a pattern with `find`"
+            raise EvaluationError("an observed attribute has no value", hint=hint)
         return places[value]
 
     return index

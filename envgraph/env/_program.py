@@ -51,6 +51,7 @@ from envgraph.pattern import (
     Variable,
     check_expression,
     evaluate,
+    explained,
     variables_in,
 )
 from envgraph.rewrite import Engine
@@ -171,7 +172,10 @@ class Program:
         read = self._read
 
         def value(scope: Scope) -> Value | None:
-            found = evaluate(argument, scope, read)
+            try:
+                found = evaluate(argument, scope, read)
+            except EvaluationError as error:
+                raise _unvalued(error, "an argument", argument, scope, read) from None
             return float(found) if is_float and found is not None else found
 
         return value
@@ -179,10 +183,10 @@ class Program:
     def _reward(self, reward: Expression | None) -> Reward | None:
         if reward is None:
             return None
-        if not any(True for _ in variables_in(reward)):
-            return _fixed(_number(reward, evaluate(reward, {})))
         read = self._read
-        return lambda scope: _number(reward, evaluate(reward, scope, read))
+        if not any(True for _ in variables_in(reward)):
+            return _fixed(_number(reward, {}, read))
+        return lambda scope: _number(reward, scope, read)
 
     # --- effects
 
@@ -326,11 +330,23 @@ def _fixed(value: float) -> Reward:
     return lambda _: value
 
 
-def _number(reward: Expression, value: Value | None) -> float:
+def _number(reward: Expression, scope: Scope, read: Reader) -> float:
+    try:
+        value = evaluate(reward, scope, read)
+    except EvaluationError as error:
+        raise _unvalued(error, "a reward", reward, scope, read) from None
     if value is None:
-        place = f"{reward.span}: " if reward.span else ""
-        raise EvaluationError(f"{place}a reward has no value")
+        raise EvaluationError(
+            "a reward has no value", reward.span, "a path in it leads nowhere in this state"
+        )
     return float(value)
+
+
+def _unvalued(
+    error: EvaluationError, what: str, expression: Expression, scope: Scope, read: Reader
+) -> EvaluationError:
+    found = explained(error, expression, scope, read, None, "write `{} ? .. : ..` around it")
+    return EvaluationError(f"{what} has no value: {found.message}", found.span, found.hint)
 
 
 def _together(

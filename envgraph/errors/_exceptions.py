@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from envgraph.errors._diagnostics import Diagnostic
+from envgraph.errors._diagnostics import Diagnostic, Note
+from envgraph.errors._source import Span
 
 
 class EnvgraphError(Exception):
@@ -39,40 +40,101 @@ class TypeMismatch(EnvgraphError):
     """A value, class or reference that the metamodel does not allow at that place of a model."""
 
 
-class RuleError(EnvgraphError):
+class _PlacedError(EnvgraphError):
+    """An error at run time; where what failed was read from a text, `str()` shows the place like a diagnostic."""
+
+    def __init__(self, message: str, span: Span | None, hint: str | None) -> None:
+        self.message = message
+        self.span = span
+        self.hint = hint
+        super().__init__(message)
+
+    @property
+    def _advice(self) -> str:
+        return f"\nhint: {self.hint}" if self.hint else ""
+
+    def _diagnostic(self, code: str, notes: Sequence[str] = ()) -> tuple[Diagnostic, ...]:
+        if self.span is None:
+            return ()
+        return (Diagnostic(code, self.message, self.span, self.hint, notes=tuple(map(Note, notes))),)
+
+
+class RuleError(_PlacedError):
     """A rule cannot be applied at a match; `reason` says which condition fails.
 
     Attributes:
+        message: what is wrong, in one line.
         rule: name of the rule, or None.
         reason: stable word for programs: "dangling", "multiplicity", "identification", "stale-match", "full",
             "containment", "ambiguous", "lost-link", "missing-link".
         details: one line for each offending element.
+        span: the action that is refused, or the rule; None where they were not read from a text.
+        hint: how to mend it, if that is known.
     """
 
     def __init__(
-        self, message: str, *, rule: str | None = None, reason: str, details: Sequence[str] = ()
+        self,
+        message: str,
+        *,
+        rule: str | None = None,
+        reason: str,
+        details: Sequence[str] = (),
+        span: Span | None = None,
+        hint: str | None = None,
     ) -> None:
+        super().__init__(message, span, hint)
         self.rule = rule
         self.reason = reason
         self.details = tuple(details)
-        self._message = message
-        super().__init__("\n  ".join([message, *details]))
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """The error as a diagnostic; empty without a place."""
+        return self._diagnostic(self.reason, self.details)
+
+    def __str__(self) -> str:
+        found = self.diagnostics
+        return str(found[0]) if found else "\n  ".join([self.message, *self.details]) + self._advice
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
         """Errors cross from worker processes; by default they would be made again from their text."""
-        return _rule_error, (self._message, self.rule, self.reason, self.details)
+        return _rule_error, (self.message, self.rule, self.reason, self.details, self.span, self.hint)
 
 
-def _rule_error(message: str, rule: str | None, reason: str, details: Sequence[str]) -> RuleError:
-    return RuleError(message, rule=rule, reason=reason, details=details)
+def _rule_error(
+    message: str, rule: str | None, reason: str, details: Sequence[str], span: Span | None, hint: str | None
+) -> RuleError:
+    return RuleError(message, rule=rule, reason=reason, details=details, span=span, hint=hint)
 
 
 class TransactionError(EnvgraphError):
     """Savepoints closed out of order, a version of another model, a checkout inside a transaction."""
 
 
-class EvaluationError(EnvgraphError):
-    """An expression has no value: division by zero, overflow, a step limit that is used up."""
+class EvaluationError(_PlacedError):
+    """An expression has no value: division by zero, overflow, a step limit that is used up.
+
+    Attributes:
+        message: what is wrong, in one line.
+        span: the expression or step; None where it was not read from a text.
+        hint: how to mend it, if that is known.
+    """
+
+    def __init__(self, message: str, span: Span | None = None, hint: str | None = None) -> None:
+        super().__init__(message, span, hint)
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """The error as a diagnostic; empty without a place."""
+        return self._diagnostic("no-value")
+
+    def __str__(self) -> str:
+        found = self.diagnostics
+        return str(found[0]) if found else self.message + self._advice
+
+    def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
+        """Errors cross from worker processes; by default they would be made again from their text."""
+        return EvaluationError, (self.message, self.span, self.hint)
 
 
 class InvalidArgument(EnvgraphError, ValueError):

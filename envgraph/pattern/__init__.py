@@ -5,6 +5,7 @@ from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
 from envgraph.pattern._expressions import check_expression
+from envgraph.pattern._failure import explained
 from envgraph.pattern._library import PATHS, Library
 from envgraph.pattern._lowered import (
     AggregateAtom,
@@ -174,6 +175,7 @@ __all__ = [
     "compile_expression",
     "conformance_patterns",
     "evaluate",
+    "explained",
     "holds",
     "navigations",
     "renumbered_relation",

@@ -24,7 +24,7 @@ from envgraph.pattern._terms import (
 Reader = Callable[[int, str], Value | int | None]
 """Reads a single-valued feature of an object: the value, the id of the target, or None if there is none."""
 
-_STRICT: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
+STRICT: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
     "+": add,
     "-": subtract,
     "*": multiply,
@@ -54,7 +54,7 @@ def evaluate(
         EvaluationError: division by zero, overflow, a function outside its domain, an operand without a value.
         InvalidArgument: a variable without an entry in `values`, or a path without `read`.
     """
-    value: Value | int | None = _value(expression, values, read)
+    value: Value | int | None = raw_value(expression, values, read)
     return bounded(value) if computes(expression) else value
 
 
@@ -89,14 +89,14 @@ def value_of(
 ) -> Value | int | None:
     """The value of an `eval`, or None when it has none: then the body does not match. Paths as in `holds`."""
     try:
-        if any(_value(path, values, read) is None for path in navigations(expression)):
+        if any(raw_value(path, values, read) is None for path in navigations(expression)):
             return None
         return evaluate(expression, values, read)
     except EvaluationError:
         return None
 
 
-def _value(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Any:
+def raw_value(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Any:
     match node:
         case Variable():
             if node.name not in values:
@@ -109,7 +109,7 @@ def _value(node: Expression, values: Mapping[str, Any], read: Reader | None) -> 
         case Navigation():
             if read is None:
                 raise InvalidArgument(f"no model to read `{node.feature}` from")
-            owner = _value(node.object, values, read)
+            owner = raw_value(node.object, values, read)
             return None if owner is None else read(owner, node.feature)
         case Unary():
             operand = _present(node.operand, values, read)
@@ -117,7 +117,7 @@ def _value(node: Expression, values: Mapping[str, Any], read: Reader | None) -> 
         case Binary():
             return _binary(node, values, read)
         case Conditional():
-            return _value(node.then if _present(node.test, values, read) else node.otherwise, values, read)
+            return raw_value(node.then if _present(node.test, values, read) else node.otherwise, values, read)
         case FunctionCall():
             arguments = [_present(argument, values, read) for argument in node.arguments]
             return FUNCTIONS[node.function].implementation(*arguments)
@@ -130,18 +130,18 @@ def _binary(node: Binary, values: Mapping[str, Any], read: Reader | None) -> Any
         case "||":
             return any(_present(part, values, read) for part in children(node))
         case "==":
-            return _value(node.left, values, read) == _value(node.right, values, read)
+            return raw_value(node.left, values, read) == raw_value(node.right, values, read)
         case "!=":
-            return _value(node.left, values, read) != _value(node.right, values, read)
+            return raw_value(node.left, values, read) != raw_value(node.right, values, read)
     first, links = node.chain()
     result = _present(first, values, read)
     for link in links:
-        result = _STRICT[link.operator](result, _present(link.right, values, read))
+        result = STRICT[link.operator](result, _present(link.right, values, read))
     return result
 
 
 def _present(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Any:
-    value = _value(node, values, read)
+    value = raw_value(node, values, read)
     if value is None:
         name = f"`{node.feature}`" if isinstance(node, Navigation) else "an operand"
         raise EvaluationError(f"{name} has no value")

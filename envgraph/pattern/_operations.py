@@ -29,6 +29,9 @@ def text(value: Value) -> str:
     return value if isinstance(value, str) else repr(value)
 
 
+_SMALLER: Final = "an `int` has at most 64 bits: ask for smaller numbers, or calculate with a `float`"
+
+
 def bounded(value: Any) -> Any:
     """The value of a whole expression: ints fit 64 bits, strings a million characters.
 
@@ -36,7 +39,7 @@ def bounded(value: Any) -> Any:
     stores and reads again: a loop of `x = x * x` ends with an error instead of exhausting the memory.
     """
     if type(value) is int and not _INT_LOW <= value <= _INT_HIGH:
-        raise EvaluationError("overflow: the result does not fit 64 bits")
+        raise EvaluationError("overflow: the result does not fit 64 bits", hint=_SMALLER)
     if type(value) is str and len(value) > MOST_CHARACTERS:
         raise EvaluationError(f"overflow: the result has more than {MOST_CHARACTERS} characters")
     return value

@@ -19,7 +19,8 @@ from envgraph.rewrite._conflicts import Conflicts, Contradiction, Fresh, told
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._notices import Report
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
-from envgraph.rewrite._source import Dragged, Writer, check_kept
+from envgraph.rewrite._refusal import OPERATIONS, refusal, table
+from envgraph.rewrite._source import Line, Writer, check_kept
 
 Effect = Callable[[Row], Sequence[Any]]
 """Applies a rule at a row that is a match, and returns all slots of the rule, created objects among them.
@@ -64,7 +65,7 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
     endangered = _endangered([body], model.metamodel)
     kept = tuple(slot for slot in body.kept if body.classes[slot] in endangered)
     changes = [*writer.unlink(body), *writer.delete(body)]
-    changes += [writer.keep(kept, body)] if kept else []
+    changes += [Line(writer.keep(kept, body))] if kept else []
     changes += [line for phase in PHASES[3:] for line in getattr(writer, phase)(body)]
     lines = writer.compute(body)
     if kept or _needs_savepoint(body, model.metamodel):
@@ -74,15 +75,21 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
             release=model.release,
             BaseException=BaseException,
         )
-        lines += ["mark = savepoint()", "try:", *map(_indented, changes), "except BaseException:"]
-        lines += [" rollback(mark)", " raise", "release(mark)"]
+        lines += [Line("mark = savepoint()"), Line("try:"), *(line.inside for line in changes)]
+        lines += [
+            Line("except BaseException:"),
+            Line(" rollback(mark)"),
+            Line(" raise"),
+            Line("release(mark)"),
+        ]
     else:
         lines += changes
-    lines.append(f"return {writer.slots(tuple(range(body.slots)))}")
+    lines.append(Line(f"return {writer.slots(tuple(range(body.slots)))}"))
     unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
-    writer.namespace.update(refusals=REFUSALS, refused=lambda error: refusal(plan.name, error, model))
-    caught = ["except refusals as error:", " raise refused(error) from None"]
-    return _function("do_apply", "row", [unpack, "try:", *map(_indented, lines), *caught], writer.namespace)
+    writer.namespace.update(refusals=REFUSALS, refused=lambda error: refusal(plan, error, model))
+    caught = [Line("except refusals as error:"), Line(" raise refused(error) from None")]
+    whole = [Line(unpack), Line("try:"), *(line.inside for line in lines), *caught]
+    return _function("do_apply", "row", whole, writer.namespace)
 
 
 def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:
@@ -144,14 +151,12 @@ def _contains(reference: Reference, opposite: Reference | None) -> bool:
     return reference.containment or (opposite is not None and opposite.containment)
 
 
-def _indented(line: str) -> str:
-    return "\n".join(f" {part}" for part in line.split("\n"))
-
-
 def _function(
-    name: str, parameters: str, lines: Sequence[str], namespace: dict[str, Any]
+    name: str, parameters: str, lines: Sequence[Line], namespace: dict[str, Any]
 ) -> Callable[..., Any]:
-    source = "\n".join([f"def {name}({parameters}):", *map(_indented, lines or ["pass"])])
+    lines = lines or [Line("pass")]
+    source = "\n".join([f"def {name}({parameters}):", *(line.inside.source for line in lines)])
+    namespace.setdefault(OPERATIONS, {})[name] = table(lines)
     # The source holds names of ours and operators; nothing that anybody wrote.
     exec(compile(source, f"<rule {name}>", "exec"), namespace)
     function: Callable[..., Any] = namespace[name]
@@ -159,19 +164,6 @@ def _function(
 
 
 REFUSALS: Final = (RuleError, EvaluationError)
-
-
-def refusal(rule: str, error: RuleError | EvaluationError, model: Model) -> RuleError | EvaluationError:
-    """The reason that the model gives, with the name of the rule that was to be applied; the model is as before."""
-    message = f"rule `{rule}` cannot be applied: " + str(error).split("\n", 1)[0]
-    if isinstance(error, EvaluationError):
-        return EvaluationError(message)
-    details = error.details
-    if isinstance(error, Dragged):
-        container = model.container(error.node)
-        assert container is not None
-        details = (f"{model.describe(error.node)} is in {model.describe(container[0])}",)
-    return RuleError(message, rule=rule, reason=error.reason, details=details)
 
 
 # --- rules with blocks
@@ -243,7 +235,7 @@ class _Staged:
                         self._check_kept(instances, wants)
                         self._tell(instances)
         except REFUSALS as error:
-            raise refusal(self.plan.name, error, self.model) from None
+            raise refusal(self.plan, error, self.model) from None
         return instances[0].slots
 
     def _run(self, instances: Sequence[Instance], phase: str) -> None:
@@ -264,7 +256,8 @@ class _Staged:
             conflicts.finish()
         except Contradiction as error:
             details = [told(want, self._describe) for want in error.wants]
-            raise RuleError(error.message, reason="ambiguous", details=details) from None
+            span = getattr(error.wants[1].operation, "span", None)
+            raise RuleError(error.message, reason="ambiguous", details=details, span=span) from None
         return conflicts
 
     def _describe(self, node: int) -> str:

@@ -106,6 +106,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
         lossy=rule.semantics == "spo",
         body=body,
         exact=_exact_class(lowered),
+        span=rule.span,
     )
     return CheckedRule(rule, patterns, plan, tuple(problems))
 

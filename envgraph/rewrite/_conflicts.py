@@ -172,15 +172,16 @@ class Conflicts:
             if slots[gone] == slots[other]:
                 names = f"`{plan.names[gone]}` and `{plan.names[other]}`"
                 message = f"{names} are one object, and `{plan.names[gone]}` is deleted"
-                raise RuleError(message, reason="identification", details=[self.describe(slots[gone])])
+                span = next((delete.span for delete in plan.deletes if delete.node == gone), None)
+                details = [self.describe(slots[gone])]
+                raise RuleError(message, reason="identification", details=details, span=span)
         for gone_link, other_link in plan.identified_links:
             ends = slots[gone_link.source], slots[gone_link.target]
             same = slots[other_link.source], slots[other_link.target]
             if self.canonical(gone_link.reference, *ends) == self.canonical(other_link.reference, *same):
                 message = f"two arrows `{gone_link.reference.name}` are one link, and one of them is deleted"
-                raise RuleError(
-                    message, reason="identification", details=[self.describe(end) for end in ends]
-                )
+                details = [self.describe(end) for end in ends]
+                raise RuleError(message, reason="identification", details=details, span=gone_link.span)
 
     # --- objects
 

@@ -475,11 +475,8 @@ class Engine(Recordings):
         run, outcome, outputs = self._run(name, arguments)
         if self._recorders:
             self._record(run.firings, run.gaps)
-        reason = None
-        if outcome is None:
-            refusal = "" if run.refusal is None else f": {str(run.refusal).split(chr(10), 1)[0]}"
-            reason = f"{run.failure}{refusal}"
-        return RunResult(name, run.trace, reason, run.refusal, outputs, run.limit - run.steps)
+        failure = run.failure if outcome is None else None
+        return RunResult(name, run.trace, failure, run.refusal, outputs, run.limit - run.steps)
 
     def _run(
         self,
@@ -515,7 +512,7 @@ class Engine(Recordings):
         if name in self._groups:
             if arguments:
                 raise InvalidArgument(f"`{name}` is a group: its rules have no arguments in common")
-            run.failure = f"no rule of `{name}` could be applied"
+            run.failure = f"no rule of `{name}` could be applied", None
             return apply_one_of(run, [self._rules[member] for member in self._groups[name]]), {}
         program = self._units[name]
         environment = self._environment(program, arguments)
@@ -526,11 +523,11 @@ class Engine(Recordings):
         self, run: Run, rule: RuleRunner, arguments: Mapping[str, object]
     ) -> tuple[bool | None, Mapping[str, Node | Value]]:
         run.count()
-        run.failure = f"`{rule.name}` has no {'such ' if arguments else ''}match"
+        run.failure = f"`{rule.name}` has no {'such ' if arguments else ''}match", None
         found = fire_one(run, rule, rule.rows_known(self.ids(rule.shape, arguments)))
         if found is None:
             if run.refusal is not None:
-                run.failure = f"`{rule.name}` was refused at each match"
+                run.failure = f"`{rule.name}` was refused at each match", None
             return None, {}
         run.put(rule)
         run.put(found[0])
@@ -637,7 +634,7 @@ class Engine(Recordings):
                     )
                 try:
                     runner.apply_checked(row)
-                except RuleError as error:
+                except (RuleError, EvaluationError) as error:
                     if known is not None and known.spans:
                         raise known.refused(len(done) + 1, error) from error
                     raise

@@ -58,17 +58,17 @@ class PythonUnit(UnitProgram):
                 trace.notice(model.state_hash())
         except RuleError as error:
             if error.reason == "failed":
-                run.failure = str(error)
+                run.failure = error.message, error.span
             else:
                 note_refusal(run, error)
-                run.failure = f"the model refused what `{self.name}` did"
+                run.failure = f"the model refused what `{self.name}` did", None
             return None
         run.gaps.extend(len(run.trace) // 2 + gap for gap in trace.gaps)
         for firing in trace:
             run.put(engine.prepare(firing.rule))
             run.put(firing.values)
         if outcome is False:
-            run.failure = f"`{self.name}` returned False"
+            run.failure = f"`{self.name}` returned False", None
             return None
         return bool(trace) or model.revision != before
 

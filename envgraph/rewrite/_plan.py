@@ -224,3 +224,4 @@ class RulePlan:
     lossy: bool
     body: BlockPlan
     exact: str | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from math import fsum
 from typing import Any, Final, NoReturn
 
-from envgraph.errors import EvaluationError, RuleError
+from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model, Savepoint
 from envgraph.metamodel import Value
 from envgraph.rewrite._branches import Branches
@@ -30,6 +30,9 @@ REFUSALS: Final = frozenset(
 
 Environment = dict[str, Value]
 
+Site = tuple[str, Span | None]
+"""A step, for messages: what it is called, and where it is written."""
+
 Unset = type("Unset", (), {"__slots__": (), "__repr__": lambda self: "UNSET"})
 UNSET: Final = Unset()
 """Stands for an `out` parameter of a unit that has no value yet."""
@@ -43,7 +46,7 @@ class Run:
         steps: how many are left.
         trace: what was applied, in order: a rule, its match, a rule, its match ... Flat, because it may be long.
         refusal: why the model refused the last application that failed, if that is why the last step failed.
-        failure: which step failed last, and why.
+        failure: which step failed last and why, and where it is written.
         gaps: after so many applications something that was no rule changed the model: see `Trace`.
         opened: savepoints of the steps under way that leave nothing behind if they fail.
     """
@@ -54,7 +57,7 @@ class Run:
     limit: int
     trace: list[Any] = field(default_factory=list)
     refusal: RuleError | None = None
-    failure: str = ""
+    failure: Site = "", None
     levels: int = 0
     gaps: list[int] = field(default_factory=list)
     opened: list[Savepoint] = field(default_factory=list)
@@ -70,15 +73,15 @@ class Run:
         """What was applied, in order."""
         return firings(self.trace)
 
-    def count(self) -> None:
-        """One more step.
+    def count(self, site: Site | None = None) -> None:
+        """One more step; `site` says which.
 
         Raises:
             EvaluationError: that is one too many.
         """
         self.steps -= 1
         if self.steps < 0:
-            spent(self, None)
+            spent(self, site)
 
     def whole(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Run a step that leaves nothing behind if it fails."""
@@ -100,6 +103,11 @@ class Run:
             self.model.rollback(self.opened.pop())
 
 
+def at(span: Span | None) -> str:
+    """Where something is written, if it is."""
+    return f" ({span})" if span else ""
+
+
 def firings(trace: Sequence[Any]) -> list[Firing]:
     """The applications of a flat trace."""
     items = iter(trace)
@@ -113,16 +121,16 @@ def _picker(rng: Randomness) -> Callable[[int], int]:
     return lambda count: int(random() * count)
 
 
-def spent(run: Run, loop: str | None) -> NoReturn:
-    """The step limit is reached; `loop` is the loop that took the last step.
+def spent(run: Run, site: Site | None) -> NoReturn:
+    """The step limit is reached; `site` is the loop or the call that took the last step.
 
     Raises:
         EvaluationError: always.
     """
-    where = f"; it was in {loop}" if loop else ""
-    raise EvaluationError(
-        f"the run took more than {run.limit} steps{where}: it may never end, or set `step_limit` of the engine"
-    )
+    name, span = site or ("", None)
+    where = f"; it was in {name}" if name else ""
+    message = f"the run took more than {run.limit} steps{where}: it may never end, or set `step_limit` of the engine"
+    raise EvaluationError(message, span)
 
 
 def note_refusal(run: Run, error: RuleError) -> None:
@@ -185,7 +193,7 @@ def fire_next(
 
 
 def call_rule(
-    run: Run, rule: RuleRunner, rows: Sequence[Row], first: bool, missing: str, refused: str
+    run: Run, rule: RuleRunner, rows: Sequence[Row], first: bool, missing: Site, refused: Site
 ) -> Sequence[Any] | None:
     """A call of a rule that is not written out: what `_unit_source` writes for the first calls of a unit."""
     if not rows:
@@ -206,7 +214,7 @@ def call_rule(
     return result
 
 
-def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: str | None) -> bool | None:
+def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: Site) -> bool | None:
     """Apply a rule at each of the rows that still is a match when its turn comes and is not refused."""
     changed = None
     for row in rows:
@@ -227,9 +235,9 @@ def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: str | None
     return changed
 
 
-def apply_one_of(run: Run, rules: Sequence[RuleRunner]) -> bool | None:
+def apply_one_of(run: Run, rules: Sequence[RuleRunner], site: Site | None = None) -> bool | None:
     """Draw a rule by weight among those that match, and apply it at one of its matches; go on if that is refused."""
-    run.count()
+    run.count(site)
     run.refusal = None
     left = [rule for rule in rules if rule.exists()]
     while left:
@@ -243,9 +251,9 @@ def apply_one_of(run: Run, rules: Sequence[RuleRunner]) -> bool | None:
     return None
 
 
-def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: str | None) -> bool | None:
+def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: Site) -> bool | None:
     """`fire_every` of the rules of a group, at the matches that all of them have now."""
-    run.count()
+    run.count(site)
     run.refusal = None
     changed = None
     for rule, rows in [(rule, list(rule.all_rows())) for rule in rules]:

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from sys import maxsize
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 from envgraph.errors import EvaluationError, RuleError, with_article
 from envgraph.graph import Model
@@ -35,22 +35,41 @@ from envgraph.rewrite._plan import (
     Absorb,
     Assign,
     BlockPlan,
+    ChangeClass,
     ChangeTargets,
     Compute,
     Delete,
     Increase,
     Link,
+    New,
     Rehome,
     SetTargets,
     SetValue,
     Unlink,
 )
 
+_DRAGGED: Final = "`move` it out of the container, or delete it too"
+
 Namer = Callable[[int], str]
 """The source that stands for a slot."""
 
 LinkFact = tuple[Reference, int, int]
 """A link of a model: reference, source, target."""
+
+
+Operation = Compute | Unlink | Delete | ChangeClass | New | Absorb | Rehome | Link | Assign
+
+
+class Line(NamedTuple):
+    """A statement of generated source, of one line or several, and what it carries out."""
+
+    source: str
+    operation: Operation | None = None
+
+    @property
+    def inside(self) -> Line:
+        """The statement as part of another one."""
+        return Line("\n".join(f" {part}" for part in self.source.split("\n")), self.operation)
 
 
 class Writer:
@@ -123,27 +142,29 @@ class Writer:
 
     # --- the phases of a block, in order
 
-    def compute(self, plan: BlockPlan) -> list[str]:
+    def compute(self, plan: BlockPlan) -> list[Line]:
         """Values on the state before the rule, and links that have to be there."""
         asked = [
-            f"_there({self.slot(u.source)}, {self.constant(u.reference)}, {self.slot(u.target)})"
+            Line(f"_there({self.slot(u.source)}, {self.constant(u.reference)}, {self.slot(u.target)})", u)
             for u in plan.unlinks
             if u.required
         ]
-        return [*asked, *(f"{self.slot(c.slot)} = {self._value(c)}" for c in plan.computed)]
+        return [*asked, *(Line(f"{self.slot(c.slot)} = {self._value(c)}", c) for c in plan.computed)]
 
-    def unlink(self, plan: BlockPlan) -> list[str]:
+    def unlink(self, plan: BlockPlan) -> list[Line]:
         """Links that go, and objects that leave their container: all before one enters another."""
         fresh = {new.node for new in plan.creates}
         leaving = [
-            self._leave(move, move.container in fresh) for move in plan.moves if move.node not in fresh
+            Line(self._leave(move, move.container in fresh), move)
+            for move in plan.moves
+            if move.node not in fresh
         ]
         setting = [change for change in plan.sets if isinstance(change, SetTargets | ChangeTargets)]
         housing = [change for change in setting if self._houses(change.reference)]
         others = len(plan.moves) + sum(self._houses(link.reference) for link in plan.links)
         if not self.sure or len(housing) + others > 1:
-            leaving += [line for change in housing for line in self._release(change, fresh)]
-        return [*map(self._unlink, plan.unlinks), *leaving]
+            leaving += [Line(line, change) for change in housing for line in self._release(change, fresh)]
+        return [*(Line(self._unlink(unlink), unlink) for unlink in plan.unlinks), *leaving]
 
     def _houses(self, reference: Reference) -> bool:
         relation = self.model.store.relations[reference.index]
@@ -160,50 +181,50 @@ class Writer:
         every = isinstance(op, SetTargets)
         return [f"_release({node}, {self.constant(op.reference)}, {self.slots(known)}, {every})"]
 
-    def delete(self, plan: BlockPlan) -> list[str]:
+    def delete(self, plan: BlockPlan) -> list[Line]:
         """Objects that go."""
-        return [self._delete(d) for d in plan.deletes]
+        return [Line(self._delete(d), d) for d in plan.deletes]
 
-    def strip(self, plan: BlockPlan) -> list[str]:
+    def strip(self, plan: BlockPlan) -> list[Line]:
         """Links that objects which are merged take along."""
-        return [f"{self.slot(a.links)} = _strip({self.slot(a.absorbed)})" for a in plan.absorbs]
+        return [Line(f"{self.slot(a.links)} = _strip({self.slot(a.absorbed)})", a) for a in plan.absorbs]
 
     def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> str:
         """Makes sure that what the rule keeps has not gone with its container."""
         names = tuple(plan.names[slot] for slot in slots)
         return f"_check_kept({self.slots(slots)}, {self.constant(names)})"
 
-    def retype(self, plan: BlockPlan) -> list[str]:
+    def retype(self, plan: BlockPlan) -> list[Line]:
         """Objects that change their class."""
-        return [f"retype({self.slot(r.node)}, {self.constant(r.cls)}, {self.lossy})" for r in plan.retypes]
+        return [
+            Line(f"retype({self.slot(r.node)}, {self.constant(r.cls)}, {self.lossy})", r)
+            for r in plan.retypes
+        ]
 
-    def create(self, plan: BlockPlan) -> list[str]:
+    def create(self, plan: BlockPlan) -> list[Line]:
         """New objects."""
-        return [f"{self.slot(n.node)} = new({self.constant(n.cls)})" for n in plan.creates]
+        return [Line(f"{self.slot(n.node)} = new({self.constant(n.cls)})", n) for n in plan.creates]
 
-    def link(self, plan: BlockPlan) -> list[str]:
+    def link(self, plan: BlockPlan) -> list[Line]:
         """Merges, moves and new links."""
         moves = [
-            f"link({self.slot(m.container)}, {self.constant(m.reference)}, {self.slot(m.node)})"
+            Line(f"link({self.slot(m.container)}, {self.constant(m.reference)}, {self.slot(m.node)})", m)
             for m in plan.moves
         ]
         fresh = {new.node for new in plan.creates}
         housed = Counter(content_of(op.reference, op.source, op.target, self.model) for op in plan.links)
         housed.update(op.node for op in plan.moves)
-        links = [
-            self._link(
-                op,
-                fresh=op.source in fresh or op.target in fresh,
-                homeless=(content := content_of(op.reference, op.source, op.target, self.model)) in fresh
-                and housed[content] == 1,
-            )
-            for op in plan.links
-        ]
-        return [*map(self._absorb, plan.absorbs), *moves, *links]
+        links = []
+        for op in plan.links:
+            content = content_of(op.reference, op.source, op.target, self.model)
+            homeless = content in fresh and housed[content] == 1
+            new = op.source in fresh or op.target in fresh
+            links.append(Line(self._link(op, fresh=new, homeless=homeless), op))
+        return [*(Line(self._absorb(absorb), absorb) for absorb in plan.absorbs), *moves, *links]
 
-    def assign(self, plan: BlockPlan) -> list[str]:
+    def assign(self, plan: BlockPlan) -> list[Line]:
         """Values and targets that are set."""
-        return [self._assign(change) for change in plan.sets]
+        return [Line(self._assign(change), change) for change in plan.sets]
 
     # --- parts
 
@@ -400,7 +421,7 @@ class Dragged(RuleError):
     """An object that a rule keeps or changes would go with its container; `node` is there again after a rollback."""
 
     def __init__(self, message: str, node: int) -> None:
-        super().__init__(message, reason="containment")
+        super().__init__(message, reason="containment", hint=_DRAGGED)
         self.node = node
 
 
@@ -460,9 +481,12 @@ def house(model: Model, source: int, reference: Reference, target: int) -> None:
     old = model.container(target) if model.alive(target) else None
     if old is not None:
         container, feature = model.describe(old[0]), old[1].name
-        message = f"{model.describe(target)} is in {container} already; `move` or `set` takes it out"
+        message = f"{model.describe(target)} is in {container} already"
         raise RuleError(
-            message, reason="full", details=[f"{container} -{feature}-> {model.describe(target)}"]
+            message,
+            reason="full",
+            details=[f"{container} -{feature}-> {model.describe(target)}"],
+            hint="`move` or `set` takes it out",
         )
     model.link(source, reference, target)
 

@@ -15,11 +15,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
-from envgraph.errors import Diagnostic, RuleError, Span, TraceError
+from envgraph.errors import Diagnostic, EvaluationError, Note, RuleError, Span, TraceError
 from envgraph.rewrite._match import Firing
 
 if TYPE_CHECKING:
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
 
 TRACE_FORMAT: Final = "envgraph-trace-1"
 
+_CHANGED: Final = "the trace was changed, or the rule is not what it was"
 _HINT: Final = (
     "a trace holds applications of rules: put the edit into a rule (`@engine.rule` makes one of a function), or leave "
     "it out"
@@ -100,17 +100,20 @@ class Trace(list[Firing]):
             message = (
                 f"application {count}, `{rule}`, leads to state {state_text(state)}, not {state_text(known)}"
             )
-            hint = "the trace was changed, or the rule is not what it was"
+            hint = _CHANGED
         else:
             message = f"the run began in state {state_text(known)}, and this is {state_text(state)}"
             hint = "replay it on the model that it was recorded on"
         raise TraceError([Diagnostic("other-state", message, self.span(count), hint)])
 
-    def refused(self, count: int, error: RuleError) -> TraceError:
+    def refused(self, count: int, error: RuleError | EvaluationError) -> TraceError:
         """An application of a trace that was read cannot be made."""
-        message, *details = str(error).split("\n")
-        found = Diagnostic("not-applicable", f"application {count}: {message}", self.matches[count - 1])
-        return TraceError([replace(found, hint=" ".join(map(str.strip, details)))] if details else [found])
+        message = f"application {count}: {error.message}"
+        notes: tuple[Note, ...] = (Note("this cannot be done", error.span),) if error.span else ()
+        notes += tuple(map(Note, error.details if isinstance(error, RuleError) else ()))
+        hint = error.hint or _CHANGED
+        found = Diagnostic("not-applicable", message, self.matches[count - 1], hint, notes=notes)
+        return TraceError([found])
 
     def span(self, count: int) -> Span | None:
         """Where the state after so many applications stands."""

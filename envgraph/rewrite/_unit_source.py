@@ -32,6 +32,7 @@ from envgraph.pattern import (
     Try,
     Variable,
     evaluate,
+    explained,
     holds,
     navigations,
     value_of,
@@ -44,8 +45,10 @@ from envgraph.rewrite._match import Row
 from envgraph.rewrite._names import Signature
 from envgraph.rewrite._run import (
     UNSET,
+    Site,
     apply_every_of,
     apply_one_of,
+    at,
     call_rule,
     fire_another,
     fire_every,
@@ -130,6 +133,7 @@ class UnitSource:
         matcher: Matcher,
     ) -> None:
         self.checked = checked
+        self._name = checked.unit.qualified_name
         self._rules = rules
         self._run_unit = run_unit
         self._group = group
@@ -234,7 +238,7 @@ class UnitSource:
 
     def _fails(self, text: str, span: Span | None) -> None:
         """The function ends here, and the step has failed."""
-        self._now.add(f"run.failure = {self._constant(text + at(span))}", "return None")
+        self._now.add(f"run.failure = {self._constant((text, span))}", "return None")
 
     # --- steps
 
@@ -285,7 +289,7 @@ class UnitSource:
             self._now.add(f"c |= {source}" if source != "True" else "c = True")
 
     def _alap(self, step: Alap, scope: Scope) -> None:
-        function, loop = self._now, self._constant(f"the `alap`{at(step.span)}")
+        function, loop = self._now, self._constant(("the `alap`", step.span))
         name, arguments = self._inner(step.body, scope), scope.locals
         with function.block("while True:"):
             function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {loop})")
@@ -304,7 +308,7 @@ class UnitSource:
         function.add("run.refusal = None")
 
     def _repeat(self, step: Repeat, scope: Scope) -> None:
-        function, loop = self._now, self._constant(f"the `repeat`{at(step.span)}")
+        function, loop = self._now, self._constant(("the `repeat`", step.span))
         lower, spread = step.lower, step.upper - step.lower + 1
         rounds = f"{lower} + run.pick({spread})" if spread > 1 else f"{lower}"
         call, done = self._whole(step.body, scope), self._new("d")
@@ -314,7 +318,8 @@ class UnitSource:
                 if lower:
                     text = self._constant(f" of at least {lower} rounds succeeded{at(step.span)}: ")
                     with function.block(f"if {done} < {lower}:"):
-                        function.add(f"run.failure = str({done}) + {text} + run.failure", "return None")
+                        function.add(f"run.failure = str({done}) + {text} + run.failure[0], run.failure[1]")
+                        function.add("return None")
                 function.add("run.refusal = None", "break")
             self._changed("o")
 
@@ -424,11 +429,8 @@ class UnitSource:
     def _call_group(self, call: Call, callee: Signature) -> None:
         members = self._constant([self._rules[name] for name in self._group(callee.name)])
         function = self._now
-        if call.every:
-            site = self._constant(f"`{callee.simple}`{at(call.span)}")
-            function.add(f"o = apply_every_of(run, {members}, {site})")
-        else:
-            function.add(f"o = apply_one_of(run, {members})")
+        site = self._constant((f"`{callee.simple}`", call.span))
+        function.add(f"o = apply_{'every' if call.every else 'one'}_of(run, {members}, {site})")
         with function.block("if o is None:"):
             self._fails(f"no rule of `{callee.simple}` could be applied", call.span)
         self._changed("o")
@@ -441,8 +443,9 @@ class UnitSource:
         for name, local in given:
             if local in {scope.names[each] for each in scope.maybe}:
                 function.add(f"if {local} is UNSET: del m[{self._constant(name)}]")
+        site = self._constant((f"`{callee.simple}`", call.span))
         function.add(
-            f"o = {self._constant(self._run_unit(callee.name))}(run, m)", "if o is None: return None"
+            f"o = {self._constant(self._run_unit(callee.name))}(run, m, {site})", "if o is None: return None"
         )
         for theirs, own in new.items():
             function.add(f"{self._give(scope, own)} = m[{self._constant(theirs)}]")
@@ -476,8 +479,8 @@ class UnitSource:
         if isinstance(expression, Constant):
             return self._constant(expression.value)
         used = {variable.name: scope.names[variable.name] for variable in variables_in(expression)}
-        place = self._constant(at(expression.span or call.span))
-        function.add(f"{local} = argument({self._constant(expression)}, {self._values(used)}, read, {place})")
+        site = self._constant((f"an argument of `{call.name}` in `{self._name}`", call.span))
+        function.add(f"{local} = argument({self._constant(expression)}, {self._values(used)}, read, {site})")
         with function.block(f"if {local} is None:"):
             self._fails(f"an argument of `{call.name}` has no value", expression.span or call.span)
         return local
@@ -488,7 +491,7 @@ class UnitSource:
     def _rows(self, call: Call, callee: Signature, scope: Scope) -> tuple[RuleRunner, str, dict[str, str]]:
         """The rule, the source of its matches, and the variables that get values from `out` parameters."""
         rule = self._rules[callee.name]
-        function, site = self._now, self._constant(f"`{callee.simple}`{at(call.span)}")
+        function, site = self._now, self._constant((f"`{callee.simple}`", call.span))
         function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {site})", "run.refusal = None")
         given, new = self._arguments(call, callee, scope)
         maybe = {scope.names[name] for name in scope.maybe}
@@ -527,7 +530,7 @@ class UnitSource:
         refused = f"`{callee.simple}` was refused at each match"
         self._calls += 1
         if self._calls > _WRITTEN_OUT:
-            texts = f"{self._constant(missing + at(call.span))}, {self._constant(refused + at(call.span))}"
+            texts = f"{self._constant((missing, call.span))}, {self._constant((refused, call.span))}"
             function.add(
                 f"s = call_rule(run, {own}, {rows}, {call.first}, {texts})", "if s is None: return None"
             )
@@ -557,7 +560,7 @@ class UnitSource:
 
     def _call_every(self, call: Call, callee: Signature, scope: Scope) -> None:
         rule, rows, _ = self._rows(call, callee, scope)
-        function, site = self._now, self._constant(f"`{callee.simple}`{at(call.span)}")
+        function, site = self._now, self._constant((f"`{callee.simple}`", call.span))
         function.add(f"o = fire_every(run, {self._constant(rule)}, list({rows}), {site})")
         with function.block("if o is None:"):
             with function.block("if run.refusal is not None:"):
@@ -631,9 +634,9 @@ def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) ->
 
 
 def argument_value(
-    expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None], place: str
+    expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None], site: Site
 ) -> Value | None:
-    """The value of an argument that is written at a place, or None if a path in it has none.
+    """The value of an argument, or None if a path in it has none; `site` is what it is, and where its call is written.
 
     Raises:
         EvaluationError: division by zero, overflow, a function outside its domain.
@@ -643,7 +646,11 @@ def argument_value(
     try:
         return evaluate(expression, values, read)
     except EvaluationError as error:
-        raise EvaluationError(f"{error}{place}") from None
+        name, span = site
+        found = explained(
+            error, expression, values, read, span, "write `if check {} {{ .. }}` around the call"
+        )
+        raise EvaluationError(f"{name} has no value: {found.message}", found.span, found.hint) from None
 
 
 def read_feature(model: Model, node: int, feature: str) -> Value | None:
@@ -654,11 +661,6 @@ def read_feature(model: Model, node: int, feature: str) -> Value | None:
     if found is None:
         return None
     return model.value(node, found) if isinstance(found, Attribute) else model.target(node, found)
-
-
-def at(span: Span | None) -> str:
-    """Where something is written, if it is."""
-    return f" ({span})" if span else ""
 
 
 def _outcome(function: _Function) -> str:

@@ -37,7 +37,7 @@ from envgraph.match import Matcher
 from envgraph.metamodel import Value
 from envgraph.rewrite._match import Firing, Match
 from envgraph.rewrite._names import Signature
-from envgraph.rewrite._run import MOST_LEVELS, Environment, Run, firings
+from envgraph.rewrite._run import MOST_LEVELS, Environment, Run, Site, at, firings
 from envgraph.rewrite._runner import RuleRunner
 from envgraph.rewrite._unit_check import CheckedUnit, depth
 from envgraph.rewrite._unit_source import UnitSource
@@ -59,13 +59,15 @@ class UnitProgram:
         self._function: Callable[[Run, Environment], bool | None] | None = None
         self._source = ""
 
-    def run(self, run: Run, environment: Environment) -> bool | None:
-        """Run it inside of a run."""
-        run.count()
+    def run(self, run: Run, environment: Environment, site: Site | None = None) -> bool | None:
+        """Run it inside of a run; `site` is the call."""
+        run.count(site)
         run.levels += self.levels
         if run.levels > MOST_LEVELS:
             raise EvaluationError(
-                f"more than {MOST_LEVELS} steps inside each other; `{self.name}` is one that calls on"
+                f"more than {MOST_LEVELS} steps inside each other; `{self.name}` is one that calls on",
+                site and site[1],
+                "use `alap` or `repeat` instead of units that call each other without an end",
             )
         function = self._function or self._compiled()
         outcome = function(run, environment)
@@ -97,7 +99,7 @@ def unit_program(
 ) -> UnitProgram:
     """The program of a unit without errors; rules and units may be added until it first runs."""
 
-    def called(name: str) -> Callable[[Run, Environment], bool | None]:
+    def called(name: str) -> Callable[[Run, Environment, Site], bool | None]:
         return units[name].run
 
     return UnitProgram(signature, checked, lambda: UnitSource(checked, rules, called, group, model, matcher))
@@ -110,26 +112,41 @@ class RunResult:
         name: of the unit, rule or group.
         succeeded: whether it did; one that fails keeps what it did before, unless it is `atomic`.
         reason: why it failed: which step, and where it is written; None if it succeeded.
+        span: the step that failed, if it was read from a text.
         refusal: the reason of the model, if that refused an application and the run failed for it; else None.
         outputs: values of the `out` parameters, if it succeeded.
         steps: how many calls and rounds it took.
     """
 
-    __slots__ = ("_trace", "events", "name", "outputs", "reason", "refusal", "steps", "succeeded")
+    __slots__ = (
+        "_failure",
+        "_trace",
+        "events",
+        "name",
+        "outputs",
+        "reason",
+        "refusal",
+        "span",
+        "steps",
+        "succeeded",
+    )
 
     def __init__(
         self,
         name: str,
         trace: Sequence[Any],
-        reason: str | None,
+        failure: Site | None,
         refusal: RuleError | None,
         outputs: Mapping[str, Node | Value],
         steps: int,
     ) -> None:
         self.name = name
-        self.succeeded = reason is None
-        self.reason = reason
+        self.succeeded = failure is None
         self.refusal = refusal
+        text, self.span = failure or ("", None)
+        self._failure = text if refusal is None else f"{text}: {refusal.message}"
+        where = text + at(self.span)
+        self.reason = None if failure is None else where if refusal is None else f"{where}: {refusal.message}"
         self.outputs = MappingProxyType(dict(outputs))
         self.steps = steps
         self.events: tuple[Firing, ...] = ()
@@ -163,7 +180,8 @@ class RunResult:
         if self.refusal is not None:
             raise self.refusal
         if self.reason is not None:
-            raise RuleError(f"`{self.name}` failed: {self.reason}", rule=self.name, reason="failed")
+            message = f"`{self.name}` failed: {self._failure}"
+            raise RuleError(message, rule=self.name, reason="failed", span=self.span)
         return self
 
     def __repr__(self) -> str:

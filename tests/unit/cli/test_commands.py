@@ -476,5 +476,6 @@ def test_apply_tells_why_a_unit_failed(envgraph: Envgraph) -> None:
         'import "maze/maze.rules"\nunit far { moveRight; moveUp; moveUp; moveUp; moveUp; moveUp; }\n'
     )
     lines = ok(envgraph("apply", "maze/maze.model", "twice.rules", "far")).out.splitlines()
-    assert lines[-1].startswith("far failed: `moveUp` has no match (twice.rules:2:")
+    assert lines[-3].startswith("far failed: `moveUp` has no match (twice.rules:2:")
+    assert lines[-1].endswith("^^^^^^")
     assert len(lines) > 1 and lines[0].startswith("1: maze.moveRight(")

@@ -268,8 +268,18 @@ def test_components_of_objects_that_this_member_lacks_are_padded() -> None:
 
 def test_observing_nowhere_is_an_error_that_names_the_remedy() -> None:
     coins = simulator("action wait = nothing()\nobserve hand.holds among Coin")
-    with pytest.raises(EvaluationError, match="or none"):
+    with pytest.raises(EvaluationError, match="or none") as caught:
         coins.reset(np.random.default_rng(0))
+    assert caught.value.span is not None and caught.value.span.text == "hand.holds"
+
+
+def test_a_reward_or_an_argument_without_a_value_is_shown_where_it_stands() -> None:
+    coins = simulator("action wait = nothing() reward 1 / hand.moves\nobserve find worth(_, 8)")
+    coins.reset(np.random.default_rng(0))
+    with pytest.raises(EvaluationError, match="a reward has no value: division by zero") as caught:
+        coins.step(0, np.random.default_rng(0))
+    assert caught.value.span is not None and caught.value.span.text == "1 / hand.moves"
+    assert caught.value.hint == "write `hand.moves != 0 ? .. : ..` around it"
 
 
 def test_an_object_without_an_index_is_an_error() -> None:

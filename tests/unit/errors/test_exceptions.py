@@ -10,6 +10,7 @@ from envgraph.errors import (
     Diagnostic,
     DiagnosticError,
     EnvgraphError,
+    EvaluationError,
     InvalidArgument,
     LoadError,
     ResolutionError,
@@ -47,6 +48,31 @@ def test_a_rule_error_has_a_line_for_each_detail():
     assert (error.rule, error.reason, error.details) == ("drop", "dangling", ("`a` -r-> `t`", "`b` -r-> `t`"))
 
 
+PLACE = Source("f.rules", "rule r { 1 / 0 }").span(9, 14)
+
+
+def test_an_error_of_a_rule_that_was_read_shows_the_place_like_a_diagnostic():
+    rule = RuleError("no room", rule="r", reason="full", details=["one", "two"], span=PLACE, hint="make room")
+    assert str(rule).splitlines() == [
+        "f.rules:1:10: no room",
+        " 1 | rule r { 1 / 0 }",
+        "   |          ^^^^^",
+        "note: one",
+        "note: two",
+        "hint: make room",
+    ]
+    (found,) = rule.diagnostics
+    assert (found.code, found.message, found.span, found.hint) == ("full", "no room", PLACE, "make room")
+    value = EvaluationError("division by zero", PLACE)
+    assert str(value) == "f.rules:1:10: division by zero\n 1 | rule r { 1 / 0 }\n   |          ^^^^^"
+    assert [one.code for one in value.diagnostics] == ["no-value"]
+
+
+def test_an_error_without_a_place_is_its_message_and_what_to_do():
+    assert str(EvaluationError("too large", hint="take less")) == "too large\nhint: take less"
+    assert (EvaluationError("too large").diagnostics, RuleError("no", reason="full").diagnostics) == ((), ())
+
+
 @pytest.mark.parametrize("again", [lambda e: pickle.loads(pickle.dumps(e)), copy.copy])
 def test_errors_survive_the_way_from_a_worker_process(again):
     for error in (LoadError(PROBLEMS), ResolutionError(PROBLEMS)):
@@ -59,4 +85,9 @@ def test_errors_survive_the_way_from_a_worker_process(again):
     assert (str(copied), copied.rule, copied.reason, copied.details) == (
         str(error), "drop", "full", ("one", "two"),
     )  # fmt: skip
+    for placed in (
+        RuleError("no", reason="full", details=["one"], span=PLACE, hint="yes"),
+        EvaluationError("no", PLACE, "yes"),
+    ):
+        assert str(again(placed)) == str(placed)
     assert again(InvalidArgument("no")).args == ("no",)

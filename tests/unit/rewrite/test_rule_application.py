@@ -328,8 +328,8 @@ def test_a_link_into_a_full_reference_is_refused() -> None:
         model=model,
     )
     error = refused(made, "full", "source", a=0, b=2)
-    assert str(error).startswith(
-        "rule `source` cannot be applied: `Item#0` has 1 of at most 1 targets of `next`"
+    assert error.message == (
+        "rule `source` cannot be applied: `Item#0` has 1 of at most 1 targets of `next` already"
     )
     refused(made, "full", "one", a=1)  # the opposite is full
     model.node(0).pair = [model.node(1), model.node(2)]

@@ -68,9 +68,12 @@ def test_a_conflict_names_both_matches_and_what_they_want() -> None:
     with pytest.raises(RuleError) as caught:
         made.apply("r", a=root)
     assert str(caught.value).splitlines() == [
-        "rule `r` cannot be applied: `root` gets two values of `Item.next`: `left` and `right`",
-        "  forall(a = `root`, b = `left`): set a.next = b",
-        "  forall(a = `root`, b = `right`): set a.next = b",
+        "test.rules:1:75: rule `r` cannot be applied: `root` gets two values of `Item.next`: `left` and `right`",
+        " 1 | " + str(both("set a.next = b;", "")),
+        "   |" + " " * 75 + "^" * 14,
+        "note: forall(a = `root`, b = `left`): set a.next = b",
+        "note: forall(a = `root`, b = `right`): set a.next = b",
+        "hint: the matches must want the same: ask for more on the left side of the block",
     ]
 
 

@@ -261,8 +261,11 @@ def test_a_rule_says_why_it_cannot_be_applied_at_its_match() -> None:
     why = made.why_not("drop", a=1)
     assert str(why).splitlines() == [
         "`drop` for a = `Item#1` has a match: a = `Item#1`, b = `Item#2`",
-        "rule `drop` cannot be applied: `Item#1` cannot be deleted: 1 link would be left dangling",
-        "  `Item#1` -prev-> `Item#0`",
+        "test.rules:2:60: rule `drop` cannot be applied: `Item#1` cannot be deleted: 1 link would be left dangling",
+        " 2 | rule drop(a : Item) { lhs { a -next-> b; } modify { delete a; } }",
+        "   |                                                            ^",
+        "note: `Item#1` -prev-> `Item#0`",
+        "hint: delete these links as well, or write `@semantics(spo)` before the rule: then they go along",
     ]
     assert isinstance(why.refusal, RuleError) and why.refusal.reason == "dangling"
     assert made.why_not("drop", a=0).refusal is None

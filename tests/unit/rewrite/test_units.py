@@ -119,8 +119,7 @@ def test_a_refused_application_is_a_failure_like_any_other_and_the_result_has_th
     assert not result and (result.applications, n(made)) == (1, 1)
     assert result.refusal is not None
     assert (result.refusal.rule, result.refusal.reason) == ("bad", "dangling")
-    refusal = str(result.refusal).split("\n")[0]
-    assert result.reason == f"`bad` was refused at each match (test.rules:9:14): {refusal}"
+    assert result.reason == f"`bad` was refused at each match (test.rules:9:14): {result.refusal.message}"
     with pytest.raises(RuleError) as caught:
         result.or_raise()
     assert caught.value is result.refusal
@@ -354,9 +353,21 @@ def test_a_run_that_does_not_end_is_stopped_and_taken_back() -> None:
 
 def test_units_that_call_each_other_forever_are_stopped() -> None:
     made = one("unit u { grow; v; } unit v { u; }")
-    with pytest.raises(EvaluationError, match="more than 200 steps inside each other"):
+    with pytest.raises(EvaluationError, match="more than 200 steps inside each other") as caught:
         made.run("u")
     assert len(made.model) == 1
+    assert caught.value.span is not None and caught.value.span.text == "u"
+    assert (caught.value.hint or "").startswith("use `alap` or `repeat`")
+
+
+def test_a_unit_that_failed_shows_the_step() -> None:
+    made = one("unit u { repeat 2 { atomic { never; } } }")
+    result = made.run("u")
+    assert result.span is not None and result.span.text == "never"
+    with pytest.raises(RuleError) as caught:
+        result.or_raise()
+    assert caught.value.span == result.span and caught.value.reason == "failed"
+    assert made.run("up").span is None
 
 
 def test_deeply_nested_steps_are_refused() -> None:

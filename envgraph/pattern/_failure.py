@@ -1,0 +1,124 @@
+"""Why an expression has no value: looked for when it turned out, so that evaluating costs nothing for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from envgraph.errors import EvaluationError, Span
+from envgraph.metamodel import Value
+from envgraph.pattern._bodies import children
+from envgraph.pattern._evaluate import STRICT, Reader, evaluate, raw_value
+from envgraph.pattern._terms import Binary, Conditional, Constant, Expression, FunctionCall, Navigation
+
+_LONGEST = 40
+"""A longer text is not repeated in a hint."""
+
+
+def explained(
+    error: EvaluationError,
+    expression: Expression,
+    values: Mapping[str, Value | int | None],
+    read: Reader | None,
+    span: Span | None,
+    advice: str,
+) -> EvaluationError:
+    """An error of an expression, with the place of what has no value and how to mend it.
+
+    Args:
+        error: that evaluating the expression raised.
+        span: to be shown where the expression has none.
+        advice: how to ask for a condition at this place, with `{}` for the condition.
+    """
+    found = cause(expression, values, read) or expression
+    hint = _hint(error, found, advice) or error.hint
+    return EvaluationError(error.message, found.span or expression.span or span, hint)
+
+
+def _hint(error: EvaluationError, found: Expression, advice: str) -> str | None:
+    asked: Expression | None = None
+    operator = "!= 0"
+    match found:
+        case Navigation():
+            asked, operator = found, "!= none"
+        case Binary() if error.message == "division by zero":
+            asked = found.right
+        case FunctionCall() if error.message == "division by zero":
+            asked = found.arguments[-1]
+    if asked is not None and asked.span is not None and not isinstance(asked, Constant):
+        text = asked.span.text
+        if len(text) <= _LONGEST and "\n" not in text:
+            if isinstance(asked, Binary | Conditional) and text[0] != "(":
+                text = f"({text})"
+            return advice.format(f"{text} {operator}")
+    return None
+
+
+def cause(
+    expression: Expression, values: Mapping[str, Value | int | None], read: Reader | None = None
+) -> Expression | None:
+    """The smallest part of an expression without a value that has none itself; None if it has a value after all.
+
+    For messages: it evaluates again what `evaluate` has given up.
+
+    >>> from envgraph.pattern import Binary, Constant
+    >>> cause(Binary("+", Constant(1), Binary("/", Constant(2), Constant(0))), {}).operator
+    '/'
+    """
+    try:
+        evaluate(expression, values, read)
+    except EvaluationError:
+        return _cause(expression, values, read)
+    return None
+
+
+def _cause(node: Expression, values: Mapping[str, Any], read: Reader | None) -> Expression:
+    match node:
+        case Binary() if node.operator in STRICT:
+            return _cause_in_chain(node, values, read)
+        case Conditional():
+            asked: tuple[Expression, ...] = (node.test,)
+            if not _fails(node.test, values, read):
+                asked = (node.then if raw_value(node.test, values, read) else node.otherwise,)
+        case _:
+            asked = tuple(children(node))
+    strict = not isinstance(node, Conditional) and not (
+        isinstance(node, Binary) and node.operator in ("==", "!=")
+    )
+    for part in asked:
+        # Those before it did not fail, and did not answer `&&` or `||` alone: else this would not have been asked.
+        if _fails(part, values, read):
+            return _cause(part, values, read)
+        if strict and raw_value(part, values, read) is None:
+            return part
+    return node
+
+
+def _cause_in_chain(node: Binary, values: Mapping[str, Any], read: Reader | None) -> Expression:
+    """As `_cause`, along the left sides of a sum that may be long."""
+    first, links = node.chain()
+    if _fails(first, values, read):
+        return _cause(first, values, read)
+    result = raw_value(first, values, read)
+    if result is None:
+        return first
+    for link in links:
+        if _fails(link.right, values, read):
+            return _cause(link.right, values, read)
+        right = raw_value(link.right, values, read)
+        if right is None:
+            return link.right
+        try:
+            result = STRICT[link.operator](result, right)
+        except EvaluationError:
+            return link
+    return node
+
+
+def _fails(node: Expression, values: Mapping[str, Any], read: Reader | None) -> bool:
+    """Whether evaluating a part raises."""
+    try:
+        raw_value(node, values, read)
+    except EvaluationError:
+        return True
+    return False
