@@ -13,6 +13,7 @@ from envgraph.graph import Model
 from envgraph.match._aggregates import least, mean, most, total
 from envgraph.match._calls import CallGraph
 from envgraph.match._closures import ClosureView, Meeting, Search, Spreading
+from envgraph.match._common import common
 from envgraph.match._explain import explain_view
 from envgraph.match._generate import reach_source, view_source
 from envgraph.match._live import LiveSizes
@@ -47,7 +48,14 @@ from envgraph.match._why import WhyNot, why_not
 from envgraph.metamodel import Value
 from envgraph.pattern import EXPRESSION_NAMESPACE, Library, ObjectType, StaticType
 
-_BUILTINS: Final = {"chain": chain, "total": total, "mean": mean, "least": least, "most": most}
+_BUILTINS: Final = {
+    "chain": chain,
+    "common": common,
+    "least": least,
+    "mean": mean,
+    "most": most,
+    "total": total,
+}
 _NOWHERE: Final[frozenset[str]] = frozenset()
 MOST_PATHS: Final = 64
 """Ways down from a called pattern above which its answers are remembered for as long as the model does not change."""

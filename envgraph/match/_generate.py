@@ -12,6 +12,7 @@ from functools import partial
 from itertools import takewhile
 from typing import Final
 
+from envgraph.match._common import MOST_LOOKED_AT
 from envgraph.match._options import call_key
 from envgraph.match._plan import (
     Absence,
@@ -227,6 +228,8 @@ class Translation:
             if step.kind is Kind.LOOP and (tests := self._tests_of_values(step, steps[number + 1 :])):
                 self._loop_by_value(step, tests)
                 found.update(map(id, tests))
+            elif step.kind is Kind.LOOP and (others := self._others(step, steps[number + 1 :])):
+                self._loop_common(step, others)
             elif step.kind is Kind.LOOP:
                 self._loop(step)
             elif step.kind is Kind.BIND:
@@ -389,6 +392,29 @@ class Translation:
         valued = Valued(tuple(self._indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
         values = ", ".join(self._source(pairs[attribute]) for attribute in sorted(pairs))
         self._each([goal.variable], f"{self._module.name(valued)}({values})")
+
+    def _others(self, step: Step, following: Sequence[Step]) -> list[str]:
+        """Where the end of a link, over which is looped, has to stand besides: the other ends of links are known."""
+        if not isinstance(step.goal, LinkAtom) or not (self._shares and self._indexes):
+            return []
+        (end,) = step.binds
+        found: list[str] = []
+        for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
+            goal = each.goal
+            if each.kind is Kind.TEST and isinstance(goal, LinkAtom) and goal.source != goal.target:
+                other = goal.source if goal.target == end else goal.target
+                if end in (goal.source, goal.target) and self._known(other):
+                    found.append(self._ends(goal))
+        return found
+
+    def _loop_common(self, step: Step, others: Sequence[str]) -> None:
+        """Loop over the ends of a link; if they are many, over those that may pass the tests which follow."""
+        goal = step.goal
+        assert isinstance(goal, LinkAtom)
+        name = self._module.fresh("e")
+        short = f"len({name} := {self._ends(goal)}) <= {MOST_LOOKED_AT}"
+        common = self._module.name(Builtin("common"))
+        self._each(step.binds, f"{name} if {short} else {common}({name}, {', '.join(others)})")
 
     # --- values
 

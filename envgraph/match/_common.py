@@ -1,0 +1,31 @@
+"""What several crowded ends of links have in common, for loops that look for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from envgraph.graph import IndexedSet
+
+MOST_LOOKED_AT: Final = 32
+"""Ends that are looked at one by one: as many as are kept in a tuple."""
+
+
+def common(ends: IndexedSet[int], *others: Sequence[int]) -> list[int]:
+    """Those of many ends that are among the fewest others, in their order.
+
+    It takes as many steps as there are in the smaller one: so a search for triangles does not go through a hub for each
+    of its neighbours (the joins of Ngo, Porat, Ré and Rudra 2012 rest on that).
+
+    >>> common(IndexedSet((4, 3, 2, 1)), (1, 7, 4))
+    [4, 1]
+    """
+    fewest = min(others, key=len)
+    if len(fewest) >= len(ends):
+        inside = fewest.position if isinstance(fewest, IndexedSet) else fewest
+        return [node for node in ends if node in inside]
+    position = ends.position
+    found = [node for node in fewest if node in position]
+    if len(found) > 1:
+        found.sort(key=position.__getitem__)
+    return found

@@ -1,0 +1,112 @@
+"""Bodies whose links make circles, around hubs: the ends that two objects share are looked for among the fewer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from envgraph.graph import IndexedSet, Model
+from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match._common import MOST_LOOKED_AT, common
+from envgraph.match._symbols import Backward, Forward, Symbol
+from envgraph.metamodel import Class, Metamodel, Reference
+from envgraph.pattern import Library, Pattern
+from tests.unit.match.writing import path, pattern
+
+PEOPLE = Metamodel("people", (Class("One", features=(Reference("knows", "One", 0, None),)),))
+SIZE = 100
+
+CIRCLES = {
+    "triangle": pattern(
+        "found(x : One, y : One, z : One)",
+        [path("One.knows", "x", "y"), path("One.knows", "y", "z"), path("One.knows", "x", "z")],
+    ),
+    "circle of three": pattern(
+        "found(x : One, y : One, z : One)",
+        [path("One.knows", "x", "y"), path("One.knows", "y", "z"), path("One.knows", "z", "x")],
+    ),
+    "clique of four": pattern(
+        "found(w : One, x : One, y : One, z : One)",
+        [
+            path("One.knows", one, other)
+            for one, other in ("wx", "xy", "wy", "yz", "wz", "xz")
+        ],
+    ),
+}  # fmt: skip
+
+
+def crowd() -> Model:
+    """Everybody knows the next one and one that is far away; all know the first, who knows all."""
+    model, knows = Model(PEOPLE), PEOPLE.references[0]
+    with model.loading():
+        for _ in range(SIZE):
+            model.new("One")
+        for one in range(1, SIZE):
+            model.link(one, knows, 0)
+            model.link(one, knows, one % (SIZE - 1) + 1)
+            model.link(one, knows, (7 * one + 30) % (SIZE - 1) + 1)
+        for one in range(SIZE - 1, 0, -1):
+            model.link(0, knows, one)
+    return model
+
+
+def library(asked: Pattern) -> Library:
+    found = Library(PEOPLE)
+    found.add(asked)
+    return found
+
+
+@pytest.mark.parametrize("circle", CIRCLES.values(), ids=CIRCLES)
+def test_circles_around_a_hub_are_found_in_the_order_of_the_links(circle: Pattern) -> None:
+    model = crowd()
+    size = len(circle.parameters)
+    rows = CompiledMatcher(model, library(circle)).rows("found", (FREE,) * size)
+    assert sorted(rows) == NaiveMatcher(model, library(circle)).rows("found", (FREE,) * size)
+    place = {one: {other: n for n, other in enumerate(model.store.forward[0][one])} for one in range(SIZE)}
+    ordered = sorted(rows, key=lambda row: (row[0], *(place[a][b] for a, b in pairwise(row))))
+    assert rows == ordered
+
+
+class Counting(CompiledMatcher):
+    """Counts the ends that are looked at."""
+
+    looks = 0
+
+    def _value(self, symbol: Symbol, inside: frozenset[str]) -> object:
+        found: Any = super()._value(symbol, inside)
+        return [Ends(self, ends) for ends in found] if isinstance(symbol, Forward | Backward) else found
+
+
+class Ends(IndexedSet[int]):
+    """Ends of links whose reading is counted."""
+
+    __slots__ = ("matcher",)
+
+    def __init__(self, matcher: Counting, ends: Any) -> None:
+        super().__init__(tuple(ends))
+        self.matcher = matcher
+
+    def __iter__(self) -> Iterator[int]:
+        for end in super().__iter__():
+            self.matcher.looks += 1
+            yield end
+
+
+@pytest.mark.parametrize("name", ["triangle", "circle of three"])
+def test_a_search_for_triangles_does_not_go_through_a_hub_for_each_neighbour(name: str) -> None:
+    matcher = Counting(crowd(), library(CIRCLES[name]))
+    assert matcher.exists("found", (FREE, FREE, FREE))
+    matcher.looks = 0
+    matcher.count("found", (FREE, FREE, FREE))
+    assert matcher.looks <= 20 * SIZE
+
+
+def test_what_is_common_comes_in_the_order_of_the_first() -> None:
+    many = IndexedSet(tuple(range(2 * MOST_LOOKED_AT, 0, -1)))
+    assert common(many, (3, 9, 500)) == [9, 3]
+    assert common(many, IndexedSet((3, 9, 500)), (9,)) == [9]
+    assert common(many, IndexedSet(tuple(range(60, 2000)))) == [64, 63, 62, 61, 60]
+    assert common(many, (), many) == []
