@@ -168,6 +168,7 @@ class History:
         for follower in store.followers:
             follower.settle()
         store.recording = True
+        store.epoch += 1
         savepoint = Savepoint(len(store.journal), store.next_id, store.total)
         self._stack.append(savepoint)
         return savepoint
@@ -213,6 +214,7 @@ class History:
         store = self._store
         store.next_id = next_id
         store.total = total
+        store.epoch += 1
         store.restored()
         for follower in store.followers:
             follower.rolled_back()
@@ -302,6 +304,7 @@ class History:
         store.journal.clear()
         self._current = Vertex(self._commits, before, segment, store.next_id, store.total)
         store.recording = True
+        store.epoch += 1
         handle = self._handle(self._current)
         if before is not None:
             self._prune(before)
@@ -335,6 +338,7 @@ class History:
         for vertex in reversed(down):
             vertex.turn()
         self._current = goal
+        self._store.epoch += 1
         self._store.next_id = goal.next_id
         self._store.total = goal.total
         self._prune(start)

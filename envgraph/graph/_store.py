@@ -144,6 +144,7 @@ class Store:
         names: name of each object, or None; `by_name` maps back (to None for names no longer in use).
         next_id: id of the next new object; the columns are longer, and empty from there on.
         journal: see `_journal`; written only while `recording`.
+        epoch: grows wherever undoing may lead to: what is recorded as a whole must be so again after that.
         total: the sum behind the state hash.
         revision: grows with every change and every restoration.
         followers: see `Follower`.
@@ -171,6 +172,7 @@ class Store:
         self.next_id = 0
         self.journal: Journal = []
         self.recording = False
+        self.epoch = 0
         self.listeners: list[Listener] = []
         self.followers: list[Follower] = []
         self.value_added: list[ValueHook | None] = [None] * len(metamodel.attributes)

@@ -70,6 +70,10 @@ ASKED = (
 )  # fmt: skip
 
 
+Edges = dict[tuple[int, int], None]
+State = tuple[Edges, Edges, set[int], set[int], set[int]]
+
+
 class Shadow:
     """A model of places, and the same as plain data.
 
@@ -81,8 +85,8 @@ class Shadow:
     def __init__(self, size: int) -> None:
         self.model = Model(PLACES)
         self.places = [self.model.new("Place") for _ in range(size)]
-        self.to: dict[tuple[int, int], None] = {}
-        self.beside: dict[tuple[int, int], None] = {}
+        self.to: Edges = {}
+        self.beside: Edges = {}
         self.shut: set[int] = set()
         self.starts: set[int] = set()
         self.goals: set[int] = set()
@@ -161,13 +165,15 @@ class Shadow:
             if not directed:
                 edges.pop((other, place), None)
 
-    def state(self) -> tuple[object, ...]:
+    def state(self) -> State:
         """A copy of the plain data."""
         return self.to.copy(), self.beside.copy(), self.shut.copy(), self.starts.copy(), self.goals.copy()
 
-    def restore(self, state: tuple[object, ...]) -> None:
+    def restore(self, state: State) -> None:
         """Be as in a copy."""
-        self.to, self.beside, self.shut, self.starts, self.goals = state  # type: ignore[assignment]
+        to, beside, shut, starts, goals = state
+        self.to, self.beside = to.copy(), beside.copy()
+        self.shut, self.starts, self.goals = shut.copy(), starts.copy(), goals.copy()
 
 
 def order(views: ViewMatcher) -> dict[str, list[tuple[object, ...]]]:
@@ -183,8 +189,11 @@ def assert_as_expected(views: ViewMatcher, shadow: Shadow, kind: str) -> None:
     views.check_integrity()
 
 
-def walk(seed: int, kind: str, *sizes: int) -> None:
-    """Edges come and go, one at a time and in batches; some are rolled back."""
+def walk(seed: int, kind: str, *sizes: int, intricate: bool = True) -> None:
+    """Edges come and go, one at a time and in batches; some are rolled back, or shelved and resumed.
+
+    If it may be intricate, transactions nest, and versions are checked out.
+    """
     dice = Dice(seed)
     shadow = Shadow(dice.one(sizes))
     library = Library(PLACES)
@@ -194,21 +203,49 @@ def walk(seed: int, kind: str, *sizes: int) -> None:
             shadow.change(dice, growing=90)
     views = watched(shadow.model, library)
     assert_as_expected(views, shadow, kind)
+    versions = []
     for _ in range(dice.number(2, 6)):
-        batch, growing = dice.one([1, 1, 1, 5, len(shadow.places) // 2]), dice.one([10, 50, 90])
-        undone = dice.chance(40)
-        before, state = order(views), shadow.state()
-        savepoint = shadow.model.savepoint()
-        for _ in range(batch):
-            shadow.change(dice, growing)
-        assert_as_expected(views, shadow, kind)
-        if undone:
-            shadow.model.rollback(savepoint)
+        episode(dice, views, shadow, kind, nested=2 if intricate else 0)
+        if intricate and dice.chance(40):
+            versions.append((shadow.model.commit(), order(views), shadow.state()))
+        while versions and dice.chance(50):
+            for _ in range(dice.number(1, 3)):  # outside any transaction
+                shadow.change(dice, growing=50)
+                assert_as_expected(views, shadow, kind)
+            version, listed, state = dice.one(versions)
+            shadow.model.checkout(version, discard=True)
             shadow.restore(state)
-            assert order(views) == before
+            assert order(views) == listed
             assert_as_expected(views, shadow, kind)
-        else:
-            shadow.model.release(savepoint)
+
+
+def episode(dice: Dice, views: ViewMatcher, shadow: Shadow, kind: str, nested: int) -> None:
+    """A transaction with changes, perhaps others inside, and one of the ways in which it can end."""
+    model = shadow.model
+    batch, growing = dice.one([1, 1, 1, 5, len(shadow.places) // 2]), dice.one([10, 50, 90])
+    before, state = order(views), shadow.state()
+    savepoint = model.savepoint()
+    for _ in range(batch):
+        shadow.change(dice, growing)
+    assert_as_expected(views, shadow, kind)
+    if nested and dice.chance(25):
+        episode(dice, views, shadow, kind, nested - 1)
+        shadow.change(dice, growing)
+        assert_as_expected(views, shadow, kind)
+    end = dice.one(["release", "release", "roll back", "shelve"])
+    if end == "release":
+        model.release(savepoint)
+        return
+    after, changed = order(views), shadow.state()
+    shelf = model.shelve(savepoint) if end == "shelve" else model.rollback(savepoint)
+    shadow.restore(state)
+    assert order(views) == before
+    assert_as_expected(views, shadow, kind)
+    if shelf is not None:
+        model.release(model.resume(shelf))
+        shadow.restore(changed)
+        assert order(views) == after
+        assert_as_expected(views, shadow, kind)
 
 
 @pytest.mark.parametrize("kind", STEPS)
@@ -222,7 +259,37 @@ def test_closures_of_small_graphs_are_those_of_networkx(kind: str, seed: int) ->
 @settings(max_examples=EXAMPLES // 20, suppress_health_check=list(HealthCheck))
 @given(seed=st.integers(0, 2**32))
 def test_closures_of_graphs_with_two_hundred_nodes_are_those_of_networkx(kind: str, seed: int) -> None:
-    walk(seed, kind, 200)
+    walk(seed, kind, 200, intricate=False)
+
+
+def test_a_change_of_a_large_tree_does_not_keep_the_whole_tree() -> None:
+    model = Model(PLACES)
+    start = model.new("Start")
+    ring = [model.new("Place") for _ in range(500)]
+    for near, far in zip([start, *ring], ring, strict=False):
+        model.link(near, TO, far)
+    library = Library(PLACES)
+    library.add(*STEPS["link"], *ASKED)
+    views = ViewMatcher(model, library)
+    views.watch("starts")
+    savepoint = model.savepoint()
+    for _ in range(50):
+        for inner in (False, True):
+            within = model.savepoint() if inner else None
+            model.unlink(ring[-2], TO, ring[-1])
+            assert views.count("starts", (start, FREE)) == 499
+            model.link(ring[-2], TO, ring[-1])
+            assert views.count("starts", (start, FREE)) == 500
+            if within is not None:
+                model.rollback(within)
+    journal = model.store.journal
+    trees = {id(old) for old in journal[2::4] if isinstance(old, dict)}
+    assert len(journal) > 50 * 2 * 4
+    # A copy for the outer savepoint, and one after each inner one: two changes each.
+    assert 1 <= len(trees) <= 51
+    model.rollback(savepoint)
+    assert views.count("starts", (start, FREE)) == 500
+    views.check_integrity()
 
 
 # --- grids: what hangs together costs its nodes, not their pairs

@@ -17,11 +17,14 @@ FEW: Final = 12
 Reached = dict[Any, Any]
 """What is reached, each with the node from which it was reached: a tree, whose root is the start.
 
-None stands for an unknown one, where starts share what they reach. Never changed, only replaced.
+None stands for an unknown one, where starts share what they reach.
 """
 
 NOTHING: Final[Reached] = {}
 ABSENT: Final = object()
+
+Step = tuple[Any, Any]
+"""An edge, from near the start to further away."""
 
 Difference = tuple[list[Any], list[Any]]
 """What was reached and is no more, and what is reached and was not."""
@@ -93,9 +96,12 @@ class Reach(Operator):
         self.begun = MatchSet(store)
         self._inverse: Groups | None = None
         self._steps = steps
-        self._gained: list[tuple[Any, Any]] = []
-        self._lost: list[tuple[Any, Any]] = []
+        self._gained: list[Step] = []
+        self._lost: list[Step] = []
         self._asked: dict[Any, int] = {}
+        self._owned: dict[
+            Any, int
+        ] = {}  # epoch of the store in which a tree was copied, to be changed in place
 
     @property
     def pending(self) -> bool:
@@ -169,54 +175,67 @@ class Reach(Operator):
             old, new = self.reached.get(start, NOTHING), found[start]
             self._replace(start, old, new, _difference(old, new))
 
-    def _follow(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> None:
+    def _follow(self, lost: list[Step], gained: list[Step]) -> None:
         """Bring all starts up to date with changed steps."""
         anew: list[Any] = []
-        changes: list[tuple[Any, Reached, Difference | None]] = []
-        share = len(self.begun) > FEW
+        if len(self.begun) > FEW:
+            self._follow_shared(lost, gained, anew)
+        else:
+            patches = []
+            for start in self._concerned(lost, gained):
+                patch = self._patch(start, self.reached[start], lost, gained)
+                if patch is None:
+                    anew.append(start)
+                elif patch:
+                    patches.append((start, *patch))
+            for each in patches:
+                self._apply(*each)
+        if anew:
+            self._change([(start, new) for start, new in self._solve(anew).items()])
+
+    def _follow_shared(self, lost: list[Step], gained: list[Step], anew: list[Any]) -> None:
+        """As `_follow`, for many starts; those that only a new search can tell about are added to `anew`."""
+        changes: list[tuple[Any, Reached]] = []
         first, common = None, NOTHING
         for start in self._concerned(lost, gained):
             old = self.reached[start]
-            kept = self._without(start, old, lost)
-            if kept is None:
+            loss = self._cut(start, old, lost)
+            if loss is None:
                 anew.append(start)
                 continue
-            rest, gone = kept
             # Starts that reach each other reach the same, and share it: what hangs together costs no more than its
             # nodes. Only the last that was extended is tried, which finds most.
-            if first in rest and start in common:
+            cut, hung = loss
+            if first in old and first not in cut and start in common:
                 new = common
             else:
-                new = self._extended(start, rest, gained, share)
-                if share and new is not rest:
+                rest = _patched(dict(old), cut, hung) if cut or hung else old
+                new = self._extended(start, rest, gained)
+                if new is not rest:
                     first, common = start, new
             if new is not old:
-                changes.append((start, new, (gone, []) if new is rest else None))
-        changes.extend((start, new, None) for start, new in self._solve(anew).items())
+                changes.append((start, new))
         self._change(changes)
 
-    def _change(self, changes: list[tuple[Any, Reached, Difference | None]]) -> None:
-        """Put what starts reach now in the place of what they reached; the difference, where it is known."""
+    def _change(self, changes: list[tuple[Any, Reached]]) -> None:
+        """Put what starts reach now in the place of what they reached."""
         differences: dict[tuple[int, int], Difference] = {}
-        for start, new, difference in changes:
+        for start, new in changes:
             old = self.reached[start]
-            if difference is None:
-                # What is new stays alive in `changes`, what is old until its last start's turn.
-                pair = (id(old), id(new))
-                if pair not in differences:
-                    differences[pair] = _difference(old, new)
-                difference = differences[pair]
-            self._replace(start, old, new, difference)
+            # What is new stays alive in `changes`, what is old until its last start's turn.
+            pair = (id(old), id(new))
+            if pair not in differences:
+                differences[pair] = _difference(old, new)
+            self._replace(start, old, new, differences[pair])
 
-    def _without(
-        self, start: Any, old: Reached, lost: list[tuple[Any, Any]]
-    ) -> tuple[Reached, list[Any]] | None:
-        """What is still reached without some steps, and what is not; None if only a new search can tell.
+    def _cut(self, start: Any, old: Reached, lost: list[Step]) -> tuple[Reached, Reached] | None:
+        """What is not reached any more without some steps, and what hangs from another node then.
 
-        Only what hangs from a lost step in the tree is looked at: it is saved by any step from the rest of the tree
-        (as in Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, but without their levels).
+        None if only a new search can tell. Only what hangs from a lost step in the tree is looked at: it is saved by
+        any step from the rest of the tree (as in Even and Shiloach, An On-Line Edge-Deletion Problem, 1981, but
+        without their levels).
         """
-        cut: dict[Any, None] = {}
+        cut: Reached = {}
         for node, other in lost:
             by = old.get(other, ABSENT)
             if by == node:
@@ -224,7 +243,7 @@ class Reach(Operator):
             elif by is None and (node == start or node in old) and not (self.reflexive and other == start):
                 return None
         if not cut:
-            return old, []
+            return NOTHING, NOTHING
         following, before = self._steps.next, self._steps.before
         todo = list(cut)
         for node in todo:
@@ -234,25 +253,78 @@ class Reach(Operator):
                     if other not in cut and old.get(other) == node:
                         cut[other] = None
                         todo.append(other)
-        new, saved = dict(old), []
+        hung: Reached = {}
+        saved = []
         for node in todo:
             for by in before(node):
                 if by == start or (by in old and by not in cut):
-                    new[node] = by
+                    hung[node] = by
                     del cut[node]
                     saved.append(node)
                     break
         for node in saved:
             for other in following(node):
                 if other in cut:
-                    new[other] = node
+                    hung[other] = node
                     del cut[other]
                     saved.append(other)
-        for node in cut:
-            del new[node]
-        return new, list(cut)
+        return cut, hung
 
-    def _concerned(self, lost: list[tuple[Any, Any]], gained: list[tuple[Any, Any]]) -> list[Any]:
+    def _patch(
+        self, start: Any, old: Reached, lost: list[Step], gained: list[Step]
+    ) -> tuple[Reached, Reached, Reached] | tuple[()] | None:
+        """What goes from a tree, what hangs elsewhere in it, and what comes; what goes may come again.
+
+        Nothing if the tree stays as it is; None if only a new search can tell.
+        """
+        loss = self._cut(start, old, lost)
+        if loss is None:
+            return None
+        cut, hung = loss
+        come: Reached = {}
+        following, growing = self._steps.next, True
+        while growing:
+            growing = False
+            for step in gained:
+                node, other = step
+                if (other in old and other not in cut) or other in come:
+                    continue
+                if node == start or (node in old and node not in cut) or node in come:
+                    growing = True
+                    come[other] = node
+                    todo = [other]
+                    for node in todo:
+                        for other in following(node):
+                            if (other not in old or other in cut) and other not in come:
+                                come[other] = node
+                                todo.append(other)
+        return (cut, hung, come) if cut or hung or come else ()
+
+    def _apply(self, start: Any, cut: Reached, hung: Reached, come: Reached) -> None:
+        """Change the tree of a start, and tell.
+
+        Since a savepoint or a version a tree is copied once; then it is changed in place, and undoing puts the old
+        one back.
+        """
+        old = self.reached[start]
+        both = cut and come
+        gone = [node for node in cut if node not in come] if both else cut
+        fresh = [node for node in come if node not in cut] if both else come
+        if self.removing is not None and gone:
+            self._tell(self.removing, start, gone)
+        if self._owned.get(start) == self.store.epoch:
+            new = old
+        else:
+            new = self.reached[start] = dict(old)
+            self._owned[start] = self.store.epoch
+            if self.store.recording:
+                self.store.journal.extend((self.reached, start, old, SET))
+        _patched(new, cut, hung).update(come)
+        self._index(start, gone, fresh)
+        if self.added is not None and fresh:
+            self._tell(self.added, start, fresh)
+
+    def _concerned(self, lost: list[Step], gained: list[Step]) -> list[Any]:
         """The starts that reach the near end of a changed step; all of them, if that is not kept."""
         if self._inverse is None:
             return [start for (start,) in self.begun]
@@ -263,10 +335,10 @@ class Reach(Operator):
                 found[node] = None
         return list(found)
 
-    def _extended(self, start: Any, old: Reached, gained: list[tuple[Any, Any]], share: bool) -> Reached:
+    def _extended(self, start: Any, old: Reached, gained: list[Step]) -> Reached:
         """What is reached with new steps, too, from what was reached already; the old dict if that is all.
 
-        What is to be shared by several starts is no tree of any of them.
+        It is to be shared by several starts, so it is no tree of any of them.
         """
         new, growing = old, True
         while growing:
@@ -277,7 +349,7 @@ class Reach(Operator):
                     new[other] = node
                     self._spread([other], new)
                     growing = True
-        return dict.fromkeys(new) if share and new is not old else new
+        return old if new is old else dict.fromkeys(new)
 
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
         """What the starts reach."""
@@ -306,13 +378,17 @@ class Reach(Operator):
         if self.store.recording:
             self.store.journal.extend((self.reached, start, old, SET))
         self.reached[start] = new
+        self._owned.pop(start, None)
+        self._index(start, gone, come)
+        if self.added is not None:
+            self._tell(self.added, start, come)
+
+    def _index(self, start: Any, gone: Iterable[Any], come: Iterable[Any]) -> None:
         if self._inverse is not None:
             for other in gone:
                 self._inverse.drop((other, start))
             for other in come:
                 self._inverse.add((other, start))
-        if self.added is not None:
-            self._tell(self.added, start, come)
 
     def _tell(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
         for other in others:
@@ -323,6 +399,7 @@ class Reach(Operator):
 
     def fill(self) -> None:
         self.reached.clear()
+        self._owned.clear()
         self.begun.replace(list(self.starts.rows))
         self.reached.update(self._solve([start for (start,) in self.begun]))
         nodes = {node for each in {id(r): r for r in self.reached.values()}.values() for node in each}
@@ -355,6 +432,14 @@ class Reach(Operator):
                 return False
             passed.add(by)
             node = by
+
+
+def _patched(reached: Reached, cut: Reached, hung: Reached) -> Reached:
+    """The same dict, after that."""
+    for node in cut:
+        del reached[node]
+    reached.update(hung)
+    return reached
 
 
 def _difference(old: Reached, new: Reached) -> Difference:
