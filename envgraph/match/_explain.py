@@ -18,7 +18,6 @@ from envgraph.match._plan import (
     Valuation,
     ViewKey,
     arguments,
-    inputs,
 )
 from envgraph.match._planner import Planner
 from envgraph.match._symbols import Mode
@@ -30,6 +29,7 @@ from envgraph.pattern import (
     CallAtom,
     Closure,
     ClosureAtom,
+    Expression,
     InstanceAtom,
     Library,
     LinkAtom,
@@ -92,6 +92,10 @@ class Names:
         """Whether a text names the variable, and it is no constant."""
         return variable not in self._constants and not self._names.get(variable, "#").startswith("#")
 
+    def called(self, variable: int, name: str) -> bool:
+        """Whether the text of this pattern has that name for the variable."""
+        return self._names.get(variable) == name
+
     def all(self, variables: tuple[int, ...]) -> str:
         return ", ".join(map(self, variables))
 
@@ -125,10 +129,10 @@ def goal_text(step: Step, names: Names) -> str:
             return " and ".join(_negated(each[0], step, names) for each in alternatives)
         case Absence(alternatives, outer):
             return f"neg any of {len(alternatives)} for {names.all(outer) or 'nothing'}"
-        case Condition():
-            return f"check({names.all(inputs(goal))})"
-        case Valuation(_, _, result):
-            return f"{names(result)} == eval({names.all(inputs(goal))})"
+        case Condition(expression, reads):
+            return f"check({_expression_text(expression, reads, names)})"
+        case Valuation(expression, reads, result):
+            return f"{names(result)} == eval({_expression_text(expression, reads, names)})"
         case AggregateAtom(function, relation, local, result, column):
             inside = {v: "#" if v == column else "_" for v in local}
             return f"{names(result)} == {function} {relation_text(relation, names, inside)}"
@@ -136,6 +140,13 @@ def goal_text(step: Step, names: Names) -> str:
             return f"{names(left)} != {names(right)}"
         case _:
             return relation_text(goal, names)
+
+
+def _expression_text(expression: Expression, reads: Sequence[tuple[str, int]], names: Names) -> str:
+    """The expression as it was written; of one without a text, or with names of another pattern, what it reads."""
+    if expression.span is not None and all(names.called(variable, name) for name, variable in reads):
+        return " ".join(expression.span.text.split())
+    return names.all(tuple(variable for _, variable in reads))
 
 
 def _negated(goal: Goal, step: Step, names: Names) -> str:

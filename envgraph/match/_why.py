@@ -10,7 +10,7 @@ from typing import Any
 from envgraph.errors import EnvgraphError
 from envgraph.match._explain import Names, goal_text
 from envgraph.match._options import Unplannable
-from envgraph.match._plan import BodyPlan, ViewKey
+from envgraph.match._plan import BodyPlan, Conjunction, ViewKey
 from envgraph.match._planner import Planner
 from envgraph.match._trace import Build, trace, whole
 from envgraph.metamodel import Value
@@ -18,6 +18,9 @@ from envgraph.pattern import CallAtom, ObjectType
 
 MOST_LEVELS = 6
 """Called patterns that are looked into."""
+
+Asked = tuple[tuple[str, dict[int, Value]], ...]
+"""Calls: patterns with values by position."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +76,11 @@ class WhyNot:
             return [f"{indent}{title} has a match" + (f": {found}" if found else ""), *refused]
         lines = [f"{indent}{title} has no match"]
         for failure in self.failures:
-            found = _listed(failure.found, failure.objects, show) or "nothing"
-            reason = (
-                f"then fails {failure.constraint}" if failure.constraint else "the given values contradict it"
-            )
-            lines.append(f"{indent}  body {failure.body}: finds {found}; {reason}")
+            reason = "the given values contradict it"
+            if failure.constraint:
+                found = _listed(failure.found, failure.objects, show) or "nothing"
+                reason = f"finds {found}; then fails {failure.constraint}"
+            lines.append(f"{indent}  body {failure.body}: {reason}")
             if failure.inner is not None:
                 lines.extend(failure.inner._lines(show, indent + "    "))
         if not self.failures:
@@ -98,7 +101,7 @@ def why_not(
     first: Callable[[str, dict[int, Value]], tuple[Value, ...] | None],
     pattern: str,
     given: dict[int, Value],
-    level: int = 0,
+    asked: Asked = (),
 ) -> WhyNot:
     """Run each body as far as it goes.
 
@@ -108,7 +111,7 @@ def why_not(
         first: the first match of a pattern for values at some positions.
         pattern: qualified name.
         given: values by position.
-        level: of the call, from 0.
+        asked: the calls around this one, which are not looked into once more.
     """
     parameters = [parameter.name for parameter in planner.library.get(pattern).parameters]
     named = {parameters[position]: value for position, value in sorted(given.items())}
@@ -120,11 +123,11 @@ def why_not(
     if row is not None:
         return WhyNot(pattern, named, dict(zip(parameters, row, strict=True)), (), objects)
     found: list[tuple[int, Failure]] = []
-    bound = tuple(sorted(given))
-    if not planner.calls.recursive(pattern):
-        view = planner.view(ViewKey(pattern, bound, ()))
-        for number, body in enumerate(view.bodies):
-            found.append(_failure(planner, build, first, pattern, number, body, given, level))
+    view = planner.view(ViewKey(pattern, tuple(sorted(given)), ()))
+    for number, body in enumerate(view.bodies):
+        found.append(
+            _failure(planner, build, first, pattern, number, body, given, (*asked, (pattern, given)))
+        )
     found.sort(key=lambda each: -each[0])
     return WhyNot(pattern, named, None, tuple(failure for _, failure in found), objects)
 
@@ -137,9 +140,11 @@ def _failure(
     number: int,
     body: BodyPlan,
     given: dict[int, Value],
-    level: int,
+    asked: Asked,
 ) -> tuple[int, Failure]:
     """How many steps a body takes, and what it fails then."""
+    if _contradicted(body.conjunction, given):
+        return 0, Failure(number + 1, {}, "")
     with suppress(Unplannable):  # else the plan as it is, which leaves some constraints together
         body = whole(planner, body, tuple(sorted(given)))
     names = Names(planner.library, pattern, number, body)
@@ -155,8 +160,18 @@ def _failure(
         return depth, Failure(number + 1, shown, "", objects)
     step = body.plan.steps[depth]
     inner = None
-    if isinstance(step.goal, CallAtom) and level < MOST_LEVELS:
+    if isinstance(step.goal, CallAtom) and len(asked) <= MOST_LEVELS:
         values: dict[int, Any] = {**dict(body.conjunction.constants), **partial}
         known = {p: values[v] for p, v in enumerate(step.goal.arguments) if v in values}
-        inner = why_not(planner, build, first, step.goal.pattern, known, level + 1)
+        if (step.goal.pattern, known) not in asked:
+            inner = why_not(planner, build, first, step.goal.pattern, known, asked)
     return depth, Failure(number + 1, shown, goal_text(step, names), objects, inner)
+
+
+def _contradicted(conjunction: Conjunction, given: Mapping[int, Value]) -> bool:
+    """Whether `==` makes one variable of two that are given different values, or of one and another constant."""
+    values: dict[int, Value] = dict(conjunction.constants)
+    return any(
+        values.setdefault(conjunction.parameters[position], value) != value
+        for position, value in given.items()
+    )

@@ -347,15 +347,16 @@ class BodyLowering:
         """The expression over slots: paths replaced by variables, enum literals by strings, `none` tests by counts."""
         tested = none_test(expression)
         if tested is not None and isinstance(expression, Binary):
-            return Binary(expression.operator, Variable(str(self._count_targets(tested))), Constant(0))
+            counted = Variable(str(self._count_targets(tested)))
+            return Binary(expression.operator, counted, Constant(0), expression.span)
         match expression:
             case Variable():
                 slot = self.slots.named(expression.name, self._types.of(expression.name))
-                return Variable(str(slot))
+                return Variable(str(slot), expression.span)
             case EnumLiteral():
                 return Constant(expression.literal)
             case Navigation():
-                return Variable(str(self._follow(expression)))
+                return Variable(str(self._follow(expression)), expression.span)
             case _:
                 return with_children(expression, [self._lift(child) for child in children(expression)])
 

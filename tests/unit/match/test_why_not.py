@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from envgraph.errors import InvalidArgument
+from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, ViewMatcher
+from envgraph.metamodel import Class, Metamodel, Reference
+from envgraph.pattern import Library, Pattern
 from tests.unit.match.forest import PATTERNS, forest, library
+from tests.unit.match.writing import equal, find, is_a, path, pattern
 
 
 def test_explain_counts_what_each_step_leaves() -> None:
@@ -118,3 +124,45 @@ def test_measured_sizes_change_the_plan_but_not_the_rows() -> None:
     matcher.analyze()
     assert rows() == before
     assert matcher.explain("fireDensity") != plan
+
+
+CHAIN = Metamodel("chain", (Class("Link", features=(Reference("next", "Link"),)),))
+
+
+def chain(*patterns: Pattern) -> tuple[CompiledMatcher, list[int]]:
+    """Three objects, each with a link to the next one."""
+    model, queries = Model(CHAIN), Library(CHAIN)
+    queries.add(*patterns)
+    links = [model.create("Link") for _ in range(3)]
+    for here, there in pairwise(links):
+        here.next = there
+    return CompiledMatcher(model, queries), [link.id for link in links]
+
+
+def test_a_recursive_pattern_is_told_body_by_body_and_not_for_ever() -> None:
+    after = pattern(
+        "after(a : Link, b : Link)",
+        [path("Link.next", "a", "b")],
+        [path("Link.next", "a", "c"), find("after", "c", "b")],
+    )
+    matcher, (first, second, last) = chain(after)
+    why = matcher.why_not("after", {0: second, 1: first})
+    assert [(failure.body, failure.constraint) for failure in why.failures] == [
+        (2, "find after(c, b)"),
+        (1, "Link.next(a, b)"),
+    ]
+    inner = why.failures[0].inner
+    assert inner is not None and inner.given == {"a": last, "b": first}
+    loop = pattern("loop(a : Link)", [path("Link.next", "a", "a")], [find("loop", "a")])
+    matcher, _ = chain(loop)
+    asked = matcher.why_not("loop", {0: 0}).failures
+    assert {failure.constraint for failure in asked} == {"Link.next(a, a)", "find loop(a)"}
+    assert all(failure.inner is None for failure in asked)
+
+
+def test_given_values_that_equality_forbids_contradict_a_body() -> None:
+    same = pattern("same(a : Link, b : Link)", [is_a("Link", "a"), equal("a", "b")])
+    matcher, (first, second, _) = chain(same)
+    why = matcher.why_not("same", {0: first, 1: second})
+    assert [(failure.constraint, failure.found) for failure in why.failures] == [("", {})]
+    assert str(why).splitlines()[1] == "  body 1: the given values contradict it"
