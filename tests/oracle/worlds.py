@@ -448,6 +448,64 @@ def constraint(scope: Scope) -> Constraint | None:
     return None if test is None else Check(test)
 
 
+def tangle(scope: Scope) -> list[Constraint]:
+    """One relation positive, and negated or counted beside it: see `tangled`."""
+    dice = scope.dice
+    calls = [each for each in scope.callable if len(each.parameters) > 1]
+    if calls and dice.chance(60):
+        called = dice.one(calls)
+        terms = [Variable("_")] * len(called.parameters)
+        return tangled(
+            scope, PatternCall(called.name, tuple(terms)), [type_of(p.type) for p in called.parameters]
+        )
+    links = [
+        (PathConstraint(cls, (feature.name,), Variable("_"), Variable("_")), ObjectType(cls), feature)
+        for cls in scope.metamodel.classes
+        for feature in scope.metamodel.features(cls).values()
+    ]
+    if not links:
+        return []
+    over, source, feature = dice.one(links)
+    target = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
+    return tangled(scope, over, [source, target])
+
+
+def tangled(
+    scope: Scope, over: PatternCall | PathConstraint, types: Sequence[StaticType]
+) -> list[Constraint]:
+    """A relation positive, and negated or counted beside it, mostly with a single variable in common.
+
+    A tuple that comes then takes away what others of its relation give, and with a fan-out in many places at once.
+    """
+    dice = scope.dice
+
+    def made(positive: bool) -> PatternCall | PathConstraint:
+        terms = [scope.term(type_, positive) for type_ in types]
+        if not positive and dice.chance(60):
+            shared = dice.number(0, len(terms) - 1)
+            terms = [Variable("_")] * len(types)
+            terms[shared] = Variable(dice.one(scope.names(types[shared]) or ["_"]))
+        return with_terms(over, terms)
+
+    found: list[Constraint] = [made(True) for _ in range(dice.one([1, 1, 2]))]
+    for _ in range(dice.one([1, 1, 2])):
+        if dice.chance(60):
+            found.append(Negation(made(False)))
+        else:
+            counted = Aggregate("count", made(False))
+            known = scope.names(Scalar.INT)
+            number = dice.one(known) if known and dice.chance(50) else scope.new(Scalar.INT)
+            found.append(Comparison("==", Variable(number), counted))
+    return found
+
+
+def with_terms(over: PatternCall | PathConstraint, terms: Sequence[Term]) -> PatternCall | PathConstraint:
+    """The relation with other arguments."""
+    if isinstance(over, PatternCall):
+        return replace(over, arguments=tuple(terms))
+    return replace(over, source=terms[0], target=terms[1])
+
+
 def parameters(dice: Dice, metamodel: Metamodel) -> tuple[Parameter, ...]:
     """Typed parameters, seldom none, at most three."""
     types = [*metamodel.classes, *metamodel.classes, "int", dice.one(["Colour", "float"])]
@@ -483,6 +541,8 @@ def body(
                 constraints.append(Comparison("==", Variable(parameter.name), scope.literal(kind)))
     if partners and dice.chance(60):
         constraints.append(call(scope, dice.one(partners), positive=True))
+    if dice.chance(20):
+        constraints.extend(tangle(scope))
     for _ in range(
         dice.one([1, 1, 2, 3, 4, 5, 6])
     ):  # of one relation alone is what can be inlined everywhere
@@ -511,7 +571,59 @@ def random_library(dice: Dice, metamodel: Metamodel) -> Library:
             for head in heads
         ]
         add(library, group)
+    if dice.chance(20):
+        add_tower(dice, library)
     return library
+
+
+def add_tower(dice: Dice, library: Library) -> None:
+    """Add a step in which a relation is tangled, its closure, and what counts, sums up and negates that closure."""
+    metamodel = library.metamodel
+    links = [
+        (cls, feature)
+        for cls in metamodel.classes
+        for feature in metamodel.features(cls).values()
+        if isinstance(feature, Reference) and metamodel.overlap(cls, feature.target)
+    ]
+    if not links:
+        return
+    cls, link = dice.one(links)
+    ends = (Parameter("p0", cls), Parameter("p1", link.target))
+    types = [type_of(parameter.type) for parameter in ends]
+
+    def grow(heads: tuple[Parameter, ...], *bodies: Sequence[Constraint]) -> Pattern:
+        name = f"q{len(library.patterns)}"
+        add(library, [Pattern(name, heads, tuple(Body(tuple(each)) for each in bodies))])
+        return library.patterns[-1]
+
+    def scope() -> Scope:
+        return Scope(dice, metamodel, library.patterns[-3:], (), {p.name: type_of(p.type) for p in ends})
+
+    over = PathConstraint(cls, (link.name,), Variable("p0"), Variable("p1"))
+    step = grow(ends, [over, *tangled(scope(), over, types)], *([[over]] if dice.chance(20) else []))
+    followed = PatternCall(step.name, (over.source, over.target), dice.one([Closure.PLUS, Closure.STAR]))
+    closed = grow(ends, [followed, *(tangled(scope(), over, types) if dice.chance(25) else [])])
+    near, far = dice.one([(0, 1), (1, 0)])
+
+    def reaching(other: Term) -> PatternCall:
+        terms = (Variable("p0"), other)
+        return PatternCall(closed.name, (terms[near], terms[far]))
+
+    heads = (Parameter("p0", ends[near].type), Parameter("n", "int"))
+    total = Aggregate("count", reaching(Variable("_")))
+    numbers = [
+        feature.name
+        for feature in metamodel.features(types[far].cls).values()  # type: ignore[union-attr]
+        if isinstance(feature, Attribute) and feature.type is Scalar.INT
+    ]
+    if numbers and dice.chance(60):
+        value = PathConstraint(str(ends[far].type), (dice.one(numbers),), Variable("x"), Variable("n"))
+        valued = grow(heads, [reaching(Variable("x")), value])
+        total = Aggregate(dice.one(["sum", "min", "max"]), PatternCall(valued.name, (Variable("p0"), Hash())))
+    grow(heads, [Comparison("==", Variable("n"), total)])
+    both = tangled(scope(), PatternCall(closed.name, (Variable("p0"), Variable("p1"))), types)
+    more = constraint(scope())
+    grow(ends[:1], both if more is None else [*both, more])
 
 
 def add(library: Library, group: Sequence[Pattern]) -> None:
@@ -534,9 +646,18 @@ def _valid(library: Library, others: Sequence[Pattern], pattern: Pattern, body: 
         return sum(problem.severity is Severity.ERROR for problem in found)
 
     kept = list(body.constraints)
-    while kept and errors(kept):
-        drops = [kept[:i] + kept[i + 1 :] for i in range(len(kept))]
-        kept = min(drops, key=errors)
+    wrong = errors(kept)
+    while kept and wrong:
+        fewest: int | None = None
+        best = kept
+        for position in range(len(kept)):
+            smaller = kept[:position] + kept[position + 1 :]
+            left = errors(smaller)
+            if fewest is None or left < fewest:
+                fewest, best = left, smaller
+            if not left:
+                break  # each check takes long
+        kept, wrong = best, fewest or 0
     return Body(tuple(kept)) if kept else _plain(pattern, cls)
 
 
