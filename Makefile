@@ -7,6 +7,9 @@ DEMO_EXTRAS := fast
 TEST_EXTRAS := test,fast,plot,emf
 BENCH_EXTRAS := bench
 
+# The tests start many processes, each of which would compile everything anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test bench nightly clean venv
 
 # --- demo: one environment becomes a family, an agent learns on it, a report shows it ---

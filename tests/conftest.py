@@ -1,5 +1,6 @@
 """Hypothesis profiles: `default` repeats the same examples, `nightly` looks for new ones."""
 
+import gc
 from datetime import timedelta
 
 from hypothesis import HealthCheck, settings
@@ -17,3 +18,10 @@ settings.register_profile(
 )
 # An explicit --hypothesis-profile is loaded after this.
 settings.load_profile("default")
+
+
+def pytest_collection_finish() -> None:
+    """Modules and tests are here to stay: the garbage collector need not look at them, nor so often at the rest."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000)
