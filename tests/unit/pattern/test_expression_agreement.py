@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import hypothesis.strategies as st
 from hypothesis import given
 
@@ -56,8 +58,9 @@ def leaves(type_):
     return names | VALUES[type_].map(Constant)
 
 
+@cache
 def of_type(type_, depth):
-    """Expressions of exactly one static type."""
+    """Expressions of exactly one static type; made once each, or there would be thousands of strategies."""
     if depth == 0:
         return leaves(type_)
     parts = [leaves(type_), conditionals(type_, depth), calls(type_, depth)]
