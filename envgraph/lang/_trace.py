@@ -54,7 +54,7 @@ class _Reader:
             if len(self.problems) >= _MOST:
                 return
         end = len(self.source.text)
-        if not self._states:
+        if not self._states and not self.problems:
             self._problem("empty-file", "the file has no trace in it", self.source.span(0, min(1, end)))
         elif not self._ended and not self.problems:
             message = f"the trace ends after {len(self.trace)} applications, without its last line"
@@ -87,6 +87,9 @@ class _Reader:
 
     def _in_order(self, first: str, whole: Span) -> bool:
         if (first == "format") is bool(self._states):
+            if self.problems and not self._states:
+                self._states = [whole]  # the first line is what is wrong
+                return False
             message = "the trace has begun already" if self._states else "the first line is missing"
             hint = f'the first line, and no other, is `{{"format": "{TRACE_FORMAT}", ..}}`'
             self._problem("bad-format", message, whole, hint)
@@ -166,8 +169,10 @@ class _Reader:
             message = f"the trace has {len(self.trace)} applications, not {json.dumps(count)}"
             self._problem("wrong-count", message, spans["end",], "lines are missing, or there are too many")
         before = self.trace.states.get(len(self.trace))
+        # After a mistake an application may be missing, and the state before is not the last one.
+        whole = not self.problems
         span = self._state(value, spans, again=True, known=before is not None)
-        if before is not None and self.trace.states[len(self.trace)] != before and span is not None:
+        if whole and before is not None and self.trace.states[len(self.trace)] != before and span is not None:
             self._problem("other-state", "this is not the state after the last application", span)
 
     def _state(

@@ -265,6 +265,22 @@ def test_all_mistakes_of_a_trace_are_reported_together() -> None:
     assert mistakes(text).count("unknown rule") == 3
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"rule": "name"', '"rule": "nam"'),  # the last one: another state stands before the end
+        ('"match": {"a": 2, ', '"match": {'),
+        ('{"format"', "{format"),
+        (GOOD, "{"),
+    ],
+    ids=lambda text: text[:20],
+)
+def test_what_follows_from_a_mistake_is_not_told(old: str, new: str) -> None:
+    with pytest.raises(TraceError) as caught:
+        read(GOOD.replace(old, new))
+    assert len(caught.value.diagnostics) == 1
+
+
 def test_missing_and_doubled_lines_are_noticed() -> None:
     lines = GOOD.splitlines(keepends=True)
     assert "ends after 3 applications, without its last line" in mistakes("".join(lines[:4]))
