@@ -205,7 +205,10 @@ def apply(
     where: Annotated[
         list[str] | None,
         typer.Option(
-            "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
+            "--where",
+            "-w",
+            metavar="NAME=VALUE",
+            help="Fix a variable of the match, or a parameter: an object by its name, or a value.",
         ),
     ] = None,
     metamodel: Metamodel = None,

@@ -9,7 +9,7 @@ from typing import Any
 import envgraph.lang
 from envgraph.cli._convert import metamodel_paths, model_text
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table
-from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, with_article
+from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, name_hint, with_article
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
@@ -92,7 +92,9 @@ def apply_rule(
 ) -> None:
     """Apply a rule or a unit some times, and print each application."""
     engine = open_engine(model, rules, metamodels, seed)
-    bound = _bound(engine, {p.name: p.type for p in engine.signature(rule).parameters}, where)
+    signature = engine.signature(rule)
+    taken = (*signature.parameters, *signature.variables)
+    bound = _bound(engine, {one.name: one.type for one in taken}, where)
     done: list[dict[str, Any]] = []
     failed: RunResult | None = None
     with engine.recording() as recorded:
@@ -169,8 +171,8 @@ def _bound(engine: Engine, types: Mapping[str, StaticType | None], where: list[s
         if not equals:
             raise InvalidArgument(f"`{text}` is not of the form NAME=VALUE")
         if name not in types:
-            hint = did_you_mean(name, types) or f"there are {', '.join(types) or 'no parameters'}"
-            raise InvalidArgument(f"unknown parameter `{name}`; {hint}")
+            hint = name_hint(name, types) or "nothing can be given"
+            raise InvalidArgument(f"unknown variable `{name}`; {hint}")
         if name in bound:
             raise InvalidArgument(f"`{name}` is given twice")
         bound[name] = _value(engine, name, value, types[name])

@@ -200,6 +200,15 @@ def test_apply_tells_what_it_did_and_writes_the_model(envgraph: Envgraph, tmp_pa
     assert "no match of moveUp" in ok(envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveUp")).out
 
 
+def test_apply_fixes_any_variable_of_the_match(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    rule = ("apply", "maze/maze.model", "maze/maze.rules", "moveRight")
+    assert "there=Floor" in ok(envgraph(*rule, "-w", "there=2")).out
+    assert "no match of moveRight" in ok(envgraph(*rule, "-w", "there=3")).out
+    result = envgraph(*rule, "-w", "their=2")
+    assert result.code == 1 and "unknown variable `their`; did you mean `there`?" in result.err
+
+
 def test_apply_tells_what_a_rule_deleted_by_its_id(envgraph: Envgraph, tmp_path: Path) -> None:
     (tmp_path / "s.metamodel").write_text("metamodel s class Box { contains Box[0..*] parts int n }")
     (tmp_path / "s.model").write_text(
