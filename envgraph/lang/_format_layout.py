@@ -307,7 +307,9 @@ class Layout:
         return joined((chain, self.between(_first(values[0])), grouped(self.block(values))))
 
     def alternatives(self, part: Part) -> Document:
-        """`a | b`, broken before each `|`."""
+        """`a | b`, broken before each `|`; blocks among them as in `try { } else { }`."""
+        if any(isinstance(item, Part) and item.kind == "block" for item in part.items):
+            return self.nested(part)
         found: list[Document] = []
         for place, item in enumerate(part.items):
             first = _first(item)

@@ -166,7 +166,8 @@ def _misplaced(part: str, source: Source, lexemes: Sequence[Lexeme], *, several:
         return problem(
             lexemes[0], "`parameters` takes what stands between the brackets", "leave the brackets out"
         )
-    if part in (*_SIDES, "body") and (words[0] == "{" or words[:2] == [part, "{"]):
+    braces = words[0] == "{" and (part != "body" or several or _closes_last(words))
+    if part in (*_SIDES, "body") and (braces or words[:2] == [part, "{"]):
         hint = "leave them out; several bodies are a list of texts" if several else "leave them out"
         return problem(lexemes[0], f"`{part}` takes what stands between its braces", hint)
     if part == "blocks" and words[0] and words[0] not in _BLOCKS:
@@ -180,6 +181,16 @@ def _misplaced(part: str, source: Source, lexemes: Sequence[Lexeme], *, several:
             hint = f"give it as `{'blocks' if word in _BLOCKS else word}`"
             return problem(lexemes[number], f"`{word} {{ .. }}` does not stand in `{part}`", hint)
     return None
+
+
+def _closes_last(words: Sequence[str]) -> bool:
+    """Whether the brace that a text begins with is closed by its last word, or not at all."""
+    level = 0
+    for number, word in enumerate(words):
+        level += (word == "{") - (word == "}")
+        if level == 0:
+            return not any(words[number + 1 :])
+    return True
 
 
 def _word(lexeme: Lexeme) -> str:

@@ -247,7 +247,7 @@ class Recovery:
                 continue
             states = list(self._stack.states)
             self._grammar.shift(states, terminal)
-            if sign == ";" and self._foreign(index):
+            if sign == ";" and (self._foreign(index) or self._opens_block(lexeme)):
                 continue
             if lexeme.kind == END or not self._stack.makes_sense(states, index, index + _LOOKAHEAD):
                 continue
@@ -261,6 +261,10 @@ class Recovery:
             )
             return index
         return None
+
+    def _opens_block(self, lexeme: Lexeme) -> bool:
+        """Whether it is a `{` that more likely belongs to a mistyped word before it than to a statement of its own."""
+        return lexeme.value == "{" and not first_on_line(self._source, lexeme.start)
 
     def _missing_brace(self, index: int) -> int | None:
         """A `{` before this or the previous lexeme, or a `}` before a `;` or a keyword that was taken for a name."""

@@ -15,6 +15,8 @@ from envgraph.pattern import (
     Call,
     Check,
     Choice,
+    Constant,
+    Expression,
     If,
     Negation,
     PatternCall,
@@ -70,7 +72,11 @@ def _asked(reading: Reading, tree: Tree[Token], word: str) -> PatternCall | Nega
 
 
 def _choice(reading: Reading, tree: Tree[Token]) -> Choice:
-    return Choice(tuple(_call(reading, part) for part in trees(tree.children)), reading.span(tree))
+    return Choice(tuple(_alternative(reading, part) for part in trees(tree.children)), reading.span(tree))
+
+
+def _alternative(reading: Reading, tree: Tree[Token]) -> Step:
+    return block_of(reading, tree) if tree.data == "block" else _call(reading, tree)
 
 
 def _alap(reading: Reading, tree: Tree[Token]) -> Alap:
@@ -86,9 +92,16 @@ def _only_block(reading: Reading, tree: Tree[Token]) -> Sequence:
 
 
 def _repeat(reading: Reading, tree: Tree[Token]) -> Repeat:
-    bounds = tokens(tree.children, "INT")
-    lower, upper = int(bounds[0]), int(bounds[-1])
-    return Repeat(lower, upper, _only_block(reading, tree), reading.span(tree))
+    bounds = [_bound(reading, part) for part in trees(tree.children) if part.data != "block"]
+    return Repeat(bounds[0], bounds[-1], _only_block(reading, tree), reading.span(tree))
+
+
+def _bound(reading: Reading, tree: Tree[Token]) -> int | Expression:
+    """A number, or what gives one when the step begins."""
+    expression = expression_of(reading, tree)
+    if isinstance(expression, Constant) and type(expression.value) is int:
+        return expression.value
+    return expression
 
 
 def _try(reading: Reading, tree: Tree[Token]) -> Try:

@@ -16,6 +16,7 @@ from envgraph.pattern import (
     Block,
     Call,
     Choice,
+    Constant,
     Create,
     DeleteEdge,
     DeleteNode,
@@ -244,7 +245,10 @@ class RuleText(TermText):
             case Choice(alternatives):
                 if not alternatives:
                     self.refuse("a choice without alternatives")
-                return [" | ".join(map(self._call, alternatives)) + ";"]
+                if len(alternatives) == 1 and not isinstance(alternatives[0], Call):
+                    self.refuse("a choice of one block")
+                end = ";" if isinstance(alternatives[-1], Call) else ""
+                return [" | ".join(map(self._alternative, alternatives)) + end]
             case Call():
                 return [self._call(step) + ";"]
             case Alap(body):
@@ -252,8 +256,8 @@ class RuleText(TermText):
             case Atomic(body):
                 return [f"atomic {self._steps(body)}"]
             case Repeat(lower, upper, body):
-                bounds = str(lower) if lower == upper else f"{lower}..{upper}"
-                return [f"repeat {bounds} {self._steps(body)}"]
+                bounds = (lower,) if lower == upper else (lower, upper)
+                return [f"repeat {'..'.join(map(self._bound, bounds))} {self._steps(body)}"]
             case Try(body, otherwise):
                 rest = f" else {self._steps(otherwise)}" if otherwise else ""
                 return [f"try {self._steps(body)}{rest}"]
@@ -267,9 +271,13 @@ class RuleText(TermText):
         rest = self._if(step.otherwise) if isinstance(step.otherwise, If) else self._steps(step.otherwise)
         return f"{text} else {rest}"
 
-    def _call(self, step: Step) -> str:
-        if not isinstance(step, Call):
-            self.refuse("the alternatives of a choice are calls: give other steps a unit of their own")
+    def _bound(self, bound: int | Expression) -> str:
+        return str(bound) if isinstance(bound, int) else self.expression(bound, 1)
+
+    def _alternative(self, step: Step) -> str:
+        return self._call(step) if isinstance(step, Call) else self._steps(step)
+
+    def _call(self, step: Call) -> str:
         arguments = f"({self.expressions(step.arguments)})" if step.arguments else ""
         which = f"top {step.limit} " if step.limit is not None else "all " if step.every else ""
         if step.first:
@@ -398,15 +406,26 @@ def _flat(step: Step) -> tuple[Step, ...]:
     match step:
         case Steps():
             return steps_again(step).steps
-        case Choice(alternatives) if len(alternatives) == 1:
-            return alternatives
-        case Alap() | Atomic() | Repeat():
+        case Choice((Call() as only,)):
+            return (only,)
+        case Choice(alternatives):
+            again = (one if isinstance(one, Call) else steps_again(one) for one in alternatives)
+            return (Choice(tuple(again)),)
+        case Repeat(lower, upper, body):
+            return (Repeat(_bound_again(lower), _bound_again(upper), steps_again(body)),)
+        case Alap() | Atomic():
             return (replace(step, body=steps_again(step.body)),)
         case Try(body, otherwise):
             return (Try(steps_again(body), steps_again(otherwise) if otherwise else None),)
         case If():
             return (_if(step),)
     return (step,)
+
+
+def _bound_again(bound: int | Expression) -> int | Expression:
+    if isinstance(bound, Constant) and type(bound.value) is int:
+        return bound.value
+    return bound
 
 
 def _if(step: If) -> If:

@@ -238,7 +238,7 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """`a | b`: one that can be applied, by priority, then by weight."""
+    """`a | { b; c; }`: one that can be applied, by priority, then by weight; blocks have priority 0 and weight 1."""
 
     alternatives: tuple[Step, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
@@ -254,10 +254,13 @@ class Alap:
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """`repeat lower..upper { .. }`: a random number of times, both bounds included."""
+    """`repeat lower..upper { .. }`: a random number of times, both bounds included.
 
-    lower: int
-    upper: int
+    A bound may be an expression over the variables of the unit, worked out when the step begins.
+    """
+
+    lower: int | Expression
+    upper: int | Expression
     body: Step
     span: Span | None = field(default=None, compare=False, repr=False)
 

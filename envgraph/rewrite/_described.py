@@ -110,6 +110,27 @@ class Steps:
         self._add(Choice(tuple(one if isinstance(one, Call) else _call(one, ()) for one in alternatives)))
 
     @contextmanager
+    def either(self) -> Iterator[None]:
+        """`{ .. }`, the first alternative of a choice; `alternatively` follows."""
+        with self._block() as body:
+            yield
+        self._add(Choice((_sequence(body),)))
+
+    @contextmanager
+    def alternatively(self) -> Iterator[None]:
+        """`| { .. }`: one more alternative of the `either`, `alternatively` or `choose` right before.
+
+        Raises:
+            InvalidArgument: there is none.
+        """
+        last = self._open[-1][-1] if self._open[-1] else None
+        if not isinstance(last, Choice):
+            raise InvalidArgument("`alternatively` comes right after `either`, `alternatively` or `choose`")
+        with self._block() as body:
+            yield
+        self._open[-1][-1] = replace(last, alternatives=(*last.alternatives, _sequence(body)))
+
+    @contextmanager
     def alap(self) -> Iterator[None]:
         """`alap { .. }`: as long as possible."""
         with self._block() as body:
@@ -117,11 +138,13 @@ class Steps:
         self._add(Alap(_sequence(body)))
 
     @contextmanager
-    def repeat(self, lower: int, upper: int | None = None) -> Iterator[None]:
+    def repeat(self, lower: Given, upper: Given | None = None) -> Iterator[None]:
         """`repeat lower..upper { .. }`; without an upper bound, exactly so often."""
+        least = _bound(lower)
+        most = least if upper is None else _bound(upper)
         with self._block() as body:
             yield
-        self._add(Repeat(lower, lower if upper is None else upper, _sequence(body)))
+        self._add(Repeat(least, most, _sequence(body)))
 
     @contextmanager
     def atomic(self) -> Iterator[None]:
@@ -183,6 +206,10 @@ def _call(name: str, arguments: tuple[Given, ...]) -> Call:
     if not isinstance(name, str):
         raise InvalidArgument(f"a rule or unit is called by its name, not by {name!r}")
     return Call(name, _given(arguments))
+
+
+def _bound(given: Given) -> int | Expression:
+    return given if type(given) is int else _expression(given)
 
 
 def _given(arguments: tuple[Given, ...]) -> tuple[Expression, ...]:

@@ -205,10 +205,8 @@ class _Checker:
                 self._step(body, dict(scope))
             case Atomic(body):
                 self._step(body, scope)
-            case Repeat(lower, upper, body):
-                if not 0 <= lower <= upper:
-                    hint = "the lower bound comes first, and is at least 0"
-                    self._error("bad-bounds", f"cannot repeat {lower}..{upper} times", step.span, hint)
+            case Repeat(_, _, body):
+                self._bounds(step, scope)
                 self._step(body, dict(scope))
             case Try(body, otherwise):
                 self._step(body, dict(scope))
@@ -219,6 +217,20 @@ class _Checker:
                 self._step(step.then, dict(scope))
                 if step.otherwise is not None:
                     self._step(step.otherwise, dict(scope))
+
+    def _bounds(self, step: Repeat, scope: Scope) -> None:
+        lower, upper = step.lower, step.upper
+        for bound in dict.fromkeys((lower, upper)):
+            if not isinstance(bound, int):
+                found = check_expression(
+                    bound, scope, self.metamodel, expected=Scalar.INT, bare_objects=False
+                )
+                self.result.problems.extend(found[1])
+        least = lower if isinstance(lower, int) else 0
+        if least < 0 or (isinstance(upper, int) and upper < least):
+            hint = "the lower bound comes first, and is at least 0"
+            shown = f"{least}..{upper}" if isinstance(upper, int) else str(least)
+            self._error("bad-bounds", f"cannot repeat {shown} times", step.span, hint)
 
     def _call(self, call: Call, scope: Scope) -> None:
         span = call.name_span or call.span

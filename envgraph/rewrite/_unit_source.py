@@ -45,6 +45,7 @@ from envgraph.rewrite._match import Row
 from envgraph.rewrite._names import Signature
 from envgraph.rewrite._run import (
     UNSET,
+    Run,
     Site,
     apply_every_of,
     apply_one_of,
@@ -154,6 +155,7 @@ class UnitSource:
             "holds": holds,
             "release": model.release,
             "rollback": model.rollback,
+            "rounds": rounds,
             "rows_bound_by": rows_bound_by,
             "run_one_of": run_one_of,
             "savepoint": model.savepoint,
@@ -280,7 +282,7 @@ class UnitSource:
             case Try(_, otherwise):
                 return self._clean(otherwise)
             case Repeat(lower, _, _):
-                return lower == 0
+                return lower == 0  # one that is worked out may be anything
             case _:
                 return True
 
@@ -309,19 +311,32 @@ class UnitSource:
 
     def _repeat(self, step: Repeat, scope: Scope) -> None:
         function, loop = self._now, self._constant(("the `repeat`", step.span))
-        lower, spread = step.lower, step.upper - step.lower + 1
-        rounds = f"{lower} + run.pick({spread})" if spread > 1 else f"{lower}"
+        lower, rounds = self._rounds(step, scope)
         call, done = self._whole(step.body, scope), self._new("d")
         with function.block(f"for {done} in range({rounds}):"):
             function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {loop})", f"o = {call}")
             with function.block("if o is None:"):
-                if lower:
-                    text = self._constant(f" of at least {lower} rounds succeeded{at(step.span)}: ")
+                if lower != "0":
+                    text = self._constant(f" rounds succeeded{at(step.span)}: ")
+                    told = f"str({done}) + ' of at least ' + str({lower}) + {text} + run.failure[0]"
                     with function.block(f"if {done} < {lower}:"):
-                        function.add(f"run.failure = str({done}) + {text} + run.failure[0], run.failure[1]")
-                        function.add("return None")
+                        function.add(f"run.failure = {told}, run.failure[1]", "return None")
                 function.add("run.refusal = None", "break")
             self._changed("o")
+
+    def _rounds(self, step: Repeat, scope: Scope) -> tuple[str, str]:
+        """Source of the least number of rounds, and of the number that is drawn."""
+        if isinstance(step.lower, int) and isinstance(step.upper, int):
+            spread = step.upper - step.lower + 1
+            return str(step.lower), f"{step.lower} + run.pick({spread})" if spread > 1 else f"{step.lower}"
+        what = "a bound of the `repeat`"
+
+        def source(bound: int | Expression) -> str:
+            return str(bound) if isinstance(bound, int) else self._value(bound, scope, what, step.span)
+
+        lower = source(step.lower)
+        upper = lower if step.upper == step.lower else source(step.upper)
+        return lower, f"rounds(run, {lower}, {upper}, {self._constant(step.span)})"
 
     def _try(self, step: Try, scope: Scope) -> None:
         function = self._now
@@ -470,19 +485,20 @@ class UnitSource:
                 if not scope.known(name):
                     new[parameter.name] = name
             else:
-                given.append((parameter.name, self._value(argument, scope, call)))
+                what = f"an argument of `{call.name}`"
+                given.append((parameter.name, self._value(argument, scope, what, call.span)))
         return given, new
 
-    def _value(self, expression: Expression, scope: Scope, call: Call) -> str:
+    def _value(self, expression: Expression, scope: Scope, what: str, span: Span | None = None) -> str:
         """A local variable with the value of an expression; without a value the step fails."""
         function, local = self._now, self._new("a")
         if isinstance(expression, Constant):
             return self._constant(expression.value)
         used = {variable.name: scope.names[variable.name] for variable in variables_in(expression)}
-        site = self._constant((f"an argument of `{call.name}` in `{self._name}`", call.span))
+        site = self._constant((f"{what} in `{self._name}`", expression.span or span))
         function.add(f"{local} = argument({self._constant(expression)}, {self._values(used)}, read, {site})")
         with function.block(f"if {local} is None:"):
-            self._fails(f"an argument of `{call.name}` has no value", expression.span or call.span)
+            self._fails(f"{what} has no value", expression.span or span)
         return local
 
     def _values(self, names: Mapping[str, str]) -> str:
@@ -617,7 +633,7 @@ def surely_changes(step: Step, calls: Mapping[int, Signature]) -> bool:
         case Choice(alternatives):
             return bool(alternatives) and all(surely_changes(inner, calls) for inner in alternatives)
         case Repeat(lower, _, body):
-            return lower > 0 and surely_changes(body, calls)
+            return isinstance(lower, int) and lower > 0 and surely_changes(body, calls)
         case Try(body, otherwise) | If(_, body, otherwise):
             return otherwise is not None and surely_changes(body, calls) and surely_changes(otherwise, calls)
         case Atomic(body):
@@ -636,7 +652,7 @@ def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) ->
 def argument_value(
     expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None], site: Site
 ) -> Value | None:
-    """The value of an argument, or None if a path in it has none; `site` is what it is, and where its call is written.
+    """The value of an argument or a bound, or None if a path in it has none; `site` is what it is, and where.
 
     Raises:
         EvaluationError: division by zero, overflow, a function outside its domain.
@@ -647,10 +663,20 @@ def argument_value(
         return evaluate(expression, values, read)
     except EvaluationError as error:
         name, span = site
-        found = explained(
-            error, expression, values, read, span, "write `if check {} {{ .. }}` around the call"
-        )
+        found = explained(error, expression, values, read, span, "write `if check {} {{ .. }}` around it")
         raise EvaluationError(f"{name} has no value: {found.message}", found.span, found.hint) from None
+
+
+def rounds(run: Run, lower: int, upper: int, span: Span | None) -> int:
+    """A number of rounds between two bounds that were worked out.
+
+    Raises:
+        EvaluationError: the upper one is below the lower one, or the lower one below 0.
+    """
+    if not 0 <= lower <= upper:
+        hint = "the lower bound comes first, and is at least 0"
+        raise EvaluationError(f"cannot repeat {lower}..{upper} times", span, hint)
+    return lower + (run.pick(upper - lower + 1) if upper > lower else 0)
 
 
 def read_feature(model: Model, node: int, feature: str) -> Value | None:

@@ -11,10 +11,10 @@ the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try
 - `a; b;` runs the steps in order and fails at the first that fails; what was done before stays.
 - `a | b` tries the alternatives, those of the highest `@priority` first, among equals drawn by `@weight`, until one
   succeeds; an alternative that fails leaves nothing behind. It fails if all do.
-- `alap` repeats its body as long as that succeeds and changes something; the last, failing round leaves nothing
+- `alap` repeats its body as long as that succeeds and applies a rule; the last, failing round leaves nothing
   behind. It never fails.
-- `repeat n..m` draws a number of rounds. The first that fails ends it and leaves nothing behind; the step fails if
-  fewer than n have succeeded then.
+- `repeat n..m` works its bounds out and draws a number of rounds. The first that fails ends it and leaves nothing
+  behind; the step fails if fewer than n have succeeded then, or if a bound has no value.
 - `try` never fails by itself: a body that fails is taken back, and `else` runs, which may fail.
 - `if` runs one branch; without a branch to run it succeeds.
 - `atomic` takes everything back if its body fails, and fails then.

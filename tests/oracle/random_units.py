@@ -61,15 +61,14 @@ class Writer:
                 return f"{self._binding(nodes, values)};"
             case "choice":
                 count = self._random.randint(2, 4)
-                return f"{' | '.join(self._call(nodes, values) for _ in range(count))};"
+                return f"{' | '.join(self._alternative(nodes, values, depth) for _ in range(count))};"
             case "alap":
                 return (
                     f"alap {{ {self._random.choice(['up', 'heavy', 'urgent', 'up(a)', 'drop'])}; "
                     f"try {self._block(nodes, values, inner)} }}"
                 )
             case "repeat":
-                lower = self._random.randint(0, 2)
-                return f"repeat {lower}..{lower + self._random.randint(0, 2)} {self._block(nodes, values, inner)}"
+                return f"repeat {self._bounds(nodes, values)} {self._block(nodes, values, inner)}"
             case "try":
                 rest = self._random.choice(["", f" else {self._block(nodes, values, inner)}"])
                 return f"try {self._block(nodes, values, inner)}{rest}"
@@ -78,6 +77,19 @@ class Writer:
                 return f"if {self._condition(nodes)} {self._block(nodes, values, inner)}{rest}"
             case _:
                 return f"atomic {self._block(nodes, values, inner)}"
+
+    def _alternative(self, nodes: list[str], values: list[str], depth: int) -> str:
+        if depth and self._random.random() < 0.3:
+            return self._block(nodes, values, depth - 1)
+        return self._call(nodes, values)
+
+    def _bounds(self, nodes: list[str], values: list[str]) -> str:
+        lower = self._random.randint(0, 2)
+        count = self._random.choice([*values, f"{self._random.choice(nodes)}.n", "a.next.n"])
+        return self._random.choice(
+            [f"{lower}..{lower + self._random.randint(0, 2)}"] * 3
+            + [f"{count} % 3", f"{lower}..{lower} + {count} % 2", f"{count} % 2..2"]
+        )
 
     def _call(self, nodes: list[str], values: list[str]) -> str:
         one = self._random.choice([*nodes, "_"])

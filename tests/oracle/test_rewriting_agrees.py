@@ -204,7 +204,7 @@ def random_step(dice: Dice, names: list[str], depth: int = 0) -> Step:
         case 2 | 3 | 4:
             return Sequence((inner, *(random_step(dice, names, depth + 1) for _ in range(dice.number(1, 2)))))
         case 5:
-            return Choice(tuple(Call(dice.one(names)) for _ in range(dice.number(2, 3))))
+            return Choice((inner, *(Call(dice.one(names)) for _ in range(dice.number(1, 2)))))
         case 6:
             return Alap(inner)
         case 7:

@@ -19,6 +19,7 @@ from envgraph.pattern import (
     Call,
     Check,
     Choice,
+    Expression,
     If,
     Negation,
     PatternCall,
@@ -119,14 +120,26 @@ class Interpreter:
 
     def _repeat(self, step: Repeat, names: Names) -> bool:
         changed = False
-        for done in range(step.lower + self._draw(step.upper - step.lower + 1)):
+        lower, upper = self._bound(step.lower, names), self._bound(step.upper, names)
+        for done in range(lower + self._draw(upper - lower + 1)):
             try:
                 changed |= self._whole(step.body, dict(names))
             except Failure:
-                if done < step.lower:
+                if done < lower:
                     raise
                 break
         return changed
+
+    def _bound(self, bound: int | Expression, names: Names) -> int:
+        return bound if isinstance(bound, int) else int(self._value(bound, names))
+
+    def _value(self, expression: Expression, names: Names) -> Value:
+        if any(evaluate(path, names, self._read) is None for path in navigations(expression)):
+            raise Failure
+        value = evaluate(expression, names, self._read)
+        if value is None:
+            raise Failure
+        return value
 
     def _choice(self, alternatives: Sequence[Step], names: Names) -> bool:
         left = [self._preferred(step) for step in alternatives]
@@ -159,12 +172,7 @@ class Interpreter:
                 elif not argument.name.startswith("_"):
                     wanted[argument.name] = parameter.name
             else:
-                if any(evaluate(path, names, self._read) is None for path in navigations(argument)):
-                    raise Failure
-                value = evaluate(argument, names, self._read)
-                if value is None:
-                    raise Failure
-                given[parameter.name] = value
+                given[parameter.name] = self._value(argument, names)
         if signature.kind == "unit":
             changed = self._unit(call.name, given)
             names.update({own: given[theirs] for own, theirs in wanted.items()})

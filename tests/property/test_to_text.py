@@ -240,7 +240,9 @@ def steps(inner: st.SearchStrategy) -> st.SearchStrategy:
     return st.one_of(
         st.builds(Sequence, st.lists(inner, max_size=3).map(tuple)),
         st.builds(Choice, st.lists(CALLS, min_size=1, max_size=3).map(tuple)),
+        st.builds(Choice, st.lists(inner, min_size=2, max_size=3).map(tuple)),
         st.builds(Alap, inner),
+        st.builds(Repeat, EXPRESSIONS, st.integers(0, 3) | EXPRESSIONS, inner),
         st.builds(Atomic, inner),
         st.builds(
             lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 3), st.integers(0, 3), inner
@@ -419,6 +421,7 @@ def runnable(inner: st.SearchStrategy) -> st.SearchStrategy:
     return st.one_of(
         st.builds(Sequence, st.lists(inner, min_size=1, max_size=3).map(tuple)),
         st.builds(Choice, st.lists(RUNNABLE_CALLS, min_size=1, max_size=3).map(tuple)),
+        st.builds(Choice, st.lists(inner, min_size=2, max_size=3).map(tuple)),
         st.builds(Atomic, inner),
         st.builds(
             lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 2), st.integers(0, 2), inner

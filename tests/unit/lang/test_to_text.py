@@ -175,7 +175,7 @@ def test_steps_of_units_become_blocks() -> None:
         (Pattern("p", (), (Body((TypeConstraint("T", Constant(None)),)),)), "`none` stands for no value"),
         (Pattern("p", (), (Body(()),), doc="a */ b"), "a comment ends at the first"),
         (Rule("r", weight=-1.0), "a weight is a number above 0"),
-        (Unit("u", (), Choice((Sequence(()), Call("a")))), "the alternatives of a choice are calls"),
+        (Unit("u", (), Choice((Sequence(()),))), "a choice of one block"),
         (Unit("u", (), Choice(())), "a choice without alternatives"),
         (Derivation("d", "operators", ("A", "B")), "there are operators for one class at a time"),
     ],

@@ -7,7 +7,8 @@ import re
 import pytest
 
 from envgraph import Pattern, Rule
-from envgraph.errors import InvalidArgument, ResolutionError
+from envgraph import Unit as UnitOf
+from envgraph.errors import InvalidArgument, LoadError, ResolutionError
 from envgraph.graph import Node
 from envgraph.lang import from_text, spelled_out, to_text
 from envgraph.pattern import (
@@ -156,6 +157,38 @@ def test_a_function_with_steps_describes_the_unit_of_a_text() -> None:
     """
     made.definition("day")
     assert to_text(made.definition("day")) == to_text(*from_text(text))
+
+
+def test_a_described_choice_may_have_blocks() -> None:
+    made = engine(RULES)
+
+    @made.unit
+    def day(steps: Steps, k: int) -> None:
+        with steps.either(), steps.repeat(k):
+            steps.call("grow")
+        with steps.alternatively():
+            steps.call("cut")
+            steps.call("grow")
+        steps.choose("grow", "cut")
+        with steps.alternatively(), steps.repeat(0, k):
+            steps.call("cut")
+
+    text = """
+unit day(k : int) {
+    { repeat k { grow; } } | { cut; grow; }
+    grow | cut | { repeat 0..k { cut; } }
+}
+"""
+    assert to_text(made.definition("day")) == text.lstrip()
+    with pytest.raises(InvalidArgument, match="`alternatively` comes right after"), Steps().alternatively():
+        pass
+
+
+def test_the_body_of_a_unit_may_begin_with_an_alternative() -> None:
+    (read,) = from_text("unit u { { grow; cut; } | cut; grow; }")
+    assert UnitOf("u", body="{ grow; cut; } | cut; grow") == read
+    with pytest.raises(LoadError, match="`body` takes what stands between its braces"):
+        UnitOf("u", body="{ grow; cut; }")
 
 
 def test_a_described_unit_runs_like_its_text() -> None:

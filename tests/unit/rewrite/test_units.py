@@ -206,6 +206,36 @@ def test_an_alternative_that_fails_leaves_nothing_behind() -> None:
 # --- loops
 
 
+def test_an_alternative_may_be_a_block() -> None:
+    seen = set()
+    for seed in range(20):
+        made = one("unit u { { up; up; } | { grow; never; } | grow; }", seed=seed)
+        assert made.run("u")
+        seen.add((n(made), len(made.model)))
+    assert seen == {(2, 1), (0, 2)}
+
+
+def test_a_block_among_alternatives_has_priority_0_and_weight_1() -> None:
+    rules = "@priority(1) rule early { lhs { a : Item; check a.n == 0; } modify { set a.n = 9; } } "
+    made = one(rules + "unit u { { up; grow; } | early; }")
+    made.run("u")
+    assert (n(made), len(made.model)) == (9, 1)
+    counts: Counter[int] = Counter()
+    heavy = "@weight(3.0) rule heavy { lhs { a : Item; } modify { set a.n = 5; } } "
+    made = one(heavy + "unit u { { mark(_, 1); } | heavy; }")
+    for _ in range(400):
+        made.run("u")
+        counts[n(made)] += 1
+    assert 60 < counts[1] < 140
+
+
+def test_a_variable_of_an_alternative_stays_in_it() -> None:
+    made = one("unit u { { read(_, k); mark(_, k + 2); } | never; }")
+    assert made.run("u") and n(made) == 2
+    (wrong,) = problems(RULES + "unit u(a : Item) { { read(a, k); } | never; mark(a, k); }")
+    assert str(wrong.message) == "unknown variable `k`"
+
+
 def test_alap_repeats_as_long_as_possible() -> None:
     made = one("unit u { alap { up; } big; }")
     made.run("u")
@@ -231,6 +261,48 @@ def test_repeat_draws_a_number_of_rounds_between_its_bounds() -> None:
         made.run("u")
         seen.add(len(made.model) - 1)
     assert seen == {1, 2, 3}
+
+
+@pytest.mark.parametrize(
+    ("bounds", "rounds"),
+    [("k", {3}), ("1..k", {1, 2, 3}), ("k - 2..a.n + k", {1, 2, 3}), ("a.n", {0}), ("k % 3..0", {0})],
+)
+def test_the_bounds_of_repeat_are_worked_out_when_it_begins(bounds: str, rounds: set[int]) -> None:
+    seen = set()
+    for seed in range(30):
+        made = one(f"unit u(a : Item, k : int) {{ repeat {bounds} {{ up; }} }}", seed=seed)
+        made.run("u", a=0, k=3)
+        seen.add(n(made))
+    assert seen == rounds
+
+
+def test_a_bound_of_repeat_may_come_from_a_rule() -> None:
+    made = one("unit u(a : Item) { mark(a, 2); read(a, k); repeat k { grow; } }")
+    assert made.run("u", a=0) and len(made.model) == 3
+
+
+def test_repeat_fails_where_a_bound_has_no_value() -> None:
+    made = one("unit u(a : Item) { up; try { repeat 0..a.next.n { grow; } } else { up; } }")
+    assert made.run("u", a=0) and (n(made), len(made.model)) == (2, 1)
+    made = one("unit u(a : Item) { repeat a.next.n { grow; } }")
+    reason = made.run("u", a=0).reason
+    assert reason is not None and reason.startswith("a bound of the `repeat` has no value (test.rules:9:27)")
+
+
+def test_bounds_of_repeat_that_are_out_of_order_end_the_run() -> None:
+    made = one("unit u(k : int) { up; repeat k { up; } }")
+    with pytest.raises(EvaluationError, match=r"test.rules:9:23: cannot repeat -1\.\.-1 times"):
+        made.run("u", k=-1)
+    assert n(made) == 0
+    made = one("unit u(k : int) { repeat k..3 { up; } }")
+    with pytest.raises(EvaluationError, match=r"cannot repeat 4\.\.3 times"):
+        made.run("u", k=4)
+
+
+def test_repeat_says_how_many_rounds_of_how_many_have_succeeded() -> None:
+    made = one("unit u(k : int) { repeat k { up; } }")
+    reason = made.run("u", k=7).reason
+    assert reason is not None and reason.startswith("3 of at least 7 rounds succeeded")
 
 
 def test_repeat_fails_below_its_lower_bound_only() -> None:
@@ -446,6 +518,19 @@ MISTAKES = [
     ("unit u { if find linked(a, _) { up; } }", "unknown-variable", "a", "write `_` for any"),
     ("unit u { if find linkd(_, _) { up; } }", "unknown-pattern", "linkd", "did you mean `linked`?"),
     ("unit u(a : Item) { if check a.n { up; } }", "wrong-type", "a.n", "compare it: `.. == ..`"),
+    (
+        "unit u(k : float) { repeat k { up; } }",
+        "wrong-type",
+        "k",
+        "`round`, `floor` or `toInt` make an int of it",
+    ),
+    ("unit u { repeat 1..k { up; } }", "unknown-variable", "k", "no variable is known here"),
+    (
+        "unit u(k : int) { repeat -1..k { up; } }",
+        "bad-bounds",
+        "repeat -1..k { up; }",
+        "the lower bound comes first, and is at least 0",
+    ),
     ("@weigth(2.0) unit u { up; }", "unknown-annotation", "@weigth(2.0)", "did you mean `weight`?"),
 ]
 
