@@ -12,6 +12,7 @@ from envgraph.pattern import Derivation, Library, Pattern, Rule, Unit, static_ty
 from envgraph.rewrite._check import CheckedRule, examine
 from envgraph.rewrite._derive import check_derivation, derived
 from envgraph.rewrite._derive_operators import Derived
+from envgraph.rewrite._endless import endless
 from envgraph.rewrite._header import left_problems
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._plan import RulePlan
@@ -146,6 +147,7 @@ class Registration:
                 checked = check_unit(self._apart(definition), self.directory, library)
                 self.units.append(checked)
                 problems += checked.problems
+        problems += endless(self.units)
         return problems
 
     def _check_rule(self, rule: Rule, library: Library) -> list[Diagnostic]:

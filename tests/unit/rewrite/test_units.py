@@ -7,7 +7,7 @@ from collections import Counter
 
 import pytest
 
-from envgraph.errors import EvaluationError, InvalidArgument, RuleError, TypeMismatch
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError, Severity, TypeMismatch
 from envgraph.graph import Model
 from envgraph.pattern import Atomic, Call, Sequence, Unit
 from envgraph.rewrite import Engine
@@ -440,6 +440,42 @@ def test_a_unit_that_failed_shows_the_step() -> None:
         result.or_raise()
     assert caught.value.span == result.span and caught.value.reason == "failed"
     assert made.run("up").span is None
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ("unit u { up; u; }", "`u` always calls itself"),
+        ("unit u { repeat 1..2 { u; } }", "`u` always calls itself"),
+        ("unit u { u | { grow; atomic { u; } } }", "`u` always calls itself"),
+        ("unit u { if check 1 > 2 { u; } else { v; } } unit v { u; }", "`u` always calls itself"),
+        (
+            "unit u { up; v; } unit v { try { u; } else { w; } } unit w { v; }",
+            "`u` always calls itself through `v`",
+        ),
+    ],
+)
+def test_a_unit_that_calls_itself_whatever_happens_is_told_once(units: str, message: str) -> None:
+    (found,) = problems(RULES + units)
+    assert (found.code, found.severity) == ("endless-unit", Severity.WARNING)
+    assert found.message == f"{message}, so that it never succeeds"
+    assert found.span is not None and found.span.text in ("u", "v")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "up; try { u; }",
+        "up | u;",
+        "if check 1 > 2 { u; }",
+        "repeat 0..1 { u; }",
+        "alap { up; u; }",
+        "try { up; } else { u; }",
+        "if check 1 > 2 { u; } else { up; }",
+    ],
+)
+def test_a_unit_may_call_itself_where_it_can_also_end(body: str) -> None:
+    assert not problems(f"{RULES} unit u {{ {body} }} unit v {{ u; u; }}")
 
 
 def test_deeply_nested_steps_are_refused() -> None:
