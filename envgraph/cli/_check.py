@@ -6,7 +6,7 @@ from pathlib import Path
 
 from envgraph.cli._convert import metamodel_paths
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json
-from envgraph.errors import Diagnostic, LoadError, has_errors
+from envgraph.errors import Diagnostic, LoadError, has_errors, sort_diagnostics
 
 
 def check_files(files: list[str], metamodels: list[str] | None, format: OutputFormat) -> int:
@@ -33,16 +33,16 @@ def _groups(files: list[str]) -> list[list[str]]:
 def _problems(files: list[str]) -> list[Diagnostic]:
     """What is wrong with files that are read together; of families also what only a search would meet."""
     from envgraph.lang import load_workspace
-    from envgraph.search import domain_problems
+    from envgraph.search import domain_problems, option_problems
 
     try:
         workspace = load_workspace(files)
     except LoadError as error:
         return list(error.diagnostics)
     found = list(workspace.diagnostics)
-    if not workspace.errors:
-        found += [one for spec in workspace.families for one in domain_problems(spec, workspace)]
-    return found
+    ask = option_problems if workspace.errors else domain_problems
+    found += [one for spec in workspace.families for one in ask(spec, workspace)]
+    return sort_diagnostics(found)
 
 
 def _summary(diagnostics: tuple[Diagnostic, ...]) -> str:

@@ -6,7 +6,7 @@ import re
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 
-from envgraph.errors import Diagnostic, Severity
+from envgraph.errors import Diagnostic, Severity, Span
 from envgraph.lang._parsing import Parsed
 from envgraph.pattern import Pattern
 
@@ -15,6 +15,11 @@ _TO_THE_END = frozenset({"unterminated-comment", "too-many-errors"})
 _UNREAD = frozenset({"empty-body", "unreferenced-parameter", "used-once"})
 """What may follow from a constraint that could not be read."""
 
+_MISREAD = frozenset(
+    {"number-too-large", "stray-character", "touching-words", "unterminated-string", "unterminated-text"}
+)
+"""Mistakes in the spelling of one token."""
+
 
 def unread_names(parsed: Parsed) -> frozenset[str]:
     """The names in a text of which nothing could be saved, or in what was not read at the end of the file."""
@@ -22,6 +27,23 @@ def unread_names(parsed: Parsed) -> frozenset[str]:
     text = parsed.source.text
     start = 0 if parsed.tree is None else min(opened, default=len(text))
     return frozenset(re.findall(r"[^\W\d]\w*", text[start:]))
+
+
+def without_misread(found: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Leaves out what is said about a number, a string or a sign that could not be read as it stands."""
+    diagnostics = list(found)
+    misread: dict[str, list[Span]] = {}
+    for one in diagnostics:
+        if one.span and one.code in _MISREAD:
+            misread.setdefault(one.span.source.name, []).append(one.span)
+
+    def follows(one: Diagnostic) -> bool:
+        if one.span is None or one.code in _MISREAD | _TO_THE_END or "\n" in one.span.text:
+            return False
+        spans = misread.get(one.span.source.name, ())
+        return any(span.start < one.span.end and one.span.start < span.end for span in spans)
+
+    return [one for one in diagnostics if not follows(one)] if misread else diagnostics
 
 
 def without_echoes(

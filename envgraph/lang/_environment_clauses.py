@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, cast
@@ -187,6 +188,10 @@ def _condition(reading: Reading, tree: Tree[Token]) -> PatternCall | Negation | 
         return condition
     if condition is not None:
         hint = "put the condition into a pattern, and write `on find` and its name"
+        called = re.fullmatch(r"(neg\s+)?([\w.]+\s*\([^()]*\))", reading.span(tree).text)
+        if called is not None:
+            written = f"`on {called[1] or ''}find {called[2]}`"
+            hint = f"write {written} if this is a pattern; else put it into one, and ask for that"
         reading.error("wrong-condition", "`on` asks `find` or `neg find`", tree, hint)
     return None
 

@@ -42,6 +42,10 @@ class ComponentSpec:
         """Where an option's value stands; else where the table does."""
         return self.spans.get(option) or self.spans.get("")
 
+    def key_span(self, option: str) -> Span | None:
+        """Where the name of an option stands; else as `span`."""
+        return self.spans.get(f"{option} =") or self.span(option)
+
 
 @dataclass(frozen=True, slots=True)
 class ConstraintsSpec:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from envgraph.errors import Diagnostic, Span, did_you_mean, name_hint
+from envgraph.errors import Diagnostic, Span, did_you_mean, listed, name_hint
 from envgraph.lang._family import ComponentSpec, FamilySpec, Name
 from envgraph.lang._workspace import Workspace
-from envgraph.metamodel import Reference
+from envgraph.metamodel import Metamodel, Reference
 from envgraph.pattern import Derivation, Rule, Unit
 
 COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
@@ -121,6 +121,7 @@ class _Checker:
             yield Diagnostic(f"ambiguous-{what}", message, span, f"write one of {full}")
             return
         hint = did_you_mean(name, known) or self._elsewhere(name, what)
+        hint = hint or name_hint(name, [one for one in known if "." not in one])
         yield Diagnostic(f"unknown-{what}", f"unknown {what} `{name}`", span, hint)
 
     def _elsewhere(self, name: str, what: str) -> str | None:
@@ -145,13 +146,15 @@ class _Checker:
         if expected is None or measure.kind not in COMPONENTS["measure"]:
             return
         for option, value in measure.options.items():
-            span = measure.span(option)
+            span = measure.key_span(option)
             if option not in expected:
-                known = ", ".join(f"`{one}`" for one in expected) or "no options"
+                known = ", ".join(f"`{one}`" for one in expected) or "no options: leave it out"
                 hint = did_you_mean(option, expected) or f"`{measure.kind}` has {known}"
                 yield Diagnostic("unknown-key", f"unknown key `{option}` in `{measure.name}`", span, hint)
             elif expected[option]:
                 yield from self._option(measure, option, value, expected[option])
+        if measure.kind == "path_complexity":
+            yield from self._steps(measure)
 
     def _option(self, measure: ComponentSpec, option: str, value: object, what: str) -> Iterator[Diagnostic]:
         span = measure.span(option)
@@ -162,7 +165,8 @@ class _Checker:
             or (what != "path" and value is names)
         ):
             wanted = "a list of names of references" if what == "path" else f"the name of a {what}"
-            yield Diagnostic("wrong-type", f"`{option}` is {wanted}", span)
+            hint = f'write `{option} = ["..."]`' if what == "path" else f'write `{option} = "..."`'
+            yield Diagnostic("wrong-type", f"`{option}` is {wanted}", span, hint)
             return
         for index, name in enumerate(names):
             span = measure.spans.get(f"{option}[{index}]", span)
@@ -172,7 +176,7 @@ class _Checker:
                 case "pattern":
                     yield from self._known(str(name), span, self._patterns, "pattern")
                 case _:
-                    yield from self._path(str(name), span)
+                    yield from self._path(str(name), span, measure.kind)
 
     def _class(self, name: str, span: Span | None) -> Iterator[Diagnostic]:
         metamodel = self._workspace.metamodel
@@ -181,18 +185,23 @@ class _Checker:
                 "unknown-class", f"unknown class `{name}`", span, name_hint(name, metamodel.classes)
             )
 
-    def _path(self, name: str, span: Span | None) -> Iterator[Diagnostic]:
+    def _path(self, name: str, span: Span | None, kind: str) -> Iterator[Diagnostic]:
         """A reference (`right`, `Tile.right`) or a binary pattern."""
         metamodel = self._workspace.metamodel
         if metamodel is None:
             return
         references = [one for one in metamodel.references if name in {one.name, str(one)}]
+        if name in self._patterns and not references and kind == "path_complexity":
+            message = f"`{name}` is a pattern, and `{kind}` follows references"
+            yield Diagnostic("wrong-type", message, span, "`shortest_path` follows patterns, too")
+            return
         if references or name in self._patterns:
             yield from self._binary(name, span, references)
             return
-        known = [*(one.name for one in metamodel.references), *self._patterns]
-        message = f"no reference or pattern is called `{name}`"
-        yield Diagnostic("unknown-reference", message, span, did_you_mean(name, known))
+        patterns = () if kind == "path_complexity" else self._patterns
+        known = [*(one.name for one in metamodel.references), *patterns]
+        message = f"no reference {'or pattern ' if patterns else ''}is called `{name}`"
+        yield Diagnostic("unknown-reference", message, span, name_hint(name, known))
 
     def _binary(self, name: str, span: Span | None, references: list[Reference]) -> Iterator[Diagnostic]:
         if references:
@@ -200,7 +209,50 @@ class _Checker:
         found = next(one for one in self._workspace.patterns if name in {one.name, one.qualified_name})
         if len(found.parameters) != 2:
             message = f"`{name}` is no pattern of two parameters, which a path could follow"
-            yield Diagnostic("wrong-arity", message, span)
+            hint = "a step goes from the object of the first parameter to that of the second"
+            yield Diagnostic("wrong-arity", message, span, hint)
+
+    def _steps(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
+        """Whether paths of a measure can go where it says, by the classes of the objects."""
+        metamodel, given = self._workspace.metamodel, measure.options
+        along = given.get("along")
+        names = along if isinstance(along, list) else [along]
+        classes = [given.get(option) for option in ("from", "to", "avoid")]
+        if metamodel is None or not all(isinstance(one, str) and one in metamodel.classes for one in classes):
+            return
+        found = [[r for r in metamodel.references if name in {r.name, str(r)}] for name in names]
+        start, goal, avoid = map(str, classes)
+        reached = _reached(metamodel, start, [one for references in found for one in references])
+        for index, (name, references) in enumerate(zip(names, found, strict=True)):
+            span = measure.spans.get(f"along[{index}]", measure.span("along"))
+            if references and reached.isdisjoint(c for r in references for c in metamodel.concrete(r.owner)):
+                owners = listed(r.owner for r in references)
+                hint = (
+                    f"`{name}` starts at {owners}: name a reference that starts at a `{start}` or further on"
+                )
+                message = f"no path from a `{start}` comes to where `{name}` starts"
+                yield Diagnostic("unreachable-step", message, span, hint)
+        if not all(found):
+            return
+        for option, cls in (("to", goal), ("avoid", avoid)):
+            if reached.isdisjoint(metamodel.concrete(cls)):
+                message = f"no path along these references leads from a `{start}` to a `{cls}`"
+                hint = (
+                    f"paths come to {listed(reached)}" if reached else f"`{start}` has no objects of its own"
+                )
+                yield Diagnostic("unreachable-step", message, measure.span(option), hint)
+
+
+def _reached(metamodel: Metamodel, start: str, references: Sequence[Reference]) -> set[str]:
+    """The concrete classes of the objects that paths may come to."""
+    reached = set(metamodel.concrete(start))
+    before = -1
+    while before < len(reached):
+        before = len(reached)
+        for reference in references:
+            if not reached.isdisjoint(metamodel.concrete(reference.owner)):
+                reached.update(metamodel.concrete(reference.target))
+    return reached
 
 
 def _named(names: Iterable[tuple[str, str]]) -> dict[str, int]:

@@ -190,7 +190,8 @@ class _Section:
         names = tuple(known)
         if value is None or value.text in names:
             return value.text if value else default
-        hint = did_you_mean(value.text, names) or f"there are {_listed(names)}"
+        known = f"write `{names[0]}`" if len(names) == 1 else f"there are {_listed(names)}"
+        hint = did_you_mean(value.text, names) or known
         self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
         return default
 
@@ -395,13 +396,20 @@ class _Reader:
     ) -> ComponentSpec | None:
         kind = table.string(word, default)
         if kind is None:
-            if word not in table.data and isinstance(self._raw(table.path), dict):
+            near = next((key for key in table.data if did_you_mean(key, [word])), None)
+            if word not in table.data and near:
+                message = f"unknown key `{near}` in `[{'.'.join(table.path)}]`"
+                table.error(
+                    "unknown-key", message, self._text.key(*table.path, near), f"did you mean `{word}`?"
+                )
+            elif word not in table.data and isinstance(self._raw(table.path), dict):
                 self._missing(table, word, f'write `{word} = "..."`')
             return None
         spans = {key: table.span(key) for key in table.data} | {"": table.span()}
         for key, value in table.data.items():
             items = range(len(value)) if isinstance(value, list) else ()
             spans |= {f"{key}[{index}]": table.span(key, index) for index in items}
+        spans |= {f"{key} =": self._text.key(*table.path, key) for key in table.data}
         spans["kind"] = kind.span or spans[""]
         options = {key: value for key, value in table.data.items() if key != word}
         return ComponentSpec(role, kind.text, options, spans)

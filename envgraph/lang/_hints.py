@@ -54,6 +54,8 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
     keywords, signs = grammar.core.keywords, grammar.core.signs
     if before[1] == "-" and after == "->":
         return f"an arrow starts at an object: write `x -{word}-> ..`"
+    if before[0] == "metamodel" and before[1] in keywords and "metamodel" in keywords:
+        return f"the metamodel has no name: write `metamodel name` before `{before[1]}`"
     if "neg" not in keywords:
         return None
     home = "query" if "rule" in keywords else "rules"
@@ -66,6 +68,8 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
         return "write `neg`"
     if word == "(" and before[1] in ("neg", "count", "sum", "min", "max", "avg"):
         return f"leave the brackets out: `{before[1]} find p(..)`, `{before[1]} Type(..)`"
+    if word == "|" and "&&" in signs and grammar.accepts(states, signs["||"]):
+        return "write `||`"
     if word in _COMPARISONS and before[0] == "." and grammar.accepts(states, signs["("]):
         return "a condition on a feature stands in `check(..)`"
     if word == "{" and before[1] in ("(", "return"):

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from envgraph.errors import Diagnostic, LoadError, Source, Span
 from envgraph.graph import Model, model_from_json
-from envgraph.metamodel import Metamodel
+from envgraph.metamodel import LARGEST_INT, Metamodel
 
 JsonPath = tuple[str | int, ...]
 """Keys and indices from the root to a value."""
@@ -77,8 +77,8 @@ def _decoded(source: Source) -> object:
         found = _LONG.search(source.text)
         if found is None:  # nothing else raises it
             raise
-        span = source.span(*found.span())
-        problem = Diagnostic("number-too-large", "the number is too large", span, "at most 64 bits are kept")
+        span, hint = source.span(*found.span()), f"an int has 64 bits: it is {LARGEST_INT} at most"
+        problem = Diagnostic("number-too-large", "the number is too large", span, hint)
         raise LoadError([problem]) from error
     found = next(_lone_surrogates(source.text), None)
     if found is not None:

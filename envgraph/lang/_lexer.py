@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass, field
 from inspect import cleandoc
 from typing import Any
@@ -30,8 +30,10 @@ _MEANT = {
     "\u2212": "-", "\u2013": "-", "\u2014": "-", "\u00d7": "*", "\u00f7": "/", "\u2264": "<=", "\u2265": ">=",
     "\u2260": "!=", "\u2227": "&&", "\u2228": "||", "\u00ac": "!", "\u2192": "->", "\u2190": "<-",
     "\uff08": "(", "\uff09": ")", "\uff1b": ";", "\uff0c": ",", "\uff1a": ":", "\u037e": ";",
+    "&": "&&", "|": "||", "~": "!",
 }  # fmt: skip
 """Signs of print, and what they are here."""
+_QUOTES = "\u2018\u2019\u201a\u201b\u201c\u201d\u201e\u201f\u00ab\u00bb\u2039\u203a`\u00b4"
 _MOST_NESTED = 100
 _MOST_ERRORS = 100
 _CURLY = re.compile(
@@ -114,12 +116,13 @@ class LexicalCore(Lexer):
 
     def scan(self, source: Source) -> Scan:
         """Splits a text; nothing in it can make this raise."""
-        return _Scanner(source, self._token).run()
+        return _Scanner(source, self._token, self.signs).run()
 
 
 class _Scanner:
-    def __init__(self, source: Source, token: re.Pattern[str]) -> None:
+    def __init__(self, source: Source, token: re.Pattern[str], signs: Container[str]) -> None:
         self._source = source
+        self._signs = signs
         self._text = source.text
         self._token = token
         self._scan = Scan()
@@ -203,9 +206,9 @@ class _Scanner:
             sign = bool(self._scan.lexemes) and self._scan.lexemes[-1].value == "-"
             too_large = size > 19 or int(digits) > LARGEST_INT + sign
         if too_large:
-            self._report(
-                "number-too-large", "the number is too large", start, end, "at most 64 bits are kept"
-            )
+            most = "1.8e308" if kind == "FLOAT" else str(LARGEST_INT)
+            hint = f"{'a float' if kind == 'FLOAT' else 'an int'} has 64 bits: it is {most} at most"
+            self._report("number-too-large", "the number is too large", start, end, hint)
             digits = "0" if kind == "FLOAT" else str(LARGEST_INT)  # what is wrong with 0 is not its fault
         following = re.compile(r"\w+").match(self._text, end)
         if following:
@@ -302,10 +305,20 @@ class _Scanner:
                 break
             end += 1
         shown = self._text[start:end]
-        hint = f"write `{_MEANT[shown]}`" if shown in _MEANT else None
+        hint = "take it out: such a character stands in strings and comments only"
+        if _MEANT.get(shown) in self._signs:
+            hint = f"write `{_MEANT[shown]}`"
+        elif shown[0] in _QUOTES:
+            hint = 'a string stands between two `"`'
+        before = self._scan.lexemes[-1] if self._scan.lexemes else None
+        if before is not None and before.kind == "STRING" and before.end == start:
+            string = self._text[before.start : start][-20:]
+            hint = f"the string {string} ends right before it: is a quotation mark missing?"
         if not shown.isprintable():
             shown = repr(shown)[1:-1]
-            hint = "take the character out, which cannot be seen" if end == start + 1 else None
+            hint = "take the character out, which cannot be seen"
+            if end > start + 1:
+                hint = "take these characters out, which cannot all be seen"
         self._report("stray-character", f"`{shown[:20]}` means nothing here", start, end, hint)
         return end
 

@@ -21,7 +21,7 @@ from envgraph.errors import (
     did_you_mean,
 )
 from envgraph.lang._checking import check, conformance
-from envgraph.lang._consequences import unread_names, without_echoes
+from envgraph.lang._consequences import unread_names, without_echoes, without_misread
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._ecore import read_ecore
 from envgraph.lang._ecore_document import EcoreDocument, ecore_path
@@ -57,6 +57,9 @@ from envgraph.pattern import Derivation, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
 
 _DEFINED_ELSEWHERE = {"unknown-pattern", "unknown-rule", "unknown-reference", "no-metamodel"}
+
+_ABSENT = {"no-actions", "no-observation", "no-success"}
+"""What an environment lacks may stand where it could not be read."""
 
 LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
 
@@ -429,6 +432,8 @@ class _Loader:
             cut = {_file(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
             broken = {_file(one) for one in self.diagnostics} & set(self.xml) | cut
             found += [one for one in checked if one.code != "no-metamodel" or _file(one) not in broken]
+            unread = {_file(one) for one in self.diagnostics if one.severity is Severity.ERROR}
+            found = [one for one in found if one.code not in _ABSENT or _file(one) not in unread]
             for spec in self.families:
                 if spec.path in self.unclear:
                     continue
@@ -626,7 +631,7 @@ class _Loader:
                 return (-1, 0, 0)
             return (self.order.get(one.span.source.name, -1), one.span.start, one.span.end)
 
-        return tuple(sorted(dict.fromkeys(self.diagnostics), key=key))
+        return tuple(sorted(dict.fromkeys(without_misread(self.diagnostics)), key=key))
 
 
 def _file(problem: Diagnostic) -> str | None:

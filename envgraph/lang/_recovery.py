@@ -423,6 +423,10 @@ class Recovery:
             return
         shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]
         shown = shown if len(shown) <= 30 else shown[:27] + "..."
+        if lexeme.value == "}" and lexeme.kind == PUNCTUATION and lexeme.braces == 0:
+            hint = "no `{` is open here: take it out, or look for one that is closed too soon"
+            self._report("unexpected-token", "unexpected `}`", lexeme, hint)
+            return
         meant = habit(self._grammar, self._stack.states, self._lexemes, index) or self._escape_hint(index)
         meant = meant or self._meant(index) or self._expectation()
         self._report("unexpected-token", f"unexpected `{shown}`", lexeme, meant)

@@ -249,6 +249,8 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
             or f"declare `refers {cls.name} {reference.opposite} opposite {reference.name}` in `{reference.target}`",
         )
         return
+    if owner == reference.target and _leads_nowhere(found, above):
+        return  # told there; which of the two was meant to be the other's opposite nobody knows
     if owner != reference.target or found.target != cls.name or found.opposite != reference.name:
         yield Diagnostic(
             "opposite-mismatch",
@@ -271,6 +273,16 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
             found.span or span,
             "its upper bound is 1",
         )
+
+
+def _leads_nowhere(reference: Reference, above: Above) -> bool:
+    """Whether the opposite of a reference is a name that nothing has."""
+    if reference.opposite is None or reference.target not in above.table:
+        return False
+    classes = linearise(reference.target, above.table)
+    return not any(
+        feature.name == reference.opposite for cls in classes for feature in above.table[cls].features
+    )
 
 
 def _listed(names: Sequence[str]) -> str | None:

@@ -290,7 +290,11 @@ class ExpressionChecker:
                 continue
             if link is not links[0]:
                 type_ = self._of_kind(link.left, type_, link.operator, "number")
-            type_ = _number(type_, self._operand(link.right, link.operator, "number"))
+            divisor = self._operand(link.right, link.operator, "number")
+            if link.operator in "/%" and isinstance(link.right, Constant) and link.right.value == 0:
+                advice = "this never has a value: divide by another number"
+                self._report("division-by-zero", "division by zero", link.right, advice)
+            type_ = _number(type_, divisor)
         return type_
 
     def _sum(self, node: Binary, left: StaticType | None, right: StaticType | None) -> StaticType | None:

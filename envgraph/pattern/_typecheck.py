@@ -97,6 +97,9 @@ class TypeCheck:
             message = f"{fact.what} takes {later_type} here, and `{name}` is {earlier_type}"
             hint = hint or f"write the name of {later_type}, or change the type of `{name}`"
             return Diagnostic("argument-type", message, fact.span, hint, notes=notes)
+        if earlier.span == fact.span:
+            other = f"`{type_text(fact.type)}` because of {fact.what}"
+            notes = (Note(f"`{type_text(type_)}` because of {earlier.what}, {other}"),)
         message = f"`{name}` cannot be both {earlier_type} and {later_type}"
         hint = hint or "use another variable for one of them"
         return Diagnostic("type-conflict", message, fact.span, hint, notes=notes)

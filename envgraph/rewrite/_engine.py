@@ -679,6 +679,10 @@ class Engine(Recordings):
             TransactionError: versions are to be kept, inside a transaction.
             RuleError, EvaluationError: a rule or unit is wrong; not if the model only refuses an application.
         """
+        if isinstance(predicates, str):
+            predicates = (predicates,)
+        if not isinstance(predicates, Iterable):
+            raise InvalidArgument(f"predicates are given by their names, not as {predicates!r}")
         asked = predicates if isinstance(predicates, Mapping) else {name: name for name in predicates}
         search = Search(
             self.model,

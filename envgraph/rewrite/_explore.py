@@ -110,6 +110,8 @@ def movers(
     Raises:
         InvalidArgument: no name, an unknown one, or a rule or unit that needs values.
     """
+    if not isinstance(names, Iterable):
+        raise InvalidArgument(f"rules, units and groups are given by their names, not as {names!r}")
     members = dict.fromkeys(member for name in names for member in engine.group(name))
     if not members:
         raise InvalidArgument("name a rule, group or unit")

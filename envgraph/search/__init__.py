@@ -6,7 +6,7 @@
 
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Swaps, Variance
-from envgraph.search._domain import Domain, Reachable, domain_problems
+from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
 from envgraph.search._environment import make_environment, make_vector_environment
 from envgraph.search._evolution import Evolution, Settings
 from envgraph.search._family import (
@@ -89,6 +89,7 @@ __all__ = [
     "make_environment",
     "make_vector_environment",
     "open_family",
+    "option_problems",
     "read_family",
     "read_ga4cl",
     "resume",

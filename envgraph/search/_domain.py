@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -83,7 +83,9 @@ class Domain:
     @classmethod
     def _read(cls, path: str, files: Files | None, components: Components) -> Domain:
         workspace = load_workspace([path], files=files, components=components.kinds())
-        workspace.raise_errors()
+        if workspace.errors:
+            wrong = [one for spec in workspace.families for one in option_problems(spec, workspace)]
+            raise LoadError([*workspace.diagnostics, *wrong])
         domain = cls(workspace.families[0], workspace, components)
         problems = domain.wrong_options()  # so that they are found when the files are read
         if has_errors(problems):
@@ -265,6 +267,27 @@ class Domain:
 def _only(found: Sequence[Placed], file: Name) -> Placed:
     """What the family's own file defines; other files may bring further models and behaviours."""
     return next(one for one in found if one.span and one.span.source.name == file.text)
+
+
+def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
+    """What is wrong with options of components that come with envgraph, whatever else is wrong with the family."""
+    if workspace.metamodel is None:
+        return []
+    known = Components()
+    factories: list[tuple[ComponentSpec, Mapping[str, Callable[[Options, Context], object]]]] = [
+        *((measure, known.measure) for measure in spec.measures if measure.kind != "shortest_plan"),
+        (_without(spec.diversity, "of"), known.diversity),
+        (spec.search.parents, known.parents),
+        (spec.search.survivors, known.survivors),
+    ]
+    context, problems = Context(workspace.metamodel, spec, None), list[Diagnostic]()
+    for component, made in factories:
+        if component.kind in made:
+            options = Options(component)
+            made[component.kind](options, context)
+            problems += _finished(options)
+    told = {one.span for one in workspace.diagnostics}
+    return [one for one in problems if one.span not in told]
 
 
 def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:

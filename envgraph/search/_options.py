@@ -26,7 +26,7 @@ class Options:
         """A number within bounds, both included."""
         value = self._value(name, default)
         if type(value) not in (int, float) or not low <= value <= high:  # type: ignore[operator]
-            return self._wrong(name, f"a number from {low:g} to {high:g}", default)
+            return self._wrong(name, f"a number from {low:g} to {high:g}", default, f"{default:g}")
         return float(value)  # type: ignore[arg-type]
 
     def integer(self, name: str, default: int, low: int) -> int:
@@ -35,7 +35,7 @@ class Options:
         return (
             value
             if type(value) is int and value >= low
-            else self._wrong(name, f"a whole number from {low}", default)
+            else self._wrong(name, f"a whole number from {low}", default, str(default))
         )
 
     def word(self, name: str, default: str, known: Sequence[str]) -> str:
@@ -44,13 +44,13 @@ class Options:
         return (
             value
             if isinstance(value, str) and value in known
-            else self._wrong(name, " or ".join(known), default)
+            else self._wrong(name, " or ".join(f"`{one}`" for one in known), default, f'"{default}"')
         )
 
     def name(self, name: str) -> str:
         """A name that must be given."""
         value = self._value(name, None)
-        return value if isinstance(value, str) else self._wrong(name, "a name", "")
+        return value if isinstance(value, str) else self._wrong(name, "a name", "", '"..."')
 
     def names(self, name: str) -> tuple[str, ...]:
         """A name or a list of names, at least one."""
@@ -58,7 +58,7 @@ class Options:
         found = [value] if isinstance(value, str) else value
         if isinstance(found, list) and found and all(isinstance(one, str) for one in found):
             return tuple(found)
-        return self._wrong(name, "a name or a list of names", ())
+        return self._wrong(name, "a name or a list of names", (), '["..."]')
 
     def range(self, name: str, default: tuple[float, float]) -> tuple[float, float]:
         """Two numbers, the lower first."""
@@ -66,7 +66,8 @@ class Options:
         fits = isinstance(value, list) and len(value) == 2 and all(type(one) in (int, float) for one in value)
         if fits and value[0] < value[1]:  # type: ignore[index]
             return float(value[0]), float(value[1])  # type: ignore[index]
-        return self._wrong(name, "two numbers, the lower first", default)
+        written = f"[{default[0]:g}, {default[1]:g}]"
+        return self._wrong(name, "two numbers, the lower first", default, written)
 
     def given(self, name: str) -> bool:
         """Whether the option is there."""
@@ -77,22 +78,19 @@ class Options:
         """Note every option that was not asked for."""
         for name in self.spec.options:
             if name not in self._asked:
-                known = sorted(self._asked)
-                hint = (
-                    did_you_mean(name, known) or f"`{self.spec.kind}` has {', '.join(known) or 'no options'}"
-                )
-                self._note("unknown-key", f"unknown key `{name}` for `{self.spec.kind}`", name, hint)
+                known = ", ".join(f"`{one}`" for one in sorted(self._asked)) or "no options: leave it out"
+                hint = did_you_mean(name, self._asked) or f"`{self.spec.kind}` has {known}"
+                message = f"unknown key `{name}` for `{self.spec.kind}`"
+                self.problems.append(Diagnostic("unknown-key", message, self.spec.key_span(name), hint))
 
     def _value(self, name: str, default: object) -> object:
         self._asked.add(name)
         return self.spec.options.get(name, default)
 
-    def _wrong(self, name: str, what: str, default: T) -> T:
+    def _wrong(self, name: str, what: str, default: T, written: str) -> T:
         message = f"`{name}` of `{self.spec.kind}` is {what}"
         code = "wrong-type" if name in self.spec.options else "missing-key"
         if not any(problem.message == message for problem in self.problems):
-            self._note(code, message, name)
+            hint = f"write `{name} = {written}`"
+            self.problems.append(Diagnostic(code, message, self.spec.span(name), hint))
         return default
-
-    def _note(self, code: str, message: str, name: str, hint: str | None = None) -> None:
-        self.problems.append(Diagnostic(code, message, self.spec.span(name), hint))

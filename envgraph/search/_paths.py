@@ -57,7 +57,7 @@ class PathComplexity:
 
     Attributes:
         start, goal: classes; paths lead from any instance of the first to any of the second.
-        along: names of references that paths follow; together they must have no cycle.
+        along: names of references that paths follow, `right` or `Tile.right`; together they must have no cycle.
         avoid: class of the objects that block a path.
     """
 
@@ -74,6 +74,7 @@ class PathComplexity:
             self.metamodel.feature(cls.name, name) for cls in self.metamodel.class_list for name in self.along
         )
         found = dict.fromkeys(feature for feature in features if isinstance(feature, Reference))
+        found |= dict.fromkeys(one for one in self.metamodel.references if str(one) in self.along)
         object.__setattr__(self, "_references", tuple(found))
 
     def evaluate(self, engine: Engine) -> float:

@@ -441,3 +441,12 @@ def test_refusals_of_other_kinds_are_raised() -> None:
         one.explore("clash")
     assert error.value.reason == "ambiguous"
     check()
+
+
+def test_what_is_no_name_is_refused() -> None:
+    for rules in (5, [5], None):
+        with pytest.raises(InvalidArgument, match=r"by (their|its) name"):
+            made().explore(rules)  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match="predicates are given by their names, not as 5"):
+        made().explore("light", predicates=5)  # type: ignore[arg-type]
+    assert made(1).explore("light", predicates="allLit").predicates == ("allLit",)

@@ -498,7 +498,7 @@ def test_deeply_nested_steps_are_refused() -> None:
 
 def test_a_failed_evaluation_ends_the_run() -> None:
     made = one(
-        "rule broken { lhs { a : Item; } modify { set a.n = 1 / 0; } } unit u { grow; try { broken; } }"
+        "rule broken { lhs { a : Item; } modify { set a.n = 1 / a.n; } } unit u { grow; try { broken; } }"
     )
     with pytest.raises(EvaluationError, match="division by zero"):
         made.run("u")

@@ -315,3 +315,32 @@ def test_the_result_does_not_depend_on_the_hash_seed_of_the_process(tmp_path: Pa
     with RunStore.open(paths[0]) as one, RunStore.open(paths[1]) as other:
         assert list(one.individuals()) == list(other.individuals())
         assert one.history() == other.history()
+
+
+def test_options_are_looked_at_whatever_else_is_wrong(tmp_path: Path) -> None:
+    path = copied(tmp_path, toml=("forbid = []", 'forbid = ["nothing"]'))
+    text = path.read_text()
+    for before, after in (("rounds = 500", "rounds = -1"), ('transform = "sqrt"', 'transform = "cube"')):
+        assert before in text
+        text = text.replace(before, after)
+    path.write_text(text)
+    with pytest.raises(LoadError) as caught:
+        Domain.load(str(path))
+    told = {problem.message: problem.hint or "" for problem in caught.value.diagnostics}
+    assert told.pop("unknown pattern `nothing`").startswith("there are `")
+    assert set(told.items()) == {
+        ("`transform` of `path_complexity` is `sqrt` or `linear`", 'write `transform = "linear"`'),
+        ("`rounds` of `simulated_annealing` is a whole number from 0", "write `rounds = 500`"),
+    }
+
+
+def test_a_path_may_name_a_reference_with_its_class(tmp_path: Path) -> None:
+    plain = Domain.load(str(copied(tmp_path)))
+    (tmp_path / "b").mkdir()
+    qualified = ('along = ["right", "down"]', 'along = ["Tile.right", "Tile.down"]')
+    other = Domain.load(str(copied(tmp_path / "b", toml=qualified)))
+    values = [
+        domain.problem(domain.engine()).measures["complexity"].evaluate(domain.engine())
+        for domain in (plain, other)
+    ]
+    assert values[0] == values[1] < 1.0
