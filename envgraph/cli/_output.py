@@ -10,8 +10,9 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
-from typing import Protocol
+from typing import Final, Protocol
 
+from rich.cells import cell_len
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -25,6 +26,9 @@ from rich.table import Table
 from rich.text import Text
 
 from envgraph.errors import Diagnostic, EnvgraphError, Severity
+
+_MOST_STYLED: Final = 2000
+"""Rows above which a table is printed as plain text."""
 
 
 class Advance(Protocol):
@@ -64,6 +68,10 @@ def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
 ) -> None:
     """A title and a table on standard output; `right` names the columns to set flush right."""
+    rows = list(rows)
+    if len(rows) > _MOST_STYLED:
+        _print_plain(title, columns, rows, frozenset(right))
+        return
     table = Table(header_style="bold", box=None, pad_edge=False)
     for place, column in enumerate(columns):
         table.add_column(
@@ -76,6 +84,23 @@ def print_table(
     # Not the table's own title, which would be wrapped to the width of the table.
     console.print(Text(title, "bold"))
     console.print(table)
+
+
+def _print_plain(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], right: frozenset[int]
+) -> None:
+    """The same table without colours and line breaks: Rich takes a minute for a million rows."""
+    lines = [[cell.replace("\n", "\\n") for cell in row] for row in (columns, *rows)]
+    widths = [max(map(cell_len, column)) for column in zip(*lines, strict=True)]
+    encoding = sys.stdout.encoding or "utf-8"
+    sys.stdout.write(f"{title}\n")
+    for line in lines:
+        cells = (
+            " " * (width - cell_len(cell)) + cell if place in right else cell + " " * (width - cell_len(cell))
+            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        text = "  ".join(cells).rstrip() + "\n"
+        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
 
 
 def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:

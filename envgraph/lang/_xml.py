@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import accumulate
-from typing import NoReturn
+from typing import Final, NoReturn
 from xml.parsers import expat
 
 from envgraph.errors import Diagnostic, LoadError, Note, Source, Span
@@ -176,6 +176,10 @@ class XmlPlaces:
         return self._words
 
 
+MOST_OPEN: Final = 100_000
+"""Tags inside each other above which a file is not read."""
+
+
 class Stop(Exception):
     """Raised by a handler that wants no more of the text."""
 
@@ -226,6 +230,12 @@ class Reader:
         except Stop:
             pass
         return None
+
+    def too_deep(self) -> NoReturn:
+        """The innermost open tag is one too many."""
+        tag = self.places.tag(self.open[-1][1])
+        message = f"the tags are nested more than {MOST_OPEN:,} deep"
+        raise LoadError([Diagnostic("too-deep", message, tag, "close some of the tags before this one")])
 
     def _refuse_doctype(self, *_: object) -> NoReturn:
         text = self.places.source.text
@@ -328,6 +338,8 @@ def read_tree(places: XmlPlaces) -> tuple[Element | None, Diagnostic | None]:
         (path[-1].children if path else roots).append(element)
         path.append(element)
         reader.open.append((tag, element.byte))
+        if len(path) > MOST_OPEN:
+            reader.too_deep()
 
     def end(_: str) -> None:
         path.pop()

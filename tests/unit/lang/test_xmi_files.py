@@ -257,6 +257,19 @@ def test_nothing_is_fetched_and_no_entity_is_expanded() -> None:
     ]
 
 
+def test_tags_without_end_are_not_read_on() -> None:
+    endless = "<a>" * 100_002
+    for read in (
+        lambda: parse_ecore(Source("a.ecore", endless)),
+        lambda: parse_xmi(Source("a.xmi", endless), LIBRARY),
+    ):
+        with pytest.raises(LoadError) as error:
+            read()
+        deep = error.value.diagnostics[-1]
+        assert deep.message == "the tags are nested more than 100,000 deep"
+        assert deep.span is not None and deep.span.start == 300_001
+
+
 def test_a_deep_model_is_read_and_written() -> None:
     text = """<ecore:EPackage xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
         xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" name="d" nsURI="http://d" nsPrefix="d">
