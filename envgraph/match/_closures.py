@@ -12,6 +12,7 @@ from typing import Any, Final, Protocol
 
 from envgraph.graph import Model
 from envgraph.match._condensation import Condensation, TooLarge
+from envgraph.match._tally import Tally, Tallying
 
 MOST_KEPT: Final = 100_000
 """Reached objects that are remembered for the present state of the model, outside of condensations."""
@@ -19,6 +20,9 @@ FEW_VISITED: Final = 1_000
 """Nodes that searches may look at before anything is done for all nodes."""
 TIMES: Final = 2
 """How often searches may look at as many nodes as there are before something is done for all nodes."""
+
+FEW_REACHED: Final = 16
+"""Objects that are better searched for again than told from the others."""
 
 Search = Callable[[Any], list[Any]]
 Meeting = Callable[[Any, Any, list[Any]], bool]
@@ -80,6 +84,7 @@ class ClosureView:
         self._edges: dict[bool, dict[Any, list[Any]]] = {True: {}, False: {}}
         self._joined: dict[Call, set[Any] | None] = {}
         self._values: dict[tuple[Call, int], Any] = {}
+        self._tallies: dict[tuple[Tallying, tuple[Any, ...]], Tally | None] = {}
         self._size = 0
         self._visited = 0
         self._enough, self._counted = FEW_VISITED, False
@@ -94,6 +99,7 @@ class ClosureView:
         self._edges[False].clear()
         self._joined.clear()
         self._values.clear()
+        self._tallies.clear()
         self._size = 0
         self._visited = 0
         self._enough, self._counted = FEW_VISITED, False
@@ -191,12 +197,17 @@ class ClosureView:
         """A value that is the same for all starts that reach the same.
 
         The function gets the start, another function, the arguments that this takes, and the other things that its
-        value depends on.
+        value depends on; and, if it is known how the value is made of what is reached, that and its arguments.
         """
         reflexive, store, values = self._reflexive, self._store, self._values
 
         def alike(
-            start: Any, function: Callable[..., Any], arguments: tuple[Any, ...], others: tuple[Any, ...]
+            start: Any,
+            function: Callable[..., Any],
+            arguments: tuple[Any, ...],
+            others: tuple[Any, ...],
+            tallying: Tallying | None = None,
+            given: tuple[Any, ...] = (),
         ) -> Any:
             if self._revision != store.revision:
                 self._forget()
@@ -204,20 +215,44 @@ class ClosureView:
             if condensed is None:
                 return function(*arguments)
             try:
-                if reflexive is not None and not condensed.holds(start, start):
-                    return function(*arguments)  # no other reaches just this one
-                question = (function, others), condensed.mark(start)
+                reached = condensed.reached(start)
+                question = (function, others), id(reached)
+                alone = reflexive is not None and not condensed.holds(
+                    start, start
+                )  # no other reaches just this one
             except TooLarge:
                 self._give_up()
                 return function(*arguments)
-            if question in values:
+            if alone and reflexive is not None and reflexive(start):
+                reached |= condensed.bit(start)
+            elif question in values:
                 return values[question]
-            value = function(*arguments)
-            self._remember(1)
-            values[question] = value
+            found = None if tallying is None else self._tallied(tallying, given, condensed, reached)
+            value = function(*arguments) if found is None else found[0]
+            if not alone:
+                self._remember(1)
+                values[question] = value
             return value
 
         return alike
+
+    def _tallied(
+        self, tallying: Tallying, given: tuple[Any, ...], condensed: Condensation, reached: int
+    ) -> tuple[Any] | None:
+        """The value for what is reached, if that is much, from the second question with the same arguments on."""
+        call = tallying, given
+        if reached.bit_count() < FEW_REACHED:
+            return None
+        if call not in self._tallies:
+            self._tallies[call] = None
+            return None
+        tally = self._tallies[call]
+        if tally is None:
+            rows = list(tallying.rows(*given))
+            self._remember(len(rows) + 1)
+            tally = self._tallies[call] = Tally(tallying.function, tallying.column, rows)
+        tally.catch_up(condensed.nodes)
+        return tally.value(reached)
 
     # --- whether it is reached
 
@@ -319,6 +354,7 @@ class ClosureView:
             self._edges[False].clear()
             self._joined.clear()
             self._values.clear()
+            self._tallies.clear()
             self._size = size
 
     def _paid(self) -> bool:
@@ -337,4 +373,5 @@ class ClosureView:
 
     def _give_up(self) -> None:
         self._condensed.clear()
+        self._tallies.clear()
         self._too_large = True

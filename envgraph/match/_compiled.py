@@ -15,13 +15,14 @@ from envgraph.match._calls import CallGraph
 from envgraph.match._closures import ClosureView, Meeting, Search, Spreading
 from envgraph.match._common import common
 from envgraph.match._explain import explain_view
-from envgraph.match._generate import reach_source, view_source
+from envgraph.match._generate import ends_source, reach_source, view_source
 from envgraph.match._live import LiveSizes
 from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
 from envgraph.match._options import Unplannable
 from envgraph.match._plan import BodyPlan, ViewKey
 from envgraph.match._planner import Planner
 from envgraph.match._recursion import Recursion
+from envgraph.match._sharing import Ends
 from envgraph.match._suspend import evaluation_source
 from envgraph.match._symbols import (
     Backward,
@@ -38,10 +39,12 @@ from envgraph.match._symbols import (
     Recursive,
     Source,
     Symbol,
+    Tallied,
     Valued,
     Values,
     View,
 )
+from envgraph.match._tally import Tallying
 from envgraph.match._trace import Trace, trace
 from envgraph.match._valued import by_value
 from envgraph.match._why import WhyNot, why_not
@@ -308,8 +311,16 @@ class CompiledMatcher:
                 return _made_late(lambda: self._solver(pattern, bound))
             case Closed(step, reflexive, question):
                 return self._closure(step, reflexive, question)
+            case Tallied():
+                return self._tallying(symbol)
             case Held():
                 raise AssertionError(symbol)
+
+    def _tallying(self, tallied: Tallied) -> Tallying:
+        column = 0 if tallied.column is None else 1 + tallied.wanted.index(tallied.column)
+        ends = Ends(tallied.pattern, tallied.start, tallied.given, tallied.wanted)
+        rows = _made_late(lambda: self._build(ends_source(self._planner, ends), _NOWHERE))
+        return Tallying(tallied.function, column, rows)
 
     def _remembering(self, function: Function) -> Function:
         """The function with its answers in the present state: where calls meet again, work would double at each."""

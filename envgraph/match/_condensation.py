@@ -27,12 +27,16 @@ class Condensation:
 
     Args:
         following: where one step leads; it must give the same for as long as this is used.
+
+    Attributes:
+        nodes: all that have been met, in the order of their bits.
     """
 
     def __init__(self, following: Callable[[Any], Iterable[Any]]) -> None:
         self._following = following
         self._bits: dict[Any, int] = {}
         self._place: dict[Any, int] = {}
+        self.nodes: list[Any] = []
         self._bytes = 0
 
     def holds(self, start: Any, goal: Any) -> bool:
@@ -47,14 +51,18 @@ class Condensation:
         place = self._place.get(goal)
         return place is not None and bool(bits >> place & 1)
 
-    def mark(self, start: Any) -> int:
-        """A number that nodes share only if they reach the same.
+    def reached(self, start: Any) -> int:
+        """What a node reaches: the bits at the places of `nodes`. Nodes share the object only if they reach the same.
 
         Raises:
             TooLarge: as this is found out.
         """
         bits = self._bits.get(start)
-        return id(self._explored(start) if bits is None else bits)
+        return self._explored(start) if bits is None else bits
+
+    def bit(self, node: Any) -> int:
+        """The bit of a node that has been asked about."""
+        return 1 << self._place[node]
 
     def size(self, start: Any) -> int:
         """How many nodes one node reaches.
@@ -69,8 +77,8 @@ class Condensation:
         try:
             return self._explore(start)
         except BaseException:  # Ctrl-C, too: a component may have places, and is not known
-            for node in [node for node in self._place if node not in self._bits]:
-                del self._place[node]
+            self.nodes[:] = [node for node in self._place if node in self._bits]
+            self._place = {node: place for place, node in enumerate(self.nodes)}
             raise
 
     def _explore(self, start: Any) -> int:
@@ -81,6 +89,7 @@ class Condensation:
             first = len(place)
             for node in component:
                 place[node] = len(place)
+            self.nodes += component
             own = (1 << len(component)) - 1 << first
             bits = own if len(component) > 1 or component[0] in exits else 0
             for node in exits:

@@ -27,9 +27,27 @@ from envgraph.match._plan import (
     arguments,
 )
 from envgraph.match._planner import Planner, determined
-from envgraph.match._sharing import alike_by, join_of, mentioned, only_search, shared_searches
+from envgraph.match._sharing import (
+    Ends,
+    alike_by,
+    join_of,
+    mentioned,
+    only_search,
+    plans_of_ends,
+    shared_searches,
+)
 from envgraph.match._sieves import OUTSIDE, Sieve, sieves
-from envgraph.match._sinks import COUNT, EXISTENCE, Sink, gathering, sieved_sink, value, view_sink, visiting
+from envgraph.match._sinks import (
+    COUNT,
+    EXISTENCE,
+    Sink,
+    gathering,
+    row,
+    sieved_sink,
+    value,
+    view_sink,
+    visiting,
+)
 from envgraph.match._symbols import (
     Backward,
     Builtin,
@@ -42,6 +60,7 @@ from envgraph.match._symbols import (
     Reach,
     Recursive,
     Source,
+    Tallied,
     Valued,
     Values,
     View,
@@ -103,6 +122,21 @@ def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, m
     return last is not None and len(last.key) < (
         len(conjunction.parameters) if mode is Mode.ROWS else len(key.outputs)
     )
+
+
+def ends_source(planner: Planner, ends: Ends) -> Source:
+    """The source that finds all values that the closures of a pattern may reach, each with those that are wanted."""
+    module, block = Module(), Block()
+    given = {position: f"v{position}" for position in ends.given}
+    block.raw(["out = {}"])
+    for conjunction, end, plan in plans_of_ends(planner, ends) or ():
+        variables = (end, *(conjunction.parameters[position] for position in ends.wanted))
+        each = lambda names, variables=variables: [f"out[{row(variables, names)}] = None"]  # noqa: E731
+        sink = Sink(variables, (), each, (), ("out",), repeatable=True)
+        Translation(planner, module, conjunction, block, given).body(plan, sink)
+    block.raw(["return out"])
+    module.function("ends", list(given.values()), block)
+    return module.source("ends")
 
 
 def reach_source(planner: Planner, step: str, forward: bool, question: Reach) -> Source:
@@ -472,12 +506,22 @@ class Translation:
         found = alike_by(self._planner, goal, frozenset(self._names) - self._constants.keys())
         if found is None:
             return None
-        start, closure, forward = found
         name, given = self._defined("g", plan.steps, self._folding(goal))
-        others = [source for source in given if source != self._source(start)]
-        question = Reach.ALIKE if forward else Reach.ALIKE_BACK
-        alike = self._module.name(Closed(closure.step, closure.closure is Closure.STAR, question))
-        return f"{alike}({self._source(start)}, {name}, {_tuple(given)}, {_tuple(others)})"
+        start = self._source(found.start)
+        others = [source for source in given if source != start]
+        question = Reach.ALIKE if found.forward else Reach.ALIKE_BACK
+        star = found.closure.closure is Closure.STAR
+        parts = [start, name, _tuple(given), _tuple(others)]
+        if found.ends is not None:
+            parts += self._tallied(goal, found.ends)
+        return f"{self._module.name(Closed(found.closure.step, star, question))}({', '.join(parts)})"
+
+    def _tallied(self, goal: AggregateAtom, ends: Ends) -> list[str]:
+        """How the value of an aggregate is made of what is reached, and the values that this depends on."""
+        called = arguments(goal.relation)
+        column = None if goal.column is None else called.index(goal.column)
+        tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, goal.function, column)
+        return [self._module.name(tallied), _tuple([self._source(called[place]) for place in ends.given])]
 
     def _count(self, goal: AggregateAtom) -> str | None:
         """The number of tuples, where it can be had without a loop of our own."""

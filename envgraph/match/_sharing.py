@@ -15,6 +15,7 @@ from envgraph.match._plan import (
     Kind,
     Plan,
     Step,
+    ViewKey,
     ViewPlan,
     arguments,
     variables,
@@ -125,31 +126,84 @@ def _goals(plan: Plan) -> Iterator[Goal]:
             yield step.goal
 
 
-def alike_by(
-    planner: Planner, goal: AggregateAtom, known: frozenset[int]
-) -> tuple[int, ClosureAtom, bool] | None:
-    """What an aggregate's value depends on only through what a closure reaches.
+@dataclass(frozen=True, slots=True)
+class Ends:
+    """A question about a pattern: what the closure in each of its bodies may reach, and the wanted values with it.
 
-    Returns:
-        A variable of the aggregate's relation, the closure in the pattern that is called, and whether the variable is
-        its source.
+    Attributes:
+        pattern: its qualified name.
+        start: the position from which the closures start; they are left out.
+        given: other positions with values.
+        wanted: positions whose values are wanted.
     """
+
+    pattern: str
+    start: int
+    given: tuple[int, ...]
+    wanted: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """An aggregate that has one value for all starts from which a closure reaches the same.
+
+    Attributes:
+        start: the variable of the aggregate's relation.
+        closure: the closure in the pattern that is called.
+        forward: whether the start is its source.
+        ends: what it may reach, if that can be found without the closure.
+    """
+
+    start: int
+    closure: ClosureAtom
+    forward: bool
+    ends: Ends | None
+
+
+def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Alike | None:
+    """What an aggregate's value depends on only through what a closure reaches."""
     relation = goal.relation
     if not isinstance(relation, CallAtom) or planner.calls.recursive(relation.pattern):
         return None
     known = known.union(v for v in relation.arguments if v not in goal.local)
     free = [v for v in relation.arguments if v not in known]
-    view = planner.view(call_key(relation, known, free))
+    key = call_key(relation, known, free)
+    view = planner.view(key)
     if goal.function == "count" and only_search(view):
         return None  # there is a function for that
-    bodies = view.bodies
     for position, variable in enumerate(relation.arguments):
         if variable in known and relation.arguments.count(variable) == 1:
-            found = {_search_from(body.conjunction, position) for body in bodies}
+            found = {_search_from(body.conjunction, position) for body in view.bodies}
             if len(found) == 1 and (one := found.pop()) is not None:
                 step, closure, forward = one
-                return variable, ClosureAtom(step, closure, 0, 1), forward
+                others = tuple(place for place in key.bound if place != position)
+                ends = Ends(key.pattern, position, others, key.outputs)
+                plain = len(free) == len(set(free)) and plans_of_ends(planner, ends) is not None
+                return Alike(variable, ClosureAtom(step, closure, 0, 1), forward, ends if plain else None)
     return None
+
+
+def plans_of_ends(planner: Planner, ends: Ends) -> list[tuple[Conjunction, int, Plan]] | None:
+    """Of each body the end of its closure and a plan that finds all values of it; None if there is no such plan."""
+    found = []
+    for body in planner.view(
+        ViewKey(ends.pattern, tuple(sorted((*ends.given, ends.start))), ends.wanted)
+    ).bodies:
+        conjunction = body.conjunction
+        parameters = conjunction.parameters
+        start = parameters[ends.start]
+        closure = next(g for g in conjunction.goals if isinstance(g, ClosureAtom) and start in variables(g))
+        end = closure.target if closure.source == start else closure.source
+        known = frozenset(n for n, _ in conjunction.constants) | {parameters[p] for p in ends.given}
+        wanted = frozenset({end, *(parameters[place] for place in ends.wanted)}) - known
+        others = [goal for goal in conjunction.goals if goal is not closure]
+        if end in known or len(others) > MOST_JOINED:
+            return None
+        try:
+            found.append((conjunction, end, Search(planner, conjunction, known, wanted).plan(others)))
+        except Unplannable:
+            return None
+    return found
 
 
 def _search_from(conjunction: Conjunction, position: int) -> tuple[str, Closure, bool] | None:

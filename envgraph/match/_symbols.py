@@ -138,6 +138,24 @@ class Closed:
 
 
 @dataclass(frozen=True, slots=True)
+class Tallied:
+    """How an aggregate is made of what a closure in a pattern reaches.
+
+    Attributes:
+        pattern, start, given, wanted: see `Ends` in `envgraph.match._sharing`.
+        function: count, sum, avg, min or max.
+        column: the wanted position that is aggregated; None for count.
+    """
+
+    pattern: str
+    start: int
+    given: tuple[int, ...]
+    wanted: tuple[int, ...]
+    function: str
+    column: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class Builtin:
     """A function of this package, by name."""
 
@@ -165,6 +183,7 @@ Symbol = (
     | View
     | Recursive
     | Closed
+    | Tallied
     | Builtin
     | Held
 )

@@ -18,6 +18,7 @@ from envgraph.match._symbols import (
     Recursive,
     Source,
     Symbol,
+    Tallied,
     Valued,
     Values,
     View,
@@ -76,6 +77,8 @@ class Module:
                 return self.fresh("r")
             case Valued():
                 return self.fresh("i")
+            case Tallied():
+                return self.fresh("n")
             case Held(what):
                 return self.fresh(f"{what}_")
 

@@ -16,7 +16,7 @@ from envgraph.match import _compiled as compiled
 from envgraph.match import _recursion as recursion
 from envgraph.match.views import _recursive as recursive_views
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
-from envgraph.pattern import Check, Constraint, Library, Pattern
+from envgraph.pattern import Aggregate, Check, Constraint, Library, Pattern
 from tests.unit.match.kinds import Kind, every_kind
 from tests.unit.match.writing import equal, find, fold, is_a, neg, op, path, pattern, unequal, value
 
@@ -143,6 +143,60 @@ def test_many_questions_about_a_closure_take_little_more_than_one_search(
     matcher.count("asked", (FREE,) * len(asked.parameters))
     most = 1_600 if asked is SHARED["from any of several"] else 20  # searches that find nothing more
     assert searched <= most
+
+
+ACYCLIC = {
+    "counted": (fold("count", find("corners", "a", "_")), lambda numbers: numbers.count(1)),
+    "added": (fold("sum", find("numbers", "a", "_", "#")), sum),
+    "the largest": (fold("max", find("numbers", "a", "_", "#")), max),
+    "different ones": (fold("count", find("different", "a", "_")), lambda numbers: len(set(numbers))),
+}
+
+
+@pytest.mark.parametrize(("asked", "expected"), ACYCLIC.values(), ids=ACYCLIC)
+def test_aggregates_of_what_is_reached_without_a_way_back_share_their_work(
+    asked: Aggregate, expected: Callable[[list[int]], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = grid(30, 30)
+    with model.loading():
+        for cell in range(900):
+            model.set_value(cell, CELLS.attributes[0], 1 + cell % 7)
+    matcher = CompiledMatcher(
+        model,
+        library(
+            pattern(
+                "step(a : Cell, b : Cell)",
+                [path("Cell.east", "a", "b")],
+                [path("Cell.south", "a", "b")],
+            ),
+            CORNER,
+            pattern("corners(a : Cell, b : Cell)", [find("step+", "a", "b"), find("corner", "b")]),
+            pattern(
+                "numbers(a : Cell, b : Cell, n : int)", [find("step+", "a", "b"), path("Cell.n", "b", "n")]
+            ),
+            pattern("different(a : Cell, n : int)", [find("step+", "a", "b"), path("Cell.n", "b", "n")]),
+            pattern("asked(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", asked)]),
+        ),
+    )
+    searched = 0
+
+    def search(steps: object, forward: bool, question: object) -> object:
+        found = original(steps, forward, question)
+
+        def counted(*arguments: object) -> object:
+            nonlocal searched
+            searched += 1
+            return found(*arguments)
+
+        return counted
+
+    original = compiled._Steps._search
+    monkeypatch.setattr(compiled._Steps, "_search", search)
+    rows = dict(matcher.rows("asked", (FREE, FREE)))
+    assert searched <= 200  # those that reach little are searched for
+    for cell in (0, 450, 451, 800):
+        below = [c for c in range(cell + 1, 900) if c % 30 >= cell % 30]
+        assert rows[cell] == expected([1 + c % 7 for c in below])
 
 
 def test_reached_objects_come_nearest_first() -> None:

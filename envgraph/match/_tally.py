@@ -1,0 +1,147 @@
+"""Aggregates over what a closure reaches, for many starts: reached objects are counted as bits, not one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import compress
+from typing import Any, Final
+
+from envgraph.match._aggregates import aggregate, total
+
+MOST_CLASSES: Final = 256
+"""Classes of which the members are kept as the bits of an integer."""
+CLASS: Final = 2
+"""Reached objects that are searched for in the time that a class takes."""
+SLOW_BITS: Final = 1024
+"""Bits of an integer that take as long as one more of them."""
+DENSE: Final = 8
+"""One of how many objects must be reached for all of them to be looked at."""
+
+Number = int | float
+Rows = Iterable[tuple[Any, ...]]
+"""Something that may be reached, followed by a tuple of the aggregate's relation that there is if it is reached."""
+
+_SELECTED: Final = bytes(digit == ord("1") for digit in range(256))
+
+
+@dataclass(frozen=True, slots=True)
+class Tallying:
+    """How an aggregate is made of what is reached.
+
+    Attributes:
+        function: count, sum, avg, min or max.
+        column: place of the aggregated value in a row; 0 for count.
+        rows: gives all rows, for the values with which the relation is asked besides the start.
+    """
+
+    function: str
+    column: int
+    rows: Callable[..., Rows]
+
+
+class Tally:
+    """The values of an aggregate for any sets of reached objects.
+
+    Objects that count alike are one class, of which it is enough to know how many are reached. A tuple that there is
+    because of several objects is a class of its own: it counts once, however many of them are reached.
+
+    >>> kinds = Tally("count", 0, [(7, "red"), (8, "red"), (9, "blue")])
+    >>> kinds.catch_up([9, 8, 7])
+    >>> kinds.classes, kinds.sum_up(0b110), kinds.sum_up(0b111)
+    (2, 1, 2)
+
+    Args:
+        function, column: see `Tallying`.
+        rows: each once.
+    """
+
+    def __init__(self, function: str, column: int, rows: Rows) -> None:
+        ends: dict[tuple[Any, ...], list[Any]] = {}
+        for end, *others in rows:
+            ends.setdefault(tuple(others), []).append(end)
+        tuples = [(each[column - 1] if column else 1, nodes) for each, nodes in ends.items()]
+        self._function = function
+        self._adds = function == "count" or (
+            function == "sum" and not any(isinstance(value, float) for value, _ in tuples)
+        )
+        self._classes: dict[tuple[Number, int], int] = {}
+        """Numbers of classes, by the value of their members and by what tells classes of the same value apart."""
+        self._members: dict[Any, list[int]] = {}
+        alone: dict[Any, list[Number]] = {}
+        for number, (value, nodes) in enumerate(tuples):
+            if len(nodes) == 1:
+                alone.setdefault(nodes[0], []).append(value)
+            else:
+                self._add(value, -1 - number, nodes)
+        weights = {node: self._together(values) for node, values in alone.items()}
+        for node, values in weights.items():
+            for layer, value in enumerate(values):
+                self._add(value, layer, [node])
+        plain = all(len(values) == 1 for values in weights.values()) and all(
+            layer == 0 for _, layer in self._classes
+        )
+        self._weights = {node: values[0] for node, values in weights.items()} if plain else None
+        self._masks = [0] * self.classes if self.classes <= MOST_CLASSES else []
+        self._weighted = 0
+        self._column: list[Number] = []
+
+    def _add(self, value: Number, layer: int, nodes: Sequence[Any]) -> None:
+        number = self._classes.setdefault((value, layer), len(self._classes))
+        for node in nodes:
+            self._members.setdefault(node, []).append(number)
+
+    def _together(self, values: list[Number]) -> list[Number]:
+        """The values of one object, as few as come to the same."""
+        if self._adds:
+            return [sum(values)]
+        return (
+            [min(values)] if self._function == "min" else [max(values)] if self._function == "max" else values
+        )
+
+    @property
+    def classes(self) -> int:
+        """How many classes there are."""
+        return len(self._classes)
+
+    def catch_up(self, nodes: Sequence[Any]) -> None:
+        """Learn which bits stand for which objects: the places in a list that has grown since the last time."""
+        for place in range(len(self._column), len(nodes)):
+            node = nodes[place]
+            if self._masks:
+                for number in self._members.get(node, ()):
+                    self._masks[number] |= 1 << place
+            weight = self._weights.get(node) if self._weights else None
+            if weight is not None:
+                self._weighted |= 1 << place
+            self._column.append(0 if weight is None else weight)  # last: Ctrl-C before leaves nothing out
+
+    def value(self, reached: int) -> tuple[Number | None] | None:
+        """The value for what is reached, which may be None; nothing where to search again is less work."""
+        number = reached.bit_count()
+        if self._masks and len(self._masks) * (CLASS + len(self._column) // SLOW_BITS) <= number:
+            return (self.sum_up(reached),)
+        if self._weights is not None and len(self._column) <= DENSE * number:
+            return (self._look_at_all(reached),)
+        return None
+
+    def sum_up(self, reached: int) -> Number | None:
+        """The value for what is reached, class by class."""
+        function, extreme = self._function, self._function in ("min", "max")
+        numbers = (
+            (value, mask & reached > 0 if extreme or layer < 0 else (mask & reached).bit_count())
+            for (value, layer), mask in zip(self._classes, self._masks, strict=True)
+        )
+        if not self._adds:
+            return aggregate(function, [value for value, number in numbers for _ in range(number)])  # type: ignore[return-value]
+        result = sum(value * number for value, number in numbers)
+        return result if function == "count" else total((result,))
+
+    def _look_at_all(self, reached: int) -> Number | None:
+        """The value for what is reached, object by object."""
+        bits = bin(reached & self._weighted)[:1:-1].encode().translate(_SELECTED)
+        values = compress(self._column, bits)
+        if not self._adds:
+            return aggregate(self._function, list(values))  # type: ignore[return-value]
+        result = sum(values)
+        return result if self._function == "count" else total((result,))
