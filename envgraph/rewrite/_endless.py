@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
-from envgraph.errors import Diagnostic, Severity, has_errors
+from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern import Alap, Atomic, Call, Choice, If, Repeat, Step, Try
 from envgraph.pattern import Sequence as Steps
 from envgraph.rewrite._unit_check import CheckedUnit, inner_steps
 
 
 def endless(units: Sequence[CheckedUnit]) -> Iterator[Diagnostic]:
-    """Warn once of each circle of calls that no unit in it can leave but by failing.
+    """Warn once of each circle of calls that no unit in it can leave but by failing; the units have no errors.
 
     A unit may succeed if some way through it calls only rules, and units of which that is known already: what is left
     when no more are found never succeeds.
     """
-    sound = {checked.unit.qualified_name: checked for checked in units if not has_errors(checked.problems)}
-    left = dict(sound)
+    left = {checked.unit.qualified_name: checked for checked in units}
     while found := [name for name, one in left.items() if _succeeds(one.unit.body, one, left)]:
         for name in found:
             del left[name]

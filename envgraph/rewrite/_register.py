@@ -61,6 +61,8 @@ class Registration:
         found += [p for p in left_problems(library, *made) if p.severity is Severity.ERROR]
         known = self._with_patterns(found)
         found += self._check(known)
+        if not has_errors(found):
+            found += endless(self.units)
         self.problems = sort_diagnostics(found)
 
     @property
@@ -147,7 +149,6 @@ class Registration:
                 checked = check_unit(self._apart(definition), self.directory, library)
                 self.units.append(checked)
                 problems += checked.problems
-        problems += endless(self.units)
         return problems
 
     def _check_rule(self, rule: Rule, library: Library) -> list[Diagnostic]:
