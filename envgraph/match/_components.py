@@ -2,36 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
+
+
+class Tree(dict[Any, Any]):
+    """What a start reaches, each with the node from which it was reached, or None where that is not known.
+
+    The root is the start: with `reflexive` it is a key itself, with None.
+    """
+
+    __slots__ = ()
+
+
+Reached = dict[Any, Any]
+"""What a start reaches: a `Tree` of its own, or a dict with nothing but None, which several starts may share."""
 
 
 def reachable_sets(
     starts: Sequence[Any], following: Callable[[Any], Iterable[Any]], reflexive: bool
-) -> dict[Any, dict[Any, None]]:
+) -> dict[Any, Reached]:
     """What each start reaches by one or more steps; with `reflexive`, itself too.
 
-    Nodes of one component share one dict, so a graph that hangs together costs no more than its nodes. Components
-    are found by Tarjan's algorithm (1972), each after all that it leads to.
+    Nodes of one component share one dict, so a graph that hangs together costs no more than its nodes; a node that no
+    circle leads back to has a tree. Components are found by Tarjan's algorithm (1972), each after all that it leads to.
 
-    >>> edges = {1: [2], 2: [1, 3], 3: []}
-    >>> [list(each) for each in reachable_sets([1, 2, 3], edges.__getitem__, False).values()]
-    [[2, 1, 3], [2, 1, 3], []]
+    >>> edges = {1: [2], 2: [1, 3], 3: [4], 4: []}
+    >>> [dict(each) for each in reachable_sets([1, 2, 3], edges.__getitem__, False).values()]
+    [{2: None, 1: None, 3: None, 4: None}, {2: None, 1: None, 3: None, 4: None}, {4: 3}]
     """
-    reached: dict[Hashable, dict[Any, None]] = {}
+    reached: dict[Hashable, Reached] = {}
     for component, exits in components(starts, following):
-        found: dict[Any, None] = {}
-        if len(component) > 1 or component[0] in exits:
-            found.update(dict.fromkeys(component))
-        for node in exits:
-            if node not in found:
-                found[node] = None
-                found.update(reached[node])
+        circle = len(component) > 1 or component[0] in exits
+        found = _shared(component, exits, reached) if circle else _tree(component[0], exits, reached)
         for node in component:
             reached[node] = found
     if not reflexive:
         return {start: reached[start] for start in starts}
-    return {s: reached[s] if s in reached[s] else {s: None, **reached[s]} for s in starts}
+    return {s: reached[s] if s in reached[s] else Tree({s: None, **reached[s]}) for s in starts}
+
+
+def _shared(component: list[Any], exits: Iterable[Any], reached: Mapping[Any, Reached]) -> Reached:
+    found: Reached = dict.fromkeys(component)
+    for node in exits:
+        if node not in found:
+            found[node] = None
+            found.update(dict.fromkeys(reached[node]))
+    return found
+
+
+def _tree(start: Any, exits: Iterable[Any], reached: Mapping[Any, Reached]) -> Tree:
+    """What hangs together in either of two trees does so in both, whichever wins where they disagree."""
+    found = Tree()
+    for node in exits:
+        if node not in found:
+            other = reached[node]
+            if len(found) <= len(other):
+                found = Tree({**other, **found})
+            else:
+                for each, by in other.items():
+                    found.setdefault(each, by)
+            found[node] = start
+    return found
 
 
 def components(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 
 import networkx as nx
 import pytest
@@ -289,6 +290,34 @@ def test_a_change_of_a_large_tree_does_not_keep_the_whole_tree() -> None:
     assert 1 <= len(trees) <= 51
     model.rollback(savepoint)
     assert views.count("starts", (start, FREE)) == 500
+    views.check_integrity()
+
+
+def test_all_starts_of_a_graph_without_circles_have_trees_that_are_copied_once() -> None:
+    model = Model(PLACES)
+    chain = [model.new("Place") for _ in range(60)]
+    for near, far in pairwise(chain):
+        model.link(near, TO, far)
+    model.link(chain[-2], TO, model.new("Place"))  # so that it always has a link, and always is a start
+    library = Library(PLACES)
+    library.add(*STEPS["link"], *ASKED)
+    views = ViewMatcher(model, library)
+    views.watch("pairs", "pairs0", "loops")
+    pairs = views.count("pairs", (FREE, FREE))
+    assert pairs == 60 * 59 // 2 + 59
+    savepoint = model.savepoint()
+    for _ in range(20):
+        model.unlink(chain[-2], TO, chain[-1])
+        assert views.count("pairs", (FREE, FREE)) == pairs - 59
+        model.link(chain[-2], TO, chain[-1])
+        assert views.count("pairs", (FREE, FREE)) == pairs
+    trees = {id(old) for old in model.store.journal[2::4] if isinstance(old, dict)}
+    assert 59 <= len(trees) <= 3 * 60  # one for each start and closure
+    model.link(chain[-1], TO, chain[0])  # now they reach each other
+    assert views.count("loops", (FREE,)) == 60
+    views.check_integrity()
+    model.rollback(savepoint)
+    assert views.count("loops", (FREE,)) == 0
     views.check_integrity()
 
 

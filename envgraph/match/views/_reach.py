@@ -7,24 +7,21 @@ from itertools import filterfalse
 from typing import Any, Final, Protocol
 
 from envgraph.graph import SET, Store
-from envgraph.match._components import reachable_sets
+from envgraph.match._components import Reached, Tree, reachable_sets
 from envgraph.match.views._operators import Operator, Rows
 from envgraph.match.views._sets import Groups, MatchSet
 
 FEW: Final = 12
 """Starts that are searched one by one; more share the strongly connected components."""
 
-Reached = dict[Any, Any]
-"""What is reached, each with the node from which it was reached: a tree, whose root is the start.
-
-None stands for an unknown one, where starts share what they reach.
-"""
-
 NOTHING: Final[Reached] = {}
 ABSENT: Final = object()
 
 Step = tuple[Any, Any]
 """An edge, from near the start to further away."""
+
+Patch = tuple[Any, Reached, Reached, Reached]
+"""A start, what goes from its tree, what hangs elsewhere in it, and what comes; what goes may come again."""
 
 Difference = tuple[list[Any], list[Any]]
 """What was reached and is no more, and what is reached and was not."""
@@ -178,24 +175,9 @@ class Reach(Operator):
     def _follow(self, lost: list[Step], gained: list[Step]) -> None:
         """Bring all starts up to date with changed steps."""
         anew: list[Any] = []
-        if len(self.begun) > FEW:
-            self._follow_shared(lost, gained, anew)
-        else:
-            patches = []
-            for start in self._concerned(lost, gained):
-                patch = self._patch(start, self.reached[start], lost, gained)
-                if patch is None:
-                    anew.append(start)
-                elif patch:
-                    patches.append((start, *patch))
-            for each in patches:
-                self._apply(*each)
-        if anew:
-            self._change([(start, new) for start, new in self._solve(anew).items()])
-
-    def _follow_shared(self, lost: list[Step], gained: list[Step], anew: list[Any]) -> None:
-        """As `_follow`, for many starts; those that only a new search can tell about are added to `anew`."""
+        patches: list[Patch] = []
         changes: list[tuple[Any, Reached]] = []
+        share = len(self.begun) > FEW
         first, common = None, NOTHING
         for start in self._concerned(lost, gained):
             old = self.reached[start]
@@ -203,19 +185,28 @@ class Reach(Operator):
             if loss is None:
                 anew.append(start)
                 continue
+            cut, hung = loss
             # Starts that reach each other reach the same, and share it: what hangs together costs no more than its
             # nodes. Only the last that was extended is tried, which finds most.
-            cut, hung = loss
-            if first in old and first not in cut and start in common:
-                new = common
-            else:
-                rest = _patched(dict(old), cut, hung) if cut or hung else old
-                new = self._extended(start, rest, gained)
-                if new is not rest:
-                    first, common = start, new
-            if new is not old:
-                changes.append((start, new))
-        self._change(changes)
+            if start in common and first in old and first not in cut:
+                changes.append((start, common))
+                continue
+            come = self._come(start, old, cut, gained) if gained else NOTHING
+            if share and (type(old) is not Tree or self._round(start, come)):
+                if cut or come:
+                    new = dict.fromkeys(old if not cut else filterfalse(cut.__contains__, old))
+                    new.update(dict.fromkeys(come))
+                    changes.append((start, new))
+                    if come:
+                        first, common = start, new
+            elif cut or hung or come:
+                patches.append((start, cut, hung, come))
+        for each in patches:
+            self._apply(*each)
+        if anew:
+            changes.extend(self._solve(anew).items())
+        if changes:
+            self._change(changes)
 
     def _change(self, changes: list[tuple[Any, Reached]]) -> None:
         """Put what starts reach now in the place of what they reached."""
@@ -250,9 +241,13 @@ class Reach(Operator):
             # What hangs from the start hangs from the root, also if a circle leads back to it.
             if node != start:
                 for other in following(node):
-                    if other not in cut and old.get(other) == node:
-                        cut[other] = None
-                        todo.append(other)
+                    if other not in cut:
+                        by = old.get(other, ABSENT)
+                        if by == node:
+                            cut[other] = None
+                            todo.append(other)
+                        elif by is None and not (self.reflexive and other == start):
+                            return None
         hung: Reached = {}
         saved = []
         for node in todo:
@@ -270,35 +265,30 @@ class Reach(Operator):
                     saved.append(other)
         return cut, hung
 
-    def _patch(
-        self, start: Any, old: Reached, lost: list[Step], gained: list[Step]
-    ) -> tuple[Reached, Reached, Reached] | tuple[()] | None:
-        """What goes from a tree, what hangs elsewhere in it, and what comes; what goes may come again.
-
-        Nothing if the tree stays as it is; None if only a new search can tell.
-        """
-        loss = self._cut(start, old, lost)
-        if loss is None:
-            return None
-        cut, hung = loss
+    def _come(self, start: Any, old: Reached, cut: Reached, gained: list[Step]) -> Reached:
+        """What is reached with new steps, too, and from where; of what is cut off, what is reached again."""
         come: Reached = {}
         following, growing = self._steps.next, True
         while growing:
             growing = False
-            for step in gained:
-                node, other = step
-                if (other in old and other not in cut) or other in come:
+            for near, far in gained:
+                if (far in old and far not in cut) or far in come:
                     continue
-                if node == start or (node in old and node not in cut) or node in come:
+                if near == start or (near in old and near not in cut) or near in come:
                     growing = True
-                    come[other] = node
-                    todo = [other]
+                    come[far] = near
+                    todo = [far]
                     for node in todo:
                         for other in following(node):
                             if (other not in old or other in cut) and other not in come:
                                 come[other] = node
                                 todo.append(other)
-        return (cut, hung, come) if cut or hung or come else ()
+        return come
+
+    def _round(self, start: Any, come: Reached) -> bool:
+        """Whether one of these leads back to the start."""
+        following = self._steps.next
+        return any(start in following(node) for node in come)
 
     def _apply(self, start: Any, cut: Reached, hung: Reached, come: Reached) -> None:
         """Change the tree of a start, and tell.
@@ -307,20 +297,26 @@ class Reach(Operator):
         one back.
         """
         old = self.reached[start]
-        both = cut and come
-        gone = [node for node in cut if node not in come] if both else cut
-        fresh = [node for node in come if node not in cut] if both else come
+        gone: Collection[Any] = cut
+        fresh: Collection[Any] = come
+        if cut and come:
+            gone = [node for node in cut if node not in come]
+            fresh = [node for node in come if node not in cut]
         if self.removing is not None and gone:
             self._tell(self.removing, start, gone)
         if self._owned.get(start) == self.store.epoch:
             new = old
         else:
-            new = self.reached[start] = dict(old)
+            new = self.reached[start] = Tree(old)
             self._owned[start] = self.store.epoch
             if self.store.recording:
                 self.store.journal.extend((self.reached, start, old, SET))
-        _patched(new, cut, hung).update(come)
-        self._index(start, gone, fresh)
+        for node in cut:
+            del new[node]
+        new |= hung
+        new |= come
+        if self._inverse is not None:
+            self._index(self._inverse, start, gone, fresh)
         if self.added is not None and fresh:
             self._tell(self.added, start, fresh)
 
@@ -335,22 +331,6 @@ class Reach(Operator):
                 found[node] = None
         return list(found)
 
-    def _extended(self, start: Any, old: Reached, gained: list[Step]) -> Reached:
-        """What is reached with new steps, too, from what was reached already; the old dict if that is all.
-
-        It is to be shared by several starts, so it is no tree of any of them.
-        """
-        new, growing = old, True
-        while growing:
-            growing = False
-            for node, other in gained:
-                if other not in new and (node == start or node in new):
-                    new = dict(new) if new is old else new
-                    new[other] = node
-                    self._spread([other], new)
-                    growing = True
-        return old if new is old else dict.fromkeys(new)
-
     def _solve(self, starts: Sequence[Any]) -> dict[Any, Reached]:
         """What the starts reach."""
         if len(starts) > FEW:
@@ -358,18 +338,14 @@ class Reach(Operator):
         return {start: self._reach(start) for start in starts}
 
     def _reach(self, start: Any) -> Reached:
-        seen: Reached = {start: None} if self.reflexive else {}
-        self._spread([start], seen)
-        return seen
-
-    def _spread(self, todo: list[Any], seen: Reached) -> None:
-        """Add everything that steps lead to."""
-        following, push = self._steps.next, todo.append
+        seen = Tree({start: None} if self.reflexive else ())
+        following, todo = self._steps.next, [start]
         for node in todo:
             for other in following(node):
                 if other not in seen:
                     seen[other] = node
-                    push(other)
+                    todo.append(other)
+        return seen
 
     def _replace(self, start: Any, old: Reached, new: Reached, difference: Difference) -> None:
         gone, come = difference
@@ -378,17 +354,17 @@ class Reach(Operator):
         if self.store.recording:
             self.store.journal.extend((self.reached, start, old, SET))
         self.reached[start] = new
-        self._owned.pop(start, None)
-        self._index(start, gone, come)
+        self._owned[start] = self.store.epoch if type(new) is Tree else -1
+        if self._inverse is not None:
+            self._index(self._inverse, start, gone, come)
         if self.added is not None:
             self._tell(self.added, start, come)
 
-    def _index(self, start: Any, gone: Iterable[Any], come: Iterable[Any]) -> None:
-        if self._inverse is not None:
-            for other in gone:
-                self._inverse.drop((other, start))
-            for other in come:
-                self._inverse.add((other, start))
+    def _index(self, inverse: Groups, start: Any, gone: Iterable[Any], come: Iterable[Any]) -> None:
+        for other in gone:
+            inverse.drop((other, start))
+        for other in come:
+            inverse.add((other, start))
 
     def _tell(self, hook: Any, start: Any, others: Iterable[Any]) -> None:
         for other in others:
@@ -432,14 +408,6 @@ class Reach(Operator):
                 return False
             passed.add(by)
             node = by
-
-
-def _patched(reached: Reached, cut: Reached, hung: Reached) -> Reached:
-    """The same dict, after that."""
-    for node in cut:
-        del reached[node]
-    reached.update(hung)
-    return reached
 
 
 def _difference(old: Reached, new: Reached) -> Difference:
