@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import combinations
 from typing import Literal
 
-from envgraph.errors import Diagnostic, Note, Severity, Span
+from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Action,
@@ -119,6 +119,8 @@ class BlockBuilder:
         plan = self._plan(nested, pairs)
         self._check_consistent(plan)
         self._check_required(plan)
+        if isinstance(self.right, Modification) and self.rule.semantics == "dpo" and not nested:
+            self._check_retyped()
         return plan
 
     # --- names
@@ -557,6 +559,38 @@ class BlockBuilder:
                     "contradiction", error.message, second, "leave one of the two out", notes=notes
                 )
             self.sight.problems.append(found)
+
+    def _check_retyped(self) -> None:
+        """Warn where a link of the left side stays, and an end of it becomes what cannot have it."""
+        for name in dict.fromkeys(self._own_retyped):
+            lost = next((arrow for arrow in self.sight.arrows if self._is_lost(arrow, name)), None)
+            if lost is None:
+                continue
+            text = f"{lost.source} -{lost.reference.name}-> {lost.target}"
+            new = with_article(self.sight.retyped[name])
+            message = f"`{name}` becomes {new}, which cannot have `{text}`"
+            hint = f"write `delete {text};` as well, or `@semantics(spo)` before the rule: then it is lost"
+            notes = (Note("the link is asked for here", lost.span),) if lost.span else ()
+            whole = f"{message}, so that the rule can never be applied"
+            found = Diagnostic(
+                "never-applicable", whole, self._spans.get(name), hint, Severity.WARNING, notes
+            )
+            self.sight.problems.append(found)
+
+    def _is_lost(self, arrow: ResolvedEdge, name: str) -> bool:
+        """Whether the new class of an object cannot have a link, which nothing takes away before."""
+        metamodel, cls, reference = self.sight.metamodel, self.sight.retyped[name], arrow.reference
+        if self.sight.key(arrow) in self.sight.unlinked or {arrow.source, arrow.target} & {
+            *self.sight.deleted
+        }:
+            return False
+        opposite = metamodel.opposite(reference)
+        moved = any(move.node == self.sight.slot(name) for move in self._moves)
+        if arrow.source == name and metamodel.feature(cls, reference.name) != reference:
+            return not (moved and opposite is not None and opposite.containment)
+        if arrow.target == name and not metamodel.is_a(cls, reference.target):
+            return not (moved and reference.containment)
+        return False
 
     def _check_required(self, plan: BlockPlan) -> None:
         """Warn where an object surely ends without a target that its class requires."""

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from itertools import combinations, zip_longest
+from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
 from envgraph.pattern import (
@@ -36,9 +37,19 @@ from envgraph.rewrite._header import (
 from envgraph.rewrite._left import LeftLowering, LoweredBlock
 from envgraph.rewrite._plan import BlockPlan, RulePlan
 from envgraph.rewrite._sight import Sight
+from envgraph.rewrite._single_use import used_once
 from envgraph.rewrite._variables import all_names, is_named, own_variables
 
 RULE_ANNOTATIONS = ("hom", "match", "priority", "semantics", "weight")
+
+_LINTS: Final = (
+    "always-different",
+    "constant-comparison",
+    "derived-feature",
+    "never-matches",
+    "self-comparison",
+)
+"""Warnings about patterns that mean the same about left sides."""
 
 MOST_BLOCKS = 100
 """How deep the blocks of a rule may nest."""
@@ -92,6 +103,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     _check_homomorphic(rule, builder.sight, problems)
     if not has_errors(problems):
         problems += _check_effect(rule, lowered, body)
+        problems += used_once(rule)
     if has_errors(problems) or known is None:
         return CheckedRule(rule, patterns, None, tuple(problems))
     plan = RulePlan(
@@ -123,7 +135,8 @@ def _left_problems(library: Library, lowering: LeftLowering, told: Sequence[Diag
             return True
         return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
 
-    found = [one for one in left_problems(library, *lowering.patterns) if one.severity is Severity.ERROR]
+    said = left_problems(library, *lowering.patterns)
+    found = [one for one in said if one.severity is Severity.ERROR or (one.code in _LINTS and one.span)]
     fresh = [one for one in found if not echoes(one)]
     return fresh if fresh or has_errors(told) else found
 
