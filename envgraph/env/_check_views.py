@@ -150,7 +150,8 @@ class ViewChecking(Checking):
             return
         if not isinstance(type_, ObjectType) or not self.metamodel.overlap(type_.cls, cell.cls):
             message = f"`{token.variable}` has to stand at {a_type(cell)}, not at {a_type(type_)}"
-            self.report("wrong-type", message, token.path.span)
+            hint = f"write a path that leads to {a_type(cell)}, or draw a `grid` of another class"
+            self.report("wrong-type", message, token.path.span, hint)
 
 
 def _data_hint(type_: StaticType) -> str | None:

@@ -8,11 +8,11 @@ from contextlib import suppress
 from importlib.resources import files
 from typing import Any
 
-from envgraph.errors import Diagnostic, EnvgraphError, LoadError, Source, did_you_mean
+from envgraph.errors import Diagnostic, EnvgraphError, LoadError, RuleError, Source, name_hint
 from envgraph.graph._journal import IndexedSet
 from envgraph.graph._model import Model
 from envgraph.graph._store import CROWD, Ends, Relation
-from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Metamodel, Reference, Scalar, Value
+from envgraph.metamodel import LARGEST_INT, Attribute, EnumType, Feature, Metamodel, Reference, Scalar, Value
 
 FORMAT = "envgraph-model-1"
 
@@ -135,6 +135,20 @@ def _decoded(text: str, file: str) -> Any:
     raise LoadError([problem])
 
 
+_ID = "name the id of an object of this file"
+_LITERAL = "write a literal of the enum as a text"
+_VALUES = {
+    Scalar.INT: "write a whole number",
+    Scalar.FLOAT: "write a number",
+    Scalar.BOOL: "write `true` or `false`",
+    Scalar.STRING: 'write a text, `"..."`',
+}
+
+
+def _value_hint(attribute: Attribute) -> str:
+    return _LITERAL if isinstance(attribute.type, EnumType) else _VALUES[attribute.type]
+
+
 class _TooMany(Exception):
     """Enough has been said about a model."""
 
@@ -152,20 +166,26 @@ class _Reader:
         if not self._is_mapping("", data, ("format", "name", "metamodel", "next_id", "objects", "orders")):
             return
         if data.get("format") != FORMAT:
-            self._problem("format", "bad-format", f"expected {FORMAT!r}, not {data.get('format')!r}")
+            self._problem(
+                "format",
+                "bad-format",
+                f"expected {FORMAT!r}, not {data.get('format')!r}",
+                f'the file begins with `"format": "{FORMAT}"`',
+            )
             return
         if data.get("metamodel", self.metamodel.name) != self.metamodel.name:
             text = f"the model is of metamodel {data['metamodel']!r}, not of {self.metamodel.name!r}"
-            self._problem("metamodel", "wrong-metamodel", text)
+            hint = "read it with the metamodel that it was written with"
+            self._problem("metamodel", "wrong-metamodel", text, hint)
             return
         name = data.get("name", "model")
         if isinstance(name, str):
             self.model.name = name
         else:
-            self._problem("name", "wrong-type", f"expected a text, not {name!r}")
+            self._problem("name", "wrong-type", f"expected a text, not {name!r}", 'write `"name": "..."`')
         objects = data.get("objects")
         if not isinstance(objects, list):
-            self._problem("objects", "wrong-type", "expected a list of objects")
+            self._problem("objects", "wrong-type", "expected a list of objects", 'write `"objects": [ .. ]`')
             return
         self._largest = 1_000_000 + 1_000 * len(objects)
         with self.model.loading():
@@ -192,25 +212,33 @@ class _Reader:
         if not self._is_id(f"{path}.id", node):
             return None
         if model.alive(node):
-            self._problem(f"{path}.id", "duplicate-definition", f"{node} is the id of another object too")
+            message = f"{node} is the id of another object too"
+            self._problem(f"{path}.id", "duplicate-definition", message, "each object has an id of its own")
         elif not isinstance(cls, str):
-            self._problem(f"{path}.class", "wrong-type", f"expected the name of a class, not {cls!r}")
+            message = f"expected the name of a class, not {cls!r}"
+            self._problem(f"{path}.class", "wrong-type", message, 'write `"class": "..."`')
         elif name is not None and not isinstance(name, str):
-            self._problem(f"{path}.name", "wrong-type", f"expected a text, not {name!r}")
+            message = f"expected a text, not {name!r}"
+            self._problem(f"{path}.name", "wrong-type", message, 'write `"name": "..."`, or leave it out')
         elif name is not None and name in model:
-            self._problem(f"{path}.name", "duplicate-definition", f"another object has the name `{name}` too")
+            message = f"another object has the name `{name}` too"
+            self._problem(
+                f"{path}.name", "duplicate-definition", message, "choose another name, or leave it out"
+            )
         else:
             try:
                 return model.new_at(node, cls, name)
             except EnvgraphError as error:
-                self._problem(f"{path}.class", "unknown-class", str(error))
+                message, _, hint = str(error).partition("; ")
+                known = [one for one, found in self.metamodel.classes.items() if not found.abstract]
+                self._problem(f"{path}.class", "unknown-class", message, hint or name_hint(cls, known))
         return None
 
     def _read_feature(self, path: str, node: int, name: str, value: Any) -> None:
         cls = self.model.class_of(node)
         feature: Feature | None = self.metamodel.feature(cls, name)
         if feature is None:
-            hint = did_you_mean(name, self.metamodel.features(cls))
+            hint = name_hint(name, self.metamodel.features(cls))
             self._problem(path, "unknown-feature", f"`{cls}` has no feature `{name}`", hint)
         elif isinstance(feature, Attribute):
             self._read_value(path, node, feature, value)
@@ -228,42 +256,54 @@ class _Reader:
             and type(value) is int
             and not -LARGEST_INT - 1 <= value <= LARGEST_INT
         ):
-            self._problem(path, "wrong-type", f"`{attribute}` takes an int of 64 bits")
+            hint = f"it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
+            self._problem(path, "wrong-type", f"`{attribute}` takes an int of 64 bits", hint)
             return
         try:
             self.model.set_value(node, attribute, value)
         except EnvgraphError as error:
-            self._problem(path, "wrong-type", str(error))
+            message, _, hint = str(error).partition("; ")
+            self._problem(path, "wrong-type", message, hint or _value_hint(attribute))
 
     def _read_link(self, path: str, source: int, reference: Reference, target: Any) -> None:
         model = self.model
         if type(target) is not int or not model.alive(target):
-            self._problem(path, "unknown-object", f"there is no object {target!r}")
+            self._problem(path, "unknown-object", f"there is no object {target!r}", _ID)
             return
         if model.has_link(source, reference, target):  # also listed by the opposite
             return
         relation = model.store.relations[reference.index]
         child = target if relation.containment else source if relation.contained else None
         if child is not None and model.container(child) is not None:
-            self._problem(path, "containment", f"{model.describe(child)} is in another container already")
+            message = f"{model.describe(child)} is in another container already"
+            self._problem(
+                path, "containment", message, "an object has one container: leave one of the links out"
+            )
             return
         try:
             model.link(source, reference, target)
         except EnvgraphError as error:
-            self._problem(path, "wrong-link", str(error).partition("\n")[0])
+            hint = (
+                "leave one of the links out"
+                if isinstance(error, RuleError)
+                else f"link a `{reference.target}`"
+            )
+            self._problem(path, "wrong-link", str(error).partition("\n")[0], hint)
 
     def _read_next_id(self, next_id: Any) -> None:
         if not self._is_id("next_id", next_id):
             return
         if next_id < self.model.store.next_id:
-            self._problem("next_id", "bad-id", f"{next_id} is not above all ids of objects")
+            message = f"{next_id} is not above all ids of objects"
+            hint = f"write {self.model.store.next_id} or more, or leave it out"
+            self._problem("next_id", "bad-id", message, hint)
             return
         self.model.store.reserve(next_id)
         self.model.store.next_id = next_id
 
     def _read_orders(self, orders: Any) -> None:
         if not isinstance(orders, list):
-            self._problem("orders", "wrong-type", "expected a list")
+            self._problem("orders", "wrong-type", "expected a list", "write `[ .. ]`, or leave it out")
             return
         names = {str(reference): reference for reference in self.metamodel.references}
         for index, entry in enumerate(orders):
@@ -272,9 +312,11 @@ class _Reader:
                 continue
             node, sources, reference = entry.get("node"), entry.get("sources"), entry.get("reference")
             if not isinstance(reference, str) or reference not in names:
-                self._problem(f"{path}.reference", "unknown-reference", f"unknown reference {reference!r}")
+                hint = name_hint(str(reference), names)
+                message = f"unknown reference {reference!r}"
+                self._problem(f"{path}.reference", "unknown-reference", message, hint)
             elif type(node) is not int or not self.model.alive(node):
-                self._problem(f"{path}.node", "unknown-object", f"there is no object {node!r}")
+                self._problem(f"{path}.node", "unknown-object", f"there is no object {node!r}", _ID)
             else:
                 self._reorder(
                     f"{path}.sources", self.model.store.backward[names[reference].index], node, sources
@@ -283,34 +325,37 @@ class _Reader:
     def _reorder(self, path: str, column: Ends, node: int, sources: Any) -> None:
         same = isinstance(sources, list) and all(type(source) is int for source in sources)
         if not same or sorted(sources) != sorted(column[node]):
-            self._problem(path, "bad-order", f"expected the ids {sorted(column[node])} in some order")
+            message = f"expected the ids {sorted(column[node])} in some order"
+            self._problem(
+                path, "bad-order", message, "these are the objects that have such a link to this one"
+            )
             return
         column[node] = tuple(sources) if len(sources) <= CROWD else IndexedSet(tuple(sources))
 
     def _is_id(self, path: str, value: Any) -> bool:
         if type(value) is not int or value < 0:
-            self._problem(path, "bad-id", f"expected an int from 0, not {value!r}")
+            self._problem(path, "bad-id", f"expected an int from 0, not {value!r}", "ids are whole numbers")
         elif value > self._largest:
             # Columns are as long as the largest id: a stray digit must not take all memory.
-            self._problem(path, "bad-id", f"{value} is far too large for so few objects")
+            message = f"{value} is far too large for so few objects"
+            self._problem(path, "bad-id", message, "number the objects from 0")
         else:
             return True
         return False
 
     def _is_mapping(self, path: str, value: Any, known: tuple[str, ...] | None = None) -> bool:
         if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-            self._problem(path, "wrong-type", "expected an object in braces")
+            self._problem(path, "wrong-type", "expected an object in braces", "write `{ .. }`")
             return False
         for key in value:
             if known is not None and key not in known:
-                self._problem(
-                    f"{path}.{key}" if path else key, "unknown-key", "unknown key", did_you_mean(key, known)
-                )
+                place, hint = f"{path}.{key}" if path else key, name_hint(key, known)
+                self._problem(place, "unknown-key", "unknown key", hint)
         return True
 
     def _problem(self, path: str, code: str, message: str, hint: str | None = None) -> None:
         self.problems.append(Diagnostic(code, f"`{path}`: {message}" if path else message, hint=hint))
         if len(self.problems) == _MOST_PROBLEMS:
             text = f"`{path}`: too many mistakes: the rest of the file is not read"
-            self.problems.append(Diagnostic("too-many-errors", text))
+            self.problems.append(Diagnostic("too-many-errors", text, hint="mend these first"))
             raise _TooMany

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 from envgraph.env import Behaviour, check_behaviour
 from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors
-from envgraph.graph import Model, check_conformance
+from envgraph.graph import Model, Violation, check_conformance
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._model import ModelText
 from envgraph.lang._workspace import Workspace
+from envgraph.metamodel import Reference
 from envgraph.pattern import Derivation, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
 
@@ -50,14 +51,27 @@ def conformance(text: ModelText) -> list[Diagnostic]:
             "conformance",
             violation.message,
             text.spans.get(violation.node, text.span),
-            severity=Severity.WARNING,
+            _completion(violation, xml=text.span.source.name.endswith(".xmi")),
+            Severity.WARNING,
         )
         for violation in violations[:_MOST]
     ]
     if len(violations) > _MOST:
         message = f"{len(violations) - _MOST} more of these are not shown"
-        found.append(replace(found[-1], message=message))
+        found.append(replace(found[-1], message=message, hint=None))
     return found
+
+
+def _completion(violation: Violation, *, xml: bool) -> str:
+    """What to write so that an object has what it lacks."""
+    feature = violation.feature
+    if violation.kind == "too-many":
+        return f"leave some of `{feature.name}` out"
+    many = isinstance(feature, Reference) and feature.many
+    if xml:
+        inside = isinstance(feature, Reference) and feature.containment
+        return f"add a tag `<{feature.name} ..>` inside" if inside else f'add `{feature.name}="..."`'
+    return f"add `{feature.name} = {'[..]' if many else '..'}`"
 
 
 def _add(engine: Engine, definitions: Sequence[Definition]) -> set[str]:

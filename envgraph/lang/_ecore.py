@@ -19,6 +19,7 @@ from envgraph.errors import (
     Span,
     did_you_mean,
     has_errors,
+    name_hint,
     sort_diagnostics,
 )
 from envgraph.lang._ecore_document import EcoreDocument
@@ -255,7 +256,12 @@ class _Reader(Names):
         self._kinds[element] = "EPackage"
         self._check_parts(element, "EPackage")
         if depth > _DEEPEST:
-            self._error("nested-too-deeply", "packages are nested too deeply", self.places.tag(element.byte))
+            self._error(
+                "nested-too-deeply",
+                "packages are nested too deeply",
+                self.places.tag(element.byte),
+                f"there may be {_DEEPEST} levels",
+            )
             return
         for classifier in inside(element, "eClassifiers"):
             self._enter_classifier(classifier)
@@ -399,7 +405,9 @@ class _Reader(Names):
             if kind == "EClass":
                 yield target
             elif kind is not None:
-                self._error("wrong-type", "a class extends classes only", target.span)
+                self._error(
+                    "wrong-type", "a class extends classes only", target.span, "name a class, or leave it out"
+                )
 
     def _check_class(self, element: Element) -> None:
         for part in inside(element, "eTypeParameters"):
@@ -408,7 +416,8 @@ class _Reader(Names):
         if operations:
             name = element.attributes.get("name", "")
             message = f"the operations of `{name}` are left out"
-            self._warn("left-out", message, self.places.tag(operations[0].byte))
+            hint = "what they do is written as rules; nothing else is lost"
+            self._warn("left-out", message, self.places.tag(operations[0].byte), hint)
 
     def _marks(self, element: Element, features: Sequence[Feature]) -> _Marks:
         """Key, glyph and `frozen`: from an annotation of ours; an `iD` attribute is a key too."""
@@ -454,7 +463,10 @@ class _Reader(Names):
         word = _left_out(element)
         if word:
             message = f"the {word} feature `{element.attributes.get('name', '')}` is left out"
-            self._warn("left-out", message, self.places.name_of(element.byte, word))
+            hint = (
+                "a pattern can find the same" if word == "derived" else f'write `{word}="false"` to keep it'
+            )
+            self._warn("left-out", message, self.places.name_of(element.byte, word), hint)
             self._leave_out(element, f"it is {word}, and was left out of the metamodel")
             return None
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
@@ -525,12 +537,14 @@ class _Reader(Names):
             hint = 'write `xsi:type="ecore:EReference"`'
             self._error("wrong-type", f"`{type_name}` is a class, not a data type", target.span, hint)
         elif kind is not None:
-            self._error("wrong-type", f"`{type_name}` is no data type", target.span)
+            hint = 'name a data type or an enum, such as `eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"`'
+            self._error("wrong-type", f"`{type_name}` is no data type", target.span, hint)
         return None
 
     def _check_exact(self, data: DataType, name: str, span: Span) -> None:
         if not data.exact:
-            self._warn("read-as-string", f"values of `{name}` are read as strings", span)
+            hint = "take `EInt`, `EDouble` or an enum for values to calculate with"
+            self._warn("read-as-string", f"values of `{name}` are read as strings", span, hint)
 
     def _default(self, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:
         text = element.attributes.get("defaultValueLiteral")
@@ -541,7 +555,9 @@ class _Reader(Names):
             wanted = type_.name if isinstance(type_, EnumType) else str(type_)
             words = type_.labels or type_.literals if isinstance(type_, EnumType) else ("true", "false")
             numeric = type_ in (Scalar.INT, Scalar.FLOAT)
-            hint = too_large(text, type_) if numeric else did_you_mean(text, words)
+            hint = too_large(text, type_) if numeric else name_hint(text, words)
+            if numeric and hint is None:
+                hint = f"write {'a whole' if type_ is Scalar.INT else 'a'} number, or leave it out"
             message = f"default of `{name}` is not of type `{wanted}`"
             self._error("wrong-type", message, self._at(element, "defaultValueLiteral"), hint)
         return value
@@ -564,11 +580,12 @@ class _Reader(Names):
             self._kinds.get(target.element) != "EClass"
         ):  # else not even the kind is known, which has been reported
             if target.element in self._kinds:
-                self._error("wrong-type", "a reference leads to a class", target.span)
+                self._error("wrong-type", "a reference leads to a class", target.span, "name a class")
             return None
         if upper != 1 and not self._boolean(element, "unique", True):
             where = self.places.name_of(element.byte, "unique")
-            self._warn("unique", f"`{name}` holds an object once, and not several times", where)
+            hint = "make a class for each time, with a reference to the object"
+            self._warn("unique", f"`{name}` holds an object once, and not several times", where, hint)
         opposite = self._opposite(element, target.element)
         places = [("target", target.span)]
         bound = next((one for one in ("upperBound", "lowerBound") if one in element.attributes), None)
@@ -596,7 +613,12 @@ class _Reader(Names):
             if other is None or other not in self._kinds:
                 return None
             if self._kinds[other] != "EReference":
-                self._error("opposite-mismatch", "an opposite is a reference", target.span)
+                self._error(
+                    "opposite-mismatch",
+                    "an opposite is a reference",
+                    target.span,
+                    "name a reference, or leave it out",
+                )
                 return None
             if _left_out(other):
                 return None
@@ -670,7 +692,7 @@ class _Reader(Names):
         if text is None:
             return otherwise
         if not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
-            hint = "write `-1` for any number" if name == "upperBound" else None
+            hint = "write `-1` for any number" if name == "upperBound" else "write a whole number from 0"
             self._error("wrong-type", f"`{name}` is a number, not `{text}`", self._at(element, name), hint)
             return otherwise
         return int(text)

@@ -253,7 +253,7 @@ class Names:
         self._joint.errors += 1
         if self._joint.errors == _MOST:
             message = "too many mistakes: the rest of the file is not read"
-            self._joint.diagnostics.append(Diagnostic("too-many-errors", message, where))
+            self._joint.diagnostics.append(Diagnostic("too-many-errors", message, where, "mend these first"))
             raise Enough
 
     def _warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:

@@ -136,8 +136,12 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
 def too_large(text: str, type_: Scalar | EnumType) -> str | None:
     """A hint for a number that cannot be kept because of its size, or None."""
     if type_ is Scalar.INT and _INT.fullmatch(text):
-        return "an int has 64 bits"
-    return "a float has 64 bits" if type_ is Scalar.FLOAT and _FLOAT.fullmatch(text) else None
+        return f"an int has 64 bits: it is {LARGEST_INT} at most"
+    return (
+        "a float has 64 bits: it is 1.8e308 at most"
+        if type_ is Scalar.FLOAT and _FLOAT.fullmatch(text)
+        else None
+    )
 
 
 def literal_of(text: str, type_: EnumType) -> str | None:

@@ -58,6 +58,16 @@ _HOME = {
 }
 
 
+# What to write where another type is expected.
+_WANTED = {
+    "a string": 'write `{} = "..."`',
+    "a whole number": "write `{} = 3`, without a fraction and without quotation marks",
+    "a number": "write `{} = 0.5`, without quotation marks",
+    "true or false": "write `{0} = true` or `{0} = false`",
+    "a list of names": 'names stand between `"`: `{} = ["...", "..."]`',
+}
+
+
 def load_family(path: str, files: Files | None = None) -> FamilySpec:
     """Reads a family file.
 
@@ -167,6 +177,7 @@ class _Section:
         value: Any = self.data[key]
         for step in path:
             value = value[step]
+        hint = hint or _WANTED.get(wanted, "").format(key) or None
         self.error("wrong-type", f"`{key}` is {wanted}, not {_kind(value)}", self.span(key, *path), hint)
 
     def take(self, key: str) -> Any:
@@ -181,7 +192,7 @@ class _Section:
             self.wrong(key, "a string")
             return None
         if not value.strip():
-            self.error("bad-value", f"`{key}` is empty", self.span(key))
+            self.error("bad-value", f"`{key}` is empty", self.span(key), "write a name, or leave the key out")
             return None
         return Name(value, self.span(key))
 
@@ -207,7 +218,10 @@ class _Section:
             self.wrong(key, "a whole number")
             return None
         if low is not None and value < low:
-            self.error("bad-range", f"`{key}` is {value}, it must be at least {low}", self.span(key))
+            message = f"`{key}` is {value}, it must be at least {low}"
+            self.error(
+                "bad-range", message, self.span(key), f"write `{key} = {low}` or more, or leave it out"
+            )
             return None
         return int(value)
 
@@ -226,14 +240,18 @@ class _Section:
         if below or above or not isfinite(value):
             wanted = f"at least {low:g}" if high is None and low is not None else f"from {low} to {high}"
             wanted = "finite" if low is None else wanted
-            self.error("bad-range", f"`{key}` is {value}, it must be {wanted}", self.span(key))
+            message = f"`{key}` is {value}, it must be {wanted}"
+            self.error(
+                "bad-range", message, self.span(key), "write another number, or leave it out for the default"
+            )
             return None
         return float(value)
 
     def positive(self, key: str, default: float, high: float) -> float:
         found = self.number(key, default, 0, high)
         if found == 0:
-            self.error("bad-range", f"`{key}` is 0, it must be above 0", self.span(key))
+            message = f"`{key}` is 0, it must be above 0"
+            self.error("bad-range", message, self.span(key), f"write `{key} = {default}`, or leave it out")
             return default
         return found
 
@@ -259,7 +277,8 @@ class _Section:
             if not isinstance(item, str):
                 self.wrong(key, "a list of names", index)
             elif item in found:
-                self.error("duplicate-name", f"`{item}` stands in `{key}` twice", self.span(key, index))
+                message = f"`{item}` stands in `{key}` twice"
+                self.error("duplicate-name", message, self.span(key, index), "leave one out")
             else:
                 found[item] = Name(item, self.span(key, index))
         return tuple(found.values())
@@ -368,7 +387,12 @@ class _Reader:
                 hint = 'write `"1..5"`, `"2..*"` or `3`'
                 section.error("bad-range", f"`{key}` has no bounds for its number of matches", span, hint)
             elif bounds[1] is not None and bounds[1] < bounds[0]:
-                section.error("bad-range", "the upper bound is below the lower one", span)
+                section.error(
+                    "bad-range",
+                    "the upper bound is below the lower one",
+                    span,
+                    f'write `"{bounds[1]}..{bounds[0]}"`',
+                )
             else:
                 counts.append((Name(key, self._text.key(*section.path, key)), bounds))
         return tuple(counts)
@@ -444,7 +468,8 @@ class _Reader:
     ) -> None:
         where = span or self._text.value(*section.path)
         if not isinstance(value, str):
-            section.error("wrong-type", f"`{key}` is the name of a measure, not {_kind(value)}", where)
+            message = f"`{key}` is the name of a measure, not {_kind(value)}"
+            section.error("wrong-type", message, where, f"there are {_listed(names)}" if names else None)
         elif value not in names and names:
             hint = did_you_mean(value, names) or f"there are {_listed(names)}"
             section.error("unknown-measure", f"unknown measure `{value}`", where, hint)
@@ -497,7 +522,7 @@ class _Reader:
             return default
         if not 0 <= value[0] <= value[1]:
             message = f"`{key}` is {value[0]} to {value[1]}, it must go up from 0 or more"
-            section.error("bad-range", message, section.span(key))
+            section.error("bad-range", message, section.span(key), f"write `{key} = [1, 5]`")
             return default
         return value[0], value[1]
 
@@ -551,7 +576,8 @@ class _Reader:
         minimum = section.number("minimum", min(default.minimum, start), 0, 1)
         if minimum > start:
             span = section.span("minimum" if "minimum" in section else "start")
-            section.error("bad-range", f"`minimum` is {minimum}, above `start`, which is {start}", span)
+            message = f"`minimum` is {minimum}, above `start`, which is {start}"
+            section.error("bad-range", message, span, "the larger one is `start`")
         spec = EpsilonSpec(
             start,
             section.number("decay", default.decay, 0, 1),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, Protocol
 
-from envgraph.errors import Diagnostic, LoadError, Source, did_you_mean
+from envgraph.errors import Diagnostic, LoadError, Source, did_you_mean, listed
 from envgraph.lang._xml import xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
@@ -159,9 +159,11 @@ def read_source(files: Files, name: str) -> Source:
     except FileNotFoundError:
         _refuse(name, "missing-file", "there is no such file", _near(files, name))
     except NotADirectoryError:
-        _refuse(name, "not-a-file", "a part of the path is a file, not a directory", None)
+        _refuse(
+            name, "not-a-file", "a part of the path is a file, not a directory", "look at the `/` in the path"
+        )
     except IsADirectoryError:
-        _refuse(name, "not-a-file", "this is a directory, not a file", None)
+        _refuse(name, "not-a-file", "this is a directory, not a file", _inside(files, name))
     except (OSError, ValueError) as error:
         _refuse(name, "unreadable-file", f"the file cannot be read: {_reason(error)}", None)
     if len(data) > most:
@@ -186,6 +188,12 @@ def read_source(files: Files, name: str) -> Source:
 
 def _refuse(name: str, code: str, message: str, hint: str | None) -> NoReturn:
     raise LoadError([Diagnostic(code, message, Source(name, "").span(0, 0), hint)]) from None
+
+
+def _inside(files: Files, name: str) -> str | None:
+    """What may have been meant by the name of a directory."""
+    known = [one.rpartition("/")[2] for one in files.entries(name) if "." in one]
+    return f"name a file of it: {listed(known)}" if known else "it has no files"
 
 
 def _reason(error: Exception) -> str:

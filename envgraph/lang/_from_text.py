@@ -136,7 +136,8 @@ class Parts:
         alone = len(found) == 1 and header == Header()
         if not alone or _filled(empty[0], found[0]) - {*frame.fills}:
             message = f"there is more here than what belongs into `{part}`"
-            self._problems.append(Diagnostic("misplaced-part", message, own.span(0, len(text))))
+            hint = "leave the rest out, or read the whole with `envgraph.lang.from_text`"
+            self._problems.append(Diagnostic("misplaced-part", message, own.span(0, len(text)), hint))
         return move(found[-1])
 
     def finish(self) -> None:

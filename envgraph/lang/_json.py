@@ -48,7 +48,9 @@ def parse_model(source: Source, metamodel: Metamodel) -> Model:
     """
     value = _decoded(source)
     if not isinstance(value, dict):
-        raise LoadError([Diagnostic("bad-format", "a model is an object", source.span(0, 1))])
+        raise LoadError(
+            [Diagnostic("bad-format", "a model is an object", source.span(0, 1), "write `{ .. }`")]
+        )
     try:
         return model_from_json(value, metamodel, file=source.name)
     except LoadError as error:
@@ -62,16 +64,30 @@ def parse_model(source: Source, metamodel: Metamodel) -> Model:
 
 def _decoded(source: Source) -> object:
     if not source.text.strip():
-        raise LoadError([Diagnostic("empty-file", "the file is empty", source.span(0, 0))])
+        raise LoadError(
+            [
+                Diagnostic(
+                    "empty-file",
+                    "the file is empty",
+                    source.span(0, 0),
+                    "`envgraph convert` writes models as JSON",
+                )
+            ]
+        )
     try:
         value: object = json.loads(source.text)
     except json.JSONDecodeError as error:
         span = source.span(error.pos, error.pos + 1)
         raise LoadError(
-            [Diagnostic("syntax", f"not JSON: {error.msg.lower().removesuffix(' at')}", span)]
+            [
+                Diagnostic(
+                    "syntax", f"not JSON: {error.msg.lower().removesuffix(' at')}", span, _json_hint(error)
+                )
+            ]
         ) from error
     except RecursionError:
-        problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1))
+        hint = "a model has lists inside of objects inside of a list, and nothing deeper"
+        problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1), hint)
         raise LoadError([problem]) from None
     except ValueError as error:
         found = _LONG.search(source.text)
@@ -83,8 +99,29 @@ def _decoded(source: Source) -> object:
     found = next(_lone_surrogates(source.text), None)
     if found is not None:
         message = f"`{found.group()}` is half of a character"
-        raise LoadError([Diagnostic("bad-escape", message, source.span(*found.span()))])
+        hint = "write the character itself, or both halves"
+        raise LoadError([Diagnostic("bad-escape", message, source.span(*found.span()), hint)])
     return value
+
+
+def _json_hint(error: json.JSONDecodeError) -> str | None:
+    """How to mend what Python's reader of JSON complains about."""
+    before, here = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos : error.pos + 1]
+    if before == "," and here in ("}", "]", "", '"', ","):
+        return "take out the comma before it: nothing comes after it" if here in ("}", "]") else None
+    if here == "'":
+        return 'names and texts stand between `"`'
+    if "delimiter" in error.msg:
+        return "a comma separates entries, and a colon a name from its value"
+    if "property name" in error.msg:
+        return 'names of entries stand between `"`'
+    if "Unterminated" in error.msg:
+        return 'close it with `"`'
+    return (
+        "a value is a text, a number, `true`, `false`, `null`, a list or an object"
+        if here
+        else "the file ends too soon"
+    )
 
 
 def _lone_surrogates(text: str) -> Iterator[re.Match[str]]:

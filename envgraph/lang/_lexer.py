@@ -137,7 +137,7 @@ class _Scanner:
         while position < end:
             if len(self._scan.diagnostics) >= _MOST_ERRORS:
                 message = "too many mistakes: the rest of the file is not read"
-                self._report("too-many-errors", message, position)
+                self._report("too-many-errors", message, position, hint="mend these first")
                 break
             found = match(text, position)
             if found is None:
@@ -182,9 +182,9 @@ class _Scanner:
             self._braces += lexeme.value == "{"
             if len(self._open) > _MOST_NESTED and not self._too_deep:
                 self._too_deep = True
-                self._report(
-                    "nested-too-deeply", f"more than {_MOST_NESTED} brackets inside each other", lexeme.start
-                )
+                message = f"more than {_MOST_NESTED} brackets inside each other"
+                hint = "a bracket before it may not be closed; else make a definition of a part"
+                self._report("nested-too-deeply", message, lexeme.start, hint=hint)
         elif lexeme.value in {"}", ")", "]"} and self._open:
             self._open.pop()
             self._braces = max(0, self._braces - (lexeme.value == "}"))

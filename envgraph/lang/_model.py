@@ -27,6 +27,7 @@ from envgraph.lang._grid import Cell, Entry, GridText, read_grid
 from envgraph.lang._imports import Import, without_consequences
 from envgraph.lang._metamodel import sign
 from envgraph.lang._parsing import Parsed, tokens, trees
+from envgraph.lang._refused_links import link_hint
 from envgraph.metamodel import (
     Attribute,
     EnumType,
@@ -319,9 +320,8 @@ class _Reader:
             if isinstance(feature, Attribute) and feature.type is Scalar.INT:
                 self._model.set_value(node, feature, index)
             else:
-                self._error(
-                    "wrong-type", f"`{feature}` is no `int`, and cannot hold the {kind}", axis.attribute
-                )
+                message = f"`{feature}` is no `int`, and cannot hold the {kind}"
+                self._error("wrong-type", message, axis.attribute, "name an attribute of type `int`")
 
     def _neighbours(self, grid: _Grid) -> None:
         for kind, (right, down) in (("column", (1, 0)), ("row", (0, 1))):
@@ -493,7 +493,9 @@ class _Reader:
             )
             self._error("outside-grid", f"`{name}` has no column {column}, row {row}", tree, hint)
         elif not self.diagnostics:
-            self._error("unknown-object", f"there is no object at column {column}, row {row}", tree)
+            message = f"there is no object at column {column}, row {row}"
+            hint = f"the letter there stands for none; columns and rows of `{name}` count from 0"
+            self._error("unknown-object", message, tree, hint)
 
     def _fits(self, target: int, reference: Reference, where: Span) -> bool:
         assert self.metamodel is not None
@@ -512,7 +514,8 @@ class _Reader:
         try:
             self._model.link(node, reference, target)
         except (RuleError, TypeMismatch) as error:
-            self._report("impossible-link", str(error).split("\n", maxsplit=1)[0], where)
+            hint = link_hint(error, reference)
+            self._report("impossible-link", str(error).split("\n", maxsplit=1)[0], where, hint)
 
     def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
         """Whether an object has a container already: the model would move it, a file says two things at once."""

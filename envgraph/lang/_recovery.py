@@ -62,7 +62,9 @@ class Recovery:
         """Reports that the rest of the text is not read."""
         lexeme = self._lexemes[index]
         message = "too many mistakes: the rest of the file is not read"
-        self.diagnostics.append(Diagnostic("too-many-errors", message, self._stack.span(lexeme)))
+        self.diagnostics.append(
+            Diagnostic("too-many-errors", message, self._stack.span(lexeme), "mend these first")
+        )
 
     def _misplaced(self, index: int) -> int | None:
         """A keyword that starts an outer definition, taken for a name so far: a `}` is missing before it."""

@@ -24,6 +24,20 @@ _STRING = re.compile(
 _PLAIN = re.compile(r"[^,\]}#\n]+")
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _DEEPEST = 50
+_HINTS = {
+    "unclosed array": "a list ends with `]`, and commas stand between its values",
+    "unclosed inline": "a table ends with `}`, and commas stand between its entries",
+    "unterminated string": 'close it with `"`',
+    "not closed on its line": 'close it with `"`',
+    "expected '=' after": "write `key = value`; a section is `[name]`",
+    "expected ']": "a section is `[name]`",
+    "expected ''": "close it with `'`",
+    "expected newline": 'one `key = value` stands on a line; texts stand between `"`',
+    "unescaped '": "write `\\\\` for a backslash, or put the text between `'`",
+    "key part": "a name of letters, digits, `_` and `-` stands here; a table has no comma at its end",
+    "invalid value": 'a value is a number, `true`, `false`, a text between `"`, a list or a table',
+}
+"""How to mend what tomllib complains about, by a part of its message."""
 
 
 @dataclass(slots=True)
@@ -66,7 +80,16 @@ def parse_toml(source: Source) -> TomlText:
     """
     if max((line.count("[") + line.count("{") for line in source.text.split("\n")), default=0) > _DEEPEST:
         # tomllib recurses into arrays and inline tables.
-        raise LoadError([Diagnostic("nested-too-deeply", "too many brackets", source.span(0, 0))])
+        raise LoadError(
+            [
+                Diagnostic(
+                    "nested-too-deeply",
+                    "too many brackets",
+                    source.span(0, 0),
+                    "a list holds names and numbers only",
+                )
+            ]
+        )
     try:
         # The offsets of the index are those of the text as it is: tomllib itself replaces "\r\n".
         text = TomlText(source, tomllib.loads(source.text))
@@ -75,7 +98,8 @@ def parse_toml(source: Source) -> TomlText:
         raise LoadError([_syntax_error(source, str(error))]) from None
     except (ValueError, RecursionError) as error:
         # A number of thousands of digits; arrays over many lines, one inside the other.
-        problem = Diagnostic("syntax-error", f"the file cannot be read: {error}", source.span(0, 0))
+        hint = "a number or a list in it is far too large"
+        problem = Diagnostic("syntax-error", f"the file cannot be read: {error}", source.span(0, 0), hint)
         raise LoadError([problem]) from None
     return text
 
@@ -99,14 +123,25 @@ def _syntax_error(source: Source, message: str) -> Diagnostic:
         key = re.match(r"[^=\n]*[^=\s]", source.text[start:])
         what = key.group() if key else "this"
         return Diagnostic(
-            "duplicate-key", f"`{what}` stands here twice", source.span(start, start + len(what))
+            "duplicate-key",
+            f"`{what}` stands here twice",
+            source.span(start, start + len(what)),
+            "leave one out, or put both together",
         )
     word = re.compile(r"[^\W\d]\w*").match(source.text, start) if text == "invalid value" else None
     if word:
         meant = word.group().lower()
         hint = f"write `{meant}`" if meant in {"true", "false"} else f'write `"{word.group()}"` for a string'
         return Diagnostic("syntax-error", text, source.span(start, word.end()), hint)
-    return Diagnostic("syntax-error", text, source.span(start, start + 1))
+    return Diagnostic("syntax-error", text, source.span(start, start + 1), _hint(text))
+
+
+def _hint(text: str) -> str:
+    """How to mend what the reader of TOML complains about."""
+    for part, hint in _HINTS.items():
+        if part in text:
+            return hint
+    return 'write `key = value`, with texts between `"`'
 
 
 class _Index:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from envgraph.errors import Diagnostic, InvalidArgument, Source, Span, TraceError, TypeMismatch, did_you_mean
+from envgraph.errors import Diagnostic, InvalidArgument, Source, Span, TraceError, TypeMismatch, name_hint
 from envgraph.lang._json import JsonPath, locate
 from envgraph.metamodel import Value
 from envgraph.rewrite import TRACE_FORMAT, Engine, Firing, Trace
@@ -18,6 +18,8 @@ _KEYS: Final = {
     "rule": ("rule", "match", "state"),
     "end": ("end", "state"),
 }
+_WRITTEN: Final = "`envgraph apply --trace` and `trace_to_text` write traces"
+_CHANGED: Final = "the trace was changed, or the rule is not what it was"
 _MOST: Final = 100
 """So many mistakes are reported."""
 
@@ -55,7 +57,9 @@ class _Reader:
                 return
         end = len(self.source.text)
         if not self._states and not self.problems:
-            self._problem("empty-file", "the file has no trace in it", self.source.span(0, min(1, end)))
+            self._problem(
+                "empty-file", "the file has no trace in it", self.source.span(0, min(1, end)), _WRITTEN
+            )
         elif not self._ended and not self.problems:
             message = f"the trace ends after {len(self.trace)} applications, without its last line"
             hint = (
@@ -70,10 +74,11 @@ class _Reader:
             value = json.loads(line.text)
         except json.JSONDecodeError as error:
             place = start + error.pos
-            self._problem("syntax", f"not JSON: {error.msg.lower()}", self.source.span(place, place + 1))
+            span = self.source.span(place, place + 1)
+            self._problem("syntax", f"not JSON: {error.msg.lower()}", span, "each line is one JSON object")
             return
         except (ValueError, RecursionError):  # a number of thousands of digits; thousands of brackets
-            self._problem("syntax", "not JSON: a number or what is nested is too large", whole)
+            self._problem("syntax", "not JSON: a number or what is nested is too large", whole, _WRITTEN)
             return
         spans = {path: self.source.span(start + span.start, start + span.end) for path, span in locate(line)}
         first = next(iter(value), None) if isinstance(value, dict) else None
@@ -107,9 +112,10 @@ class _Reader:
     ) -> bool:
         strange = [key for key in value if key not in known]
         for key in strange:
-            self._problem("bad-format", f"unknown entry `{key}`", spans[key,], did_you_mean(key, known))
+            self._problem("bad-format", f"unknown entry `{key}`", spans[key,], name_hint(key, known))
         if known[1] == "match" and "match" not in value:
-            self._problem("bad-format", "an application has a `match`", spans[()])
+            hint = 'write `"match": {"variable": value, ..}`'
+            self._problem("bad-format", "an application has a `match`", spans[()], hint)
             return False
         return not strange
 
@@ -118,14 +124,15 @@ class _Reader:
             hint = (
                 "a newer envgraph may have written it"
                 if str(value["format"]).startswith("envgraph")
-                else None
+                else _WRITTEN
             )
             message = f"the format is `{TRACE_FORMAT}`, not {json.dumps(value['format'])}"
             self._problem("bad-format", message, spans["format",], hint)
         metamodel = self.engine.model.metamodel.name
         if value.get("metamodel", metamodel) != metamodel:
             message = f"the trace is about models of {json.dumps(value['metamodel'])}, and this is one of `{metamodel}`"
-            self._problem("other-metamodel", message, spans["metamodel",])
+            hint = "replay it on the model that it was recorded on"
+            self._problem("other-metamodel", message, spans["metamodel",], hint)
         self._state(value, spans)
 
     def _application(self, value: Mapping[str, Any], spans: Mapping[JsonPath, Span]) -> None:
@@ -146,18 +153,22 @@ class _Reader:
             return None
         match, names = value["match"], rule.shape.names
         if not isinstance(match, dict):
-            self._problem("bad-format", "a match names what each variable stands for", spans["match",])
+            hint = 'write `{"variable": value, ..}`'
+            self._problem("bad-format", "a match names what each variable stands for", spans["match",], hint)
             return None
         missing = [name for name in names if name not in match]
         if missing:
             listed = ", ".join(f"`{name}`" for name in missing)
-            self._problem("wrong-match", f"the match of `{rule.name}` lacks {listed}", spans["match",])
+            self._problem(
+                "wrong-match", f"the match of `{rule.name}` lacks {listed}", spans["match",], _CHANGED
+            )
         values: dict[str, Value] = {}
         for name, given in match.items():
             try:
                 values.update(self.engine.ids(rule.shape, {name: given}))
             except (InvalidArgument, TypeMismatch) as error:
-                self._problem("wrong-match", str(error), spans["match", name])
+                message, _, hint = str(error).partition(": ")
+                self._problem("wrong-match", message, spans["match", name], hint or _CHANGED)
         if missing or len(values) != len(names):
             return None
         return Firing(rule.name, tuple(values[name] for name in names))
@@ -173,7 +184,7 @@ class _Reader:
         whole = not self.problems
         span = self._state(value, spans, again=True, known=before is not None)
         if whole and before is not None and self.trace.states[len(self.trace)] != before and span is not None:
-            self._problem("other-state", "this is not the state after the last application", span)
+            self._problem("other-state", "this is not the state after the last application", span, _CHANGED)
 
     def _state(
         self,
@@ -191,7 +202,8 @@ class _Reader:
             return None
         state = value["state"]
         if not isinstance(state, str) or not _STATE.fullmatch(state):
-            self._problem("bad-format", "a state is 16 hexadecimal digits", span)
+            hint = "leave it out, and nothing is compared here"
+            self._problem("bad-format", "a state is 16 hexadecimal digits", span, hint)
             return None
         self.trace.states[len(self.trace)] = int(state, 16)
         if again and not known:

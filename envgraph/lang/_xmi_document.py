@@ -93,7 +93,9 @@ class Reading:
         self.diagnostics.append(diagnostic)
         if len(self.diagnostics) == MOST_ERRORS:
             message = "too many mistakes: the rest of the file is not read"
-            self.diagnostics.append(Diagnostic("too-many-errors", message, diagnostic.span))
+            self.diagnostics.append(
+                Diagnostic("too-many-errors", message, diagnostic.span, "mend these first")
+            )
             raise Stop
 
 

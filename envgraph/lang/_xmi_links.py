@@ -6,10 +6,13 @@ import re
 from collections.abc import Iterator
 from urllib.parse import unquote
 
-from envgraph.errors import Diagnostic, LoadError, Note, RuleError, TypeMismatch, did_you_mean, with_article
+from envgraph.errors import Diagnostic, LoadError, Note, RuleError, TypeMismatch, name_hint, with_article
 from envgraph.graph import arrange_targets
+from envgraph.lang._refused_links import link_hint
 from envgraph.lang._xmi_document import LOST, Document, Link, Spans, plural, short
 from envgraph.metamodel import Reference
+
+_NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
 
 _MANY = 1000
 """Among more names than this, nobody looks for the nearest."""
@@ -45,10 +48,13 @@ class Linker:
         )
         if re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+:", path):
             message = f"`{short(path)}` is not read: only files beside this one are"
-            self._document.report("other-file", message, span)
+            self._document.report(
+                "other-file", message, span, "keep a copy of it beside this file, and name that"
+            )
             return None
         if self._reading.fetch is None:
-            self._document.report("missing-file", f"`{short(path)}`: there is no such file", span)
+            message = f"`{short(path)}`: there is no such file"
+            self._document.report("missing-file", message, span, "a text that is no file names no others")
             return None
         try:
             source = self._reading.fetch(path, self._document.source.name)
@@ -85,7 +91,8 @@ class Linker:
                 self._wrong_class(link, word, target)
             elif reference.upper is not None and len(targets) >= reference.upper:
                 message = f"`{reference}` takes {plural(reference.upper, 'object')} at most"
-                self._document.report("too-many-targets", message, self._document.where(link, word))
+                where = self._document.where(link, word)
+                self._document.report("too-many-targets", message, where, "leave the others out")
                 break
             else:
                 targets[target] = None
@@ -111,9 +118,8 @@ class Linker:
         try:
             model.link(link.node, reference, target)
         except (RuleError, TypeMismatch) as error:
-            self._document.report(
-                "impossible-link", str(error).split("\n", maxsplit=1)[0], self._document.where(link, word)
-            )
+            message, where = str(error).split("\n", maxsplit=1)[0], self._document.where(link, word)
+            self._document.report("impossible-link", message, where, link_hint(error, reference))
 
     def reorder(self) -> None:
         """Gives many-valued references the order of the text, which making links from the other end has changed."""
@@ -128,9 +134,9 @@ class Linker:
             f"`{link.reference}` takes objects of class `{link.reference.target}`, "
             f"and {self._model.describe(target)} is {with_article(cls)}"
         )
-        self._document.report(
-            "wrong-type", message, self._document.where(link, word), notes=self._note(target)
-        )
+        hint = f"name {with_article(link.reference.target)}"
+        where = self._document.where(link, word)
+        self._document.report("wrong-type", message, where, hint, notes=self._note(target))
 
     def _note(self, target: int) -> tuple[Note, ...]:
         span = Spans(self._reading).get(target)
@@ -150,9 +156,11 @@ class Linker:
         found = document.find(fragment)
         if found is None:
             known = (*document.ids, *document.identified)
-            hint = did_you_mean(fragment, known) if len(known) <= _MANY else None
+            hint = name_hint(fragment, known) if len(known) <= _MANY and fragment[:1] != "/" else None
             if not known and not fragment.startswith("/"):
-                hint = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
+                hint = _NAMED
+            if hint is None and fragment.startswith("/"):
+                hint = "a path begins at the root, and counts from 0: `//@reference.0`"
             self._document.report(
                 "unknown-object",
                 f"there is no object `{short(word)}`",

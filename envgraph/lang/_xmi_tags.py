@@ -11,7 +11,7 @@ from envgraph.lang._ecore_types import too_large, value_of
 from envgraph.lang._imports import near_uri
 from envgraph.lang._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
 from envgraph.lang._xml import MOST_OPEN, XMI, XSI, Handlers, Reader, Stop, namespaces
-from envgraph.metamodel import Attribute, EnumType, Package, Reference, simple_name, type_name
+from envgraph.metamodel import Attribute, EnumType, Package, Reference, Scalar, simple_name, type_name
 
 XMI_SPACES = re.compile(r"http://(www\.omg\.org|schema\.omg\.org/spec)/(spec/)?XMI(/\d+(\.\d+)*)?")
 
@@ -128,7 +128,12 @@ class TagReader:
                 self._document.source.text.rfind(line, 0, self._document.places.offset(self._xml.at)), 0
             )
             span = self._document.source.span(start, start + len(line))
-            self._document.report("stray-text", "a text stands here, where only tags can stand", span)
+            self._document.report(
+                "stray-text",
+                "a text stands here, where only tags can stand",
+                span,
+                "take it out, or make an attribute of it",
+            )
 
     # --- namespaces ---
 
@@ -264,11 +269,9 @@ class TagReader:
         cls = self._class_named(type_, at, key) if type_ else self._declared(reference, at)
         if cls is not None and not self._reading.metamodel.is_a(cls, reference.target):
             message = f"`{reference}` takes objects of class `{reference.target}`, not {with_article(cls)}"
-            self._document.report(
-                "wrong-type",
-                message,
-                self._document.places.attribute(at, key) if key else self._document.places.tag(at),
-            )
+            where = self._document.places.attribute(at, key) if key else self._document.places.tag(at)
+            known = [f"`{one}`" for one in self._reading.metamodel.concrete(reference.target)]
+            self._document.report("wrong-type", message, where, f"write {' or '.join(known[:5])}")
             cls = None
         if cls is None:
             place = len(self._model.targets(frame.node, reference))
@@ -363,9 +366,8 @@ class TagReader:
         notes = (Note("the first one is here", self._document.tag(first)),) if first is not None else ()
         key = self._id_key or ""
         message = f"there are two objects `{name}`"
-        self._document.report(
-            "duplicate-object", message, self._document.places.attribute(at, key), notes=notes
-        )
+        where, hint = self._document.places.attribute(at, key), "give each object an id of its own"
+        self._document.report("duplicate-object", message, where, hint, notes=notes)
 
     def _set(self, node: int, attribute: Attribute, text: str, at: int, span: Span | None = None) -> None:
         value = value_of(text, attribute.type)
@@ -382,6 +384,10 @@ class TagReader:
             )
             return
         message = f"`{attribute}` takes {with_article(type_name(type_))}, not `{short(text)}`"
+        if hint is None and type_ in (Scalar.INT, Scalar.FLOAT):
+            hint = (
+                f"write {'a whole number, such as `3`' if type_ is Scalar.INT else 'a number, such as `2.5`'}"
+            )
         if type_name(type_) == "bool":
             hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
         self._document.report("wrong-type", message, span, hint)
@@ -415,7 +421,8 @@ class TagReader:
         if upper is not None and count >= upper:
             if count == upper and (frame.parent, frame.reference.name) not in self._document.gaps:
                 message = f"`{frame.reference}` takes {plural(upper, 'object')} at most"
-                self._document.report("too-many-targets", message, self._document.tag(frame.node))
+                hint = "leave this one out"
+                self._document.report("too-many-targets", message, self._document.tag(frame.node), hint)
             self._document.gaps.setdefault((frame.parent, frame.reference.name), []).append(count)
             return
         self._model.link(frame.parent, frame.reference, frame.node)

@@ -215,7 +215,8 @@ class Reader:
         """Reads the text; says why it is no XML, or None."""
         source = self.places.source
         if not source.text.strip():
-            return Diagnostic("empty-file", "the file is empty", source.span(0, 0))
+            hint = "`envgraph convert` writes `.ecore` and `.xmi` files"
+            return Diagnostic("empty-file", "the file is empty", source.span(0, 0), hint)
         parser = self._parser
         parser.StartElementHandler = handlers.start
         parser.EndElementHandler = handlers.end
@@ -273,7 +274,7 @@ class Reader:
         tag, byte = self.open[-1]
         note = Note("it is opened here", self.places.tag(byte))
         message = f"the file ends before `</{tag}>`"
-        return Diagnostic("syntax", message, span, notes=(note,))
+        return Diagnostic("syntax", message, span, f"write `</{tag}>` at the end", notes=(note,))
 
 
 _WORDS: Mapping[str, tuple[str, str | None]] = {
@@ -282,16 +283,28 @@ _WORDS: Mapping[str, tuple[str, str | None]] = {
         "write `&lt;` for `<` and `&amp;` for `&` in a text",
     ),
     "syntax error": ("this is not XML", "an XML file begins with a tag"),
-    "no element found": ("the file has no XML element", None),
-    "unclosed token": ("this is never closed", None),
-    "duplicate attribute": ("this attribute stands here twice", None),
+    "no element found": (
+        "the file has no XML element",
+        "an XML file is one element, with tags and texts in it",
+    ),
+    "unclosed token": (
+        "this is never closed",
+        "a tag ends with `>`, a comment with `-->`, a value with the quotation mark it began with",
+    ),
+    "duplicate attribute": ("this attribute stands here twice", "leave one out"),
     "undefined entity": (
         "unknown entity",
         "XML knows `&lt;`, `&gt;`, `&amp;`, `&quot;`, `&apos;` and `&#38;`",
     ),
-    "junk after document element": ("the file goes on after its only element", None),
-    "XML or text declaration not at start of entity": ("`<?xml ...?>` is the first thing in a file", None),
-    "unbound prefix": ("this prefix is not declared", None),
+    "junk after document element": (
+        "the file goes on after its only element",
+        "put everything into one element, such as `<xmi:XMI>`",
+    ),
+    "XML or text declaration not at start of entity": (
+        "`<?xml ...?>` is the first thing in a file",
+        "take out what stands before it, blanks included",
+    ),
+    "unbound prefix": ("this prefix is not declared", 'write `xmlns:prefix="..."` in the first tag'),
 }
 
 

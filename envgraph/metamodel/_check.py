@@ -28,7 +28,9 @@ def check_classes(classes: Sequence[Class], enums: Sequence[EnumType]) -> list[D
     found = list(islice(_problems(classes, enums), MOST_ERRORS + 1))
     if len(found) > MOST_ERRORS:
         message = "too many mistakes: the other classes are not checked"
-        found[MOST_ERRORS:] = [Diagnostic("too-many-errors", message, found[MOST_ERRORS].span)]
+        found[MOST_ERRORS:] = [
+            Diagnostic("too-many-errors", message, found[MOST_ERRORS].span, "mend these first")
+        ]
     return found
 
 
@@ -84,14 +86,19 @@ def _check_names(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterato
         if not item.name.isidentifier() and not (
             isinstance(item, Class | EnumType) and _qualified(item.name)
         ):
-            yield Diagnostic(
-                "bad-name", f"`{item.name}` is not a name: write letters, digits and _", item.span
-            )
+            yield Diagnostic("bad-name", f"`{item.name}` is not a name", item.span, _name_hint(item.name))
     for enum in enums:
         for index, literal in enumerate(enum.literals):
             if not literal.isidentifier():
                 span = place(enum, f"literal {index}")
-                yield Diagnostic("bad-name", f"`{literal}` is not a name: write letters, digits and _", span)
+                yield Diagnostic("bad-name", f"`{literal}` is not a name", span, _name_hint(literal))
+
+
+def _name_hint(name: str) -> str:
+    """A name like the one that is none."""
+    meant = re.sub(r"\W+", "_", name).strip("_")
+    meant = f"_{meant}" if meant[:1].isdigit() else meant
+    return "a name has letters, digits and `_`" + (f": `{meant}`" if meant.isidentifier() else "")
 
 
 def _qualified(name: str) -> bool:

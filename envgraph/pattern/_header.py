@@ -88,7 +88,8 @@ def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]
 def _parameters(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]:
     if not pattern.parameters:
         message = f"pattern `{pattern.name}` has no parameters: it has one match or none"
-        yield Diagnostic("no-parameters", message, pattern.span, severity=Severity.WARNING)
+        hint = "that is right for a condition; parameters say which objects were found"
+        yield Diagnostic("no-parameters", message, pattern.span, hint, Severity.WARNING)
     first: dict[str, Span | None] = {}
     for parameter in pattern.parameters:
         span = parameter.span or pattern.span

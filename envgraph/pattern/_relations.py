@@ -96,7 +96,10 @@ class RelationCheck:
         elif place.group is not None and not isinstance(type_, ObjectType):
             what = "aggregated" if place.aggregate else "negated"
             message = f"`{constraint.type}` is a data type, whose values cannot be {what}"
-            yield Diagnostic("data-type-group", message, span)
+            hint = "name a class, or count the objects that have the value"
+            if not place.aggregate:
+                hint = "name a class, or compare the value in `check(..)`"
+            yield Diagnostic("data-type-group", message, span, hint)
 
     def _unknown_type(self, name: str, span: Span | None) -> Diagnostic:
         return Diagnostic("unknown-type", f"unknown type `{name}`", span, type_hint(name, self._metamodel))
@@ -104,7 +107,8 @@ class RelationCheck:
     def _path(self, path: PathConstraint) -> Iterator[Diagnostic]:
         if not isinstance(path.source, Variable):
             span = getattr(path.source, "span", None) or path.span
-            yield Diagnostic("path-source", "a path starts at a variable, not at a value", span)
+            hint = "name the object that has the feature: `Class.feature(object, value)`"
+            yield Diagnostic("path-source", "a path starts at a variable, not at a value", span, hint)
             return
         cls = path.type or self._source_class(path)
         if cls is None:
@@ -115,7 +119,9 @@ class RelationCheck:
             if static_type(cls, self._metamodel) is None:
                 yield self._unknown_type(cls, span)
             else:
-                yield Diagnostic("unknown-type", f"`{cls}` is a data type: a path starts at a class", span)
+                hint = "write the class that has the feature: `Class.feature(object, value)`"
+                message = f"`{cls}` is a data type: a path starts at a class"
+                yield Diagnostic("unknown-type", message, span, hint)
             return
         if not path.features:
             yield Diagnostic("empty-path", "a path needs a feature", path.span, f"write `{cls}.feature(..)`")

@@ -111,7 +111,8 @@ class UsageCheck:
             # What depends on a circle is unbound, too, so all of them are one mistake.
             names = ", ".join(f"`{name}`" for name in circular)
             message = f"nothing enumerates {names}{self._where}: what it is computed from depends on it"
-            yield Diagnostic("not-enumerable", message, self._reading.span(circular[0]))
+            hint = f"take `{circular[0]}` from the model first: from a class, a path or a `find`"
+            yield Diagnostic("not-enumerable", message, self._reading.span(circular[0]), hint)
 
     def _not_explained(self, names: list[str]) -> list[str]:
         """Those of the names that would be unbound even if the errors reported so far were mended."""
@@ -188,7 +189,8 @@ class UsageCheck:
                 yield Diagnostic("single-use-repeated", message, places[1].variable.span, hint)
             elif name.lstrip("_") in self._reading.occurrences:
                 message = f"`{name}` and `{name.lstrip('_')}` are different variables"
-                yield _warning("similar-names", message, places[0].variable.span)
+                hint = "leave the `_` out if they are one; else call one of them something else"
+                yield _warning("similar-names", message, places[0].variable.span, hint)
             return
         if self._reading.quantified(name) is not None:
             message = f"`{name}` is used only here, so it is quantified inside the call"
@@ -208,7 +210,8 @@ class UsageCheck:
             term = terms_of(relation)[position]
             if self._is_free(term, place):
                 message = f"{relation_text(relation)} needs a value here: the parameter is `in`"
-                yield Diagnostic("unbound-input", message, term.span or relation.span)
+                hint = "write a value, or a variable that another constraint finds"
+                yield Diagnostic("unbound-input", message, term.span or relation.span, hint)
 
     def _is_free(self, term: Term, place: Place) -> bool:
         if isinstance(term, Variable):

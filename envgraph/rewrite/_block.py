@@ -86,7 +86,9 @@ class BlockBuilder:
         for name in self.lowered.own:
             if name in outer.created:
                 span = node_names(self.lowered.left).get(name)
-                outer.error("duplicate-definition", f"`{name}` is created by the enclosing rule", span)
+                message = f"`{name}` is created by the enclosing rule"
+                hint = "a new object is in no match: choose another name for one of the two"
+                outer.error("duplicate-definition", message, span, hint)
 
     def _read_left(self) -> None:
         for node in self.lowered.left.nodes:
@@ -214,7 +216,7 @@ class BlockBuilder:
                 "leave out the creation and the deletion",
             )
         elif name in self.sight.deleted:
-            self.sight.warn("duplicate-action", f"`{name}` is deleted already", span)
+            self.sight.warn("duplicate-action", f"`{name}` is deleted already", span, "leave it out")
         elif name in self._kept:
             message = f"`{name}` is deleted and changed"
             notes = (Note("the other action is here", self._kept[name]),)
@@ -323,7 +325,8 @@ class BlockBuilder:
                 name = action.node.name
                 if name in kept:
                     message = f"`{name}` stands in the right side, so it cannot be deleted"
-                    self.sight.error("duplicate-action", message, action.node.span or action.span)
+                    hint = "take it out of the right side, or leave the deletion out"
+                    self.sight.error("duplicate-action", message, action.node.span or action.span, hint)
                 elif name not in self._own_deleted:
                     self._delete(name, action.node.span or action.span)
             case Create() | Retype() | Move() | Merge() | Redirect():
@@ -365,13 +368,16 @@ class BlockBuilder:
         text = f"`{edge.source} -{edge.reference}-> {edge.target}`"
         notes = (Note("the first is here", earlier.span),)
         if key not in self._redirected and what == "deleted":
-            self.sight.warn("duplicate-action", f"{text} is deleted already", edge.span)
+            self.sight.warn("duplicate-action", f"{text} is deleted already", edge.span, "leave it out")
         else:
             word = "redirected" if key in self._redirected else "deleted"
             message = f"{text} is {word} already, and cannot be {what} " + (
                 "again" if word == what else "too"
             )
-            self.sight.problems.append(Diagnostic("duplicate-action", message, edge.span, notes=notes))
+            found = Diagnostic(
+                "duplicate-action", message, edge.span, "leave one of the two out", notes=notes
+            )
+            self.sight.problems.append(found)
 
     def _contradictions(self) -> None:
         """Links that are deleted and there afterwards, or deleted and not known to be there."""
@@ -380,7 +386,8 @@ class BlockBuilder:
                 message = (
                     f"`{edge.source} -{edge.reference}-> {edge.target}` is both deleted and there afterwards"
                 )
-                self.sight.error("duplicate-action", message, edge.span)
+                hint = "leave out the deletion, or what creates or keeps the link"
+                self.sight.error("duplicate-action", message, edge.span, hint)
             else:
                 self._ask_for(key, edge, "nothing happens")
         for key, edge in self._redirected.items():
@@ -553,7 +560,8 @@ class BlockBuilder:
             notes = (Note("the other action is here", first),) if first else ()
             if error.refused:
                 message = f"{error.message}, so that the rule can never be applied"
-                found = Diagnostic("never-applicable", message, second, None, Severity.WARNING, notes)
+                hint = "leave one of the two out"
+                found = Diagnostic("never-applicable", message, second, hint, Severity.WARNING, notes)
             else:
                 found = Diagnostic(
                     "contradiction", error.message, second, "leave one of the two out", notes=notes

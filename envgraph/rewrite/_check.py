@@ -337,10 +337,12 @@ def _never_one(group: Sequence[str], spans: Mapping[str, Span], sight: Sight) ->
     """Warn of names that no object can share."""
     if len(set(group)) < 2:
         message = "`@hom` names two or more different variables"
-        yield Diagnostic("bad-annotation", message, spans.get(group[0]) if group else None)
+        hint = "write `@hom(a, b)`, or `@match(homomorphic)` for all names"
+        yield Diagnostic("bad-annotation", message, spans.get(group[0]) if group else None, hint)
     for one, other in combinations(dict.fromkeys(group), 2):
         left, right = sight.before(one), sight.before(other)
         if left and right and not sight.metamodel.overlap(left, right):
             classes = f"{with_article(left)} and {with_article(right)}"
             message = f"`{one}` and `{other}` are never one object: nothing is {classes}"
-            yield Diagnostic("useless-annotation", message, spans.get(other), None, Severity.WARNING)
+            hint = f"leave `{other}` out"
+            yield Diagnostic("useless-annotation", message, spans.get(other), hint, Severity.WARNING)

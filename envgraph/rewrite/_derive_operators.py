@@ -133,7 +133,9 @@ def check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[Di
         touched = [sub for sub in concrete if not schema.frozen(sub)]
         if not touched:
             message = f"`{cls}` is frozen" if concrete else f"`{cls}` has no concrete subclass"
-            hint = "operators leave frozen classes alone" if concrete else None
+            hint = "operators leave frozen classes alone"
+            if not concrete:
+                hint = f"declare a class that extends `{cls}`, or leave `abstract` out there"
             yield Diagnostic(
                 "nothing-derived", f"{message}: there is no operator for it", derivation.span, hint
             )
@@ -151,7 +153,8 @@ def _without_creation(schema: Schema, classes: Iterable[str], derivation: Deriva
                 "nothing-derived",
                 f"no operator creates a `{cls}`: what it needs is frozen, or too much at once",
                 derivation.span,
-                severity=Severity.WARNING,
+                f"write a rule that creates a `{cls}`, if there shall be new ones",
+                Severity.WARNING,
             )
 
 
@@ -164,7 +167,8 @@ def _check_annotations(derivation: Derivation) -> Iterator[Diagnostic]:
                 yield _no_kind(annotation, kind)
             elif not _is_weight(value):
                 message = f"the weight of a kind is a number, 0 or above, not {value}"
-                yield Diagnostic("bad-weight", message, _place(annotation, kind))
+                hint = f"write `@weight({kind} = 0.5)`; with 0 the kind is left out"
+                yield Diagnostic("bad-weight", message, _place(annotation, kind), hint)
 
 
 def _check_cap(annotation: Annotation) -> Iterator[Diagnostic]:

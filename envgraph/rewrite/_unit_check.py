@@ -193,9 +193,9 @@ class _Checker:
                 self._call(step, scope)
             case Steps(steps):
                 if not steps:
-                    self.result.problems.append(
-                        Diagnostic("empty-block", "nothing to do here", step.span, severity=Severity.WARNING)
-                    )
+                    hint = "write the name of a rule or unit, or leave the block out"
+                    found = Diagnostic("empty-block", "nothing to do here", step.span, hint, Severity.WARNING)
+                    self.result.problems.append(found)
                 for inner in steps:
                     self._step(inner, scope)
             case Choice(alternatives):

@@ -241,17 +241,22 @@ def read_family(path: Path, components: Components | None = None) -> Family:
         source = Source(str(path), path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
-        raise LoadError([Diagnostic("unreadable-file", f"{path} cannot be read: {reason}")]) from error
+        place = Source(str(path), "").span(0, 0)
+        raise LoadError(
+            [Diagnostic("unreadable-file", f"the file cannot be read: {reason}", place)]
+        ) from error
     value, spans = parse_json(source)
     try:
         return _family(value, components)
     except (KeyError, TypeError, AttributeError) as error:
-        hint = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"
-        raise LoadError([Diagnostic("bad-format", "this is no family file", spans[()], hint)]) from error
+        raise LoadError([Diagnostic("bad-format", "this is no family file", spans[()], _WRITTEN)]) from error
     except EnvgraphError as error:
         if isinstance(error, LoadError):
             raise
-        raise LoadError([Diagnostic("bad-format", str(error), spans[()])]) from error
+        raise LoadError([Diagnostic("bad-format", str(error), spans[()], _WRITTEN)]) from error
+
+
+_WRITTEN = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"
 
 
 def _family(value: Any, components: Components | None) -> Family:

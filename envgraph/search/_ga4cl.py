@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from envgraph.env import DrawGrid
-from envgraph.errors import Diagnostic, LoadError, Source, Span, did_you_mean
+from envgraph.errors import Diagnostic, LoadError, Source, Span, name_hint
 from envgraph.graph import Model
 from envgraph.lang import JsonPath, parse_json
 
@@ -108,21 +108,33 @@ def _check_file(value: object, spans: Mapping[JsonPath, Span]) -> Iterator[Diagn
         )
         return
     if not value["environments"]:
-        yield Diagnostic("bad-format", "the family is empty", spans["environments",])
+        yield Diagnostic(
+            "bad-format",
+            "the family is empty",
+            spans["environments",],
+            "a family has at least one environment",
+        )
     for index, entry in enumerate(value["environments"]):
         yield from _check_entry(entry, ("environments", index), spans)
 
 
 def _check_entry(entry: object, path: JsonPath, spans: Mapping[JsonPath, Span]) -> Iterator[Diagnostic]:
     if not isinstance(entry, dict):
-        yield Diagnostic("bad-format", "an environment is an object", spans[path])
+        yield Diagnostic(
+            "bad-format", "an environment is an object", spans[path], 'write `{"desc": ["..", ".."]}`'
+        )
         return
     if "desc" not in entry:
-        yield Diagnostic("bad-format", 'an environment needs "desc", its rows of letters', spans[path])
+        yield Diagnostic(
+            "bad-format",
+            'an environment needs "desc", its rows of letters',
+            spans[path],
+            'write `"desc": ["..", ".."]`',
+        )
     for key, value in entry.items():
         here = (*path, key)
         if key not in _KEYS:
-            yield Diagnostic("unknown-key", f"unknown key `{key}`", spans[here], did_you_mean(key, _KEYS))
+            yield Diagnostic("unknown-key", f"unknown key `{key}`", spans[here], name_hint(key, _KEYS))
         elif not _fits(key, value):
             yield Diagnostic("wrong-type", f"`{key}` is {_KEYS[key]}", spans[here])
         elif key == "desc":
@@ -146,7 +158,7 @@ def _check_rows(rows: Sequence[str], path: JsonPath, spans: Mapping[JsonPath, Sp
     for number, row in enumerate(rows):
         if len(row) != width or not row:
             message = f"this row has {len(row)} letters, the first has {width}"
-            yield Diagnostic("bad-format", message, spans[(*path, number)])
+            yield Diagnostic("bad-format", message, spans[(*path, number)], "all rows have as many letters")
 
 
 def grid_rows(model: Model, draw: DrawGrid) -> tuple[str, ...]:

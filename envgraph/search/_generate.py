@@ -154,7 +154,8 @@ def _differences(
         measured = individual.measures[str(order)]
         if variant.complexity is not None and abs(variant.complexity - measured) > _SAME:
             message = f"`{variant.name}`: `{order}` is {measured!r}, the file says {variant.complexity!r}"
-            yield Diagnostic("different-measure", message, span, severity=Severity.WARNING)
+            hint = "the family keeps what was measured; the file may have been made with another measure"
+            yield Diagnostic("different-measure", message, span, hint, Severity.WARNING)
         if variant.rewards and variant.rewards != schedule:
             said = list(variant.rewards)
             message = f"`{variant.name}`: the behaviour's rewards are {list(schedule)}, the file says {said}"

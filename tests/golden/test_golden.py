@@ -41,6 +41,17 @@ def test_file_is_diagnosed_as_expected(name: str, request: pytest.FixtureRequest
     assert said == expected.read_text(encoding="utf-8")
 
 
+HINTLESS = ("there is no such file",)
+"""What has no hint: nobody knows what to write instead."""
+
+
+def test_every_mistake_says_how_to_mend_it() -> None:
+    for path in HERE.rglob("*.expected"):
+        for said in path.read_text(encoding="utf-8").strip("\n").split("\n\n"):
+            first = said.split("\n")[0]
+            assert "\nhint: " in said or first == "nothing is wrong" or first.endswith(HINTLESS), said
+
+
 def test_every_expected_text_belongs_to_a_case() -> None:
     found = {path.relative_to(HERE).as_posix() for path in HERE.rglob("*.expected")}
     assert found <= {f"{name}.expected" for name in CASES}
