@@ -35,7 +35,7 @@ test: $(VENV)/.test
 	$(BIN)/python -m pytest
 
 nightly: $(VENV)/.test
-	$(BIN)/python -m pytest --hypothesis-profile=nightly
+	$(BIN)/python -m pytest --hypothesis-profile=nightly --dist=worksteal
 
 bench: $(VENV)/.bench
 	$(BIN)/python -m benchmarks

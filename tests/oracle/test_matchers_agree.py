@@ -57,6 +57,8 @@ def assert_agree(world: World, compiled: Matcher, naive: Matcher) -> None:
             question(compiled, pattern, free(size), expected)
         for values in candidates(world, pattern, expected):
             for mask in product((False, True), repeat=size):
+                if not any(mask):
+                    continue  # asked already
                 arguments = tuple(v if bound else FREE for v, bound in zip(values, mask, strict=True))
                 agreeing = [row for row in expected if agrees(row, arguments)]
                 assert list(naive.rows(pattern, arguments)) == agreeing
