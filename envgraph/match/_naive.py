@@ -197,8 +197,8 @@ class NaiveMatcher:
                 return terms[0] in known
             case Positive():
                 return True
-            case Negative(_, terms, local) | Fold(_, _, terms, local):
-                return all(t in known or t in local for t in terms)
+            case Negative() | Fold():
+                return all(t in known or t in item.local for t in item.terms)
             case Equal(terms):
                 return any(t in known for t in terms)
             case Unequal(terms) | Test(_, terms) | Valuation(_, terms):
@@ -209,11 +209,11 @@ class NaiveMatcher:
             case Positive(relation, terms):
                 for row in self._tuples(pattern, relation, terms, known):
                     yield {**known, **dict(zip(terms, row, strict=True))}
-            case Negative(relation, terms, _):
-                if not any(True for _ in self._tuples(pattern, relation, terms, known)):
+            case Negative():
+                if not any(True for _ in self._group(pattern, item, known)):
                     yield known
-            case Fold(function, relation, terms, _, column, result):
-                rows = dict.fromkeys(self._tuples(pattern, relation, terms, known))
+            case Fold(function, column=column, result=result):
+                rows = dict.fromkeys(self._group(pattern, item, known))
                 numbers = [0 if column is None else row[column] for row in rows]  # `count` takes any
                 yield from _with(known, result, aggregate(function, numbers))  # type: ignore[arg-type]
             case Equal((left, right)):
@@ -230,6 +230,10 @@ class NaiveMatcher:
                 yield from _with(known, result, value_of(expression, known, self._read))
 
     # --- relations
+
+    def _group(self, pattern: Pattern, item: Negative | Fold, known: Environment) -> Iterator[Row]:
+        """The tuples under a negation or in an aggregate."""
+        return iter(()) if item.empty else self._tuples(pattern, item.relation, item.terms, known)
 
     def _tuples(
         self, pattern: Pattern, relation: Relation, terms: tuple[str, ...], known: Environment

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from itertools import count
 
 from envgraph.metamodel import Value
@@ -43,16 +43,20 @@ class Positive:
 
 @dataclass(frozen=True, slots=True)
 class Negative:
-    """No tuple of the relation has the values of the `terms` that are not `local`."""
+    """No tuple of the relation has the values of the `terms` that are not `local`; `empty`: by their types."""
 
     relation: Relation
     terms: tuple[str, ...]
     local: frozenset[str]
+    empty: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """`result` is the aggregate over the tuples that have the values of the `terms` that are not `local`."""
+    """`result` is the aggregate over the tuples that have the values of the `terms` that are not `local`.
+
+    There are none if it is `empty`, because of their types.
+    """
 
     function: str
     relation: Relation
@@ -60,6 +64,7 @@ class Fold:
     local: frozenset[str]
     column: int | None
     result: str
+    empty: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +112,7 @@ class FlatBody:
 
 def flatten(pattern: Pattern, body: Body, library: Library) -> FlatBody:
     """Give every term of a body a name, and find out which variables are free inside a negative call."""
-    reader = _Reader(pattern, library)
+    reader = _Reader(pattern, library, library.may_hold(pattern.qualified_name, body))
     for parameter in pattern.parameters:
         if parameter.type is not None and parameter.type in library.metamodel.classes:
             reader.items.append(
@@ -127,6 +132,7 @@ def flatten(pattern: Pattern, body: Body, library: Library) -> FlatBody:
 class _Reader:
     pattern: Pattern
     library: Library
+    may_hold: Callable[[Relation], bool]
     items: list[Item] = field(default_factory=list)
     constants: dict[str, Value] = field(default_factory=dict)
     calls: list[str] = field(default_factory=list)
@@ -135,7 +141,8 @@ class _Reader:
     def read(self, constraint: Constraint) -> None:
         match constraint:
             case Negation(relation):
-                self.items.append(Negative(relation, self._relation(relation), frozenset()))
+                terms = self._relation(relation)
+                self.items.append(Negative(relation, terms, frozenset(), not self.may_hold(relation)))
             case Comparison("==", left, right):
                 self.items.append(Equal((self._term(left), self._term(right))))
             case Comparison("!=", left, right):
@@ -172,7 +179,8 @@ class _Reader:
                 result = self._name()
                 terms = self._relation(over)
                 column = next((i for i, arg in enumerate(terms_of(over)) if isinstance(arg, Hash)), None)
-                self.items.append(Fold(function, over, terms, frozenset(), column, result))
+                empty = not self.may_hold(over)
+                self.items.append(Fold(function, over, terms, frozenset(), column, result, empty))
                 return result
             case Hash():
                 return self._name()
@@ -201,10 +209,8 @@ def _with_locals(items: list[Item], outside: set[str]) -> Iterator[Item]:
     uses = Counter(name for item in items for name in mentioned(item))
     for item in items:
         match item:
-            case Negative(relation, terms):
-                yield Negative(relation, terms, _only_here(terms, uses, outside))
-            case Fold(function, relation, terms, _, column, result):
-                yield Fold(function, relation, terms, _only_here(terms, uses, outside), column, result)
+            case Negative() | Fold():
+                yield replace(item, local=_only_here(item.terms, uses, outside))
             case _:
                 yield item
 

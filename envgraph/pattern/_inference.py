@@ -26,7 +26,7 @@ from envgraph.pattern._queries import (
     TypeConstraint,
 )
 from envgraph.pattern._terms import Constant, EnumLiteral, Variable
-from envgraph.pattern._types import meet, static_type, value_type
+from envgraph.pattern._types import comparable, meet, static_type, value_type
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +146,13 @@ class BodyTypes:
                 ]
             case PatternCall():
                 return self._call_columns(relation)
+
+    def may_hold(self, relation: Relation) -> bool:
+        """Whether the types of the arguments allow any tuple: a number is no object, though both are ints."""
+        arguments = zip(map(self.of_term, terms_of(relation)), self.columns(relation), strict=True)
+        return all(
+            own is None or type_ is None or comparable(own, type_, self.metamodel) for own, type_ in arguments
+        )
 
     def _call_columns(self, call: PatternCall) -> list[StaticType | None]:
         signature = self.callee(call.pattern)

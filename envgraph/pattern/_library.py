@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
@@ -14,7 +14,7 @@ from envgraph.pattern._inference import BodyTypes, Signature
 from envgraph.pattern._lowered import LoweredPattern, StaticType
 from envgraph.pattern._normal import lower_body
 from envgraph.pattern._paths import ResolvedPath
-from envgraph.pattern._queries import Body, Parameter, PathConstraint, Pattern
+from envgraph.pattern._queries import Body, Parameter, PathConstraint, Pattern, Relation
 from envgraph.pattern._terms import Variable
 from envgraph.pattern._types import type_text
 
@@ -129,6 +129,14 @@ class Library:
             InvalidArgument: there is no such pattern.
         """
         return self._entry(qualified_name).inputs
+
+    def may_hold(self, qualified_name: str, body: Body) -> Callable[[Relation], bool]:
+        """Whether the types of a body of a pattern allow that a relation under `neg` or in an aggregate has a tuple.
+
+        Raises:
+            InvalidArgument: there is no such pattern.
+        """
+        return self._types(self._entry(qualified_name), body).may_hold
 
     def lowered(self, qualified_name: str) -> LoweredPattern:
         """The normal form of a pattern. Its calls may name generated patterns, which are found here, too.

@@ -484,7 +484,9 @@ def tangled(
         if not positive and dice.chance(60):
             shared = dice.number(0, len(terms) - 1)
             terms = [Variable("_")] * len(types)
-            terms[shared] = Variable(dice.one(scope.names(types[shared]) or ["_"]))
+            # Of a wrong type, now and then: that never holds.
+            known = list(scope.variables) if dice.chance(5) else scope.names(types[shared])
+            terms[shared] = Variable(dice.one(known or ["_"]))
         return with_terms(over, terms)
 
     found: list[Constraint] = [made(True) for _ in range(dice.one([1, 1, 2]))]
@@ -621,8 +623,9 @@ def add_tower(dice: Dice, library: Library) -> None:
         valued = grow(heads, [reaching(Variable("x")), value])
         total = Aggregate(dice.one(["sum", "min", "max"]), PatternCall(valued.name, (Variable("p0"), Hash())))
     grow(heads, [Comparison("==", Variable("n"), total)])
-    both = tangled(scope(), PatternCall(closed.name, (Variable("p0"), Variable("p1"))), types)
-    more = constraint(scope())
+    last = scope()
+    both = tangled(last, PatternCall(closed.name, (Variable("p0"), Variable("p1"))), types)
+    more = constraint(last)
     grow(ends[:1], both if more is None else [*both, more])
 
 

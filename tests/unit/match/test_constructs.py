@@ -16,6 +16,7 @@ from envgraph.pattern import (
     Navigation,
     PathConstraint,
     Pattern,
+    Relation,
     Variable,
 )
 from tests.unit.match.kinds import KINDS, Kind, assert_sound
@@ -328,6 +329,24 @@ def test_a_variable_used_only_in_a_negation_is_free_inside(world: Make) -> None:
     assert w.rows("p") == set()
     w.model["dan"].knows.remove(w.model["dan"])
     assert len(w.rows("p")) == 4
+
+
+@pytest.mark.parametrize(
+    "wrong", [is_a("Person", "n"), path("Person.knows", "n", "_"), find("knows", "n", "_")]
+)
+def test_a_number_is_no_object(world: Make, wrong: Relation) -> None:
+    """The number of chiefs is also the id of Bob, who knows Cyd."""
+    w = world(
+        KNOWS,
+        pattern("none(n : int)", [equal("n", fold("count", is_a("Chief", "_"))), neg(wrong)]),
+        pattern(
+            "zero(n : int, z : int)",
+            [equal("n", fold("count", is_a("Chief", "_"))), equal("z", fold("count", wrong))],
+        ),
+    )
+    assert w.id("bob") == 1
+    assert w.rows("none") == {(1,)}
+    assert w.rows("zero") == {(1, 0)}
 
 
 def test_a_negated_pattern_may_have_several_bodies_and_locals(world: Make) -> None:
