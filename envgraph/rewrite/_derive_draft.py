@@ -43,6 +43,7 @@ class Draft:
         types: class of each variable of the left side.
         patterns: what the rule calls.
         largest: for the name of a pattern of numbers the variable of the left side for the largest one.
+        keys: for a class the variables of the keys that are chosen for new objects.
     """
 
     def __init__(self, schema: Schema, group: str) -> None:
@@ -51,6 +52,7 @@ class Draft:
         self.types: dict[str, str] = {}
         self.patterns: dict[str, Pattern] = {}
         self.largest: dict[str, Variable] = {}
+        self.keys: dict[str, list[tuple[Variable, ...]]] = {}
         self._names: dict[str, None] = {}
         self._nodes: list[Node] = []
         self._edges: list[Edge] = []

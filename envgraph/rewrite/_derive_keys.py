@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import reduce
+from itertools import product
+from math import prod
+from typing import Final
 
-from envgraph.metamodel import Attribute, Scalar
+from envgraph.metamodel import Attribute, Scalar, type_name
 from envgraph.pattern import (
     Aggregate,
     Assignment,
@@ -20,6 +24,7 @@ from envgraph.pattern import (
     Expression,
     FunctionCall,
     Hash,
+    Negation,
     Node,
     PathConstraint,
     PatternCall,
@@ -27,6 +32,12 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite._derive_draft import Draft
 from envgraph.rewrite._derive_schema import Schema
+
+MOST_KEYS: Final = 64
+"""So many keys of literals and truth values are tried."""
+
+_LARGEST_FLOAT: Final = float(2**52)
+"""Above it adding 1 does not always make another number."""
 
 DIGITS = 9
 """How many a number that is read from a string may have; a multiple of three."""
@@ -41,8 +52,8 @@ def key_owner(schema: Schema, cls: str) -> str | None:
 def new_key(draft: Draft, classes: Sequence[str], position: int) -> list[Assignment]:
     """Give an object that is created with others, before it and after it, a key that no object has.
 
-    An int and the number behind the class in a string are above all those in use. A key without either is that of
-    the defaults, and has to be free.
+    A number, and that behind the class in a string, are above all those in use. Of a key of literals and truth values
+    alone each one that is free may be taken; where there are too many, that of the defaults, if it is free.
 
     Args:
         draft: the rule.
@@ -66,24 +77,63 @@ def new_key(draft: Draft, classes: Sequence[str], position: int) -> list[Assignm
             draft.ask([Check(Binary("<", number, Constant(10**DIGITS - 1 - rank)))])
             name = Binary("+", Constant(cls), Binary("+", number, Constant(rank + 1)))
             found.append(Assignment(attribute.name, name))
-        elif attribute.type is Scalar.INT:
+        elif attribute.type in (Scalar.INT, Scalar.FLOAT):
             suffix, bodies = _values(owner, attribute)
-            number = _largest(draft, suffix, bodies)
+            number = _largest(draft, suffix, bodies, attribute.type)
             value = Variable(draft.name("number"))
             # Not in the assignment: a number that does not fit is no match, instead of an error.
             draft.ask([Comparison("==", value, Evaluation(Binary("+", number, Constant(rank + 1))))])
+            if attribute.type is Scalar.FLOAT:
+                draft.ask([Check(Binary("<", number, Constant(_LARGEST_FLOAT)))])
             found.append(Assignment(attribute.name, value))
+    if not found and prod(len(_range(attribute)) for attribute in attributes) <= MOST_KEYS:
+        return _free(draft, owner, attributes)
     if not found:
         twin = draft.name("twin")
         draft.block("not", [Node(twin, owner)], [], list(_defaults(owner, attributes, twin)))
     return found
 
 
-def _largest(draft: Draft, suffix: str, bodies: Sequence[Body]) -> Variable:
+def _free(draft: Draft, owner: str, attributes: Sequence[Attribute]) -> list[Assignment]:
+    """One of the keys that no object has, and no other one that is created."""
+    columns = [Variable(attribute.name) for attribute in attributes]
+    types = {attribute.name: type_name(attribute.type) for attribute in attributes}
+    one = Variable("object")
+    relations = [
+        PathConstraint(owner, (a.name,), one, column) for a, column in zip(attributes, columns, strict=True)
+    ]
+    taken = draft.pattern(f"#taken.{owner}", types, [Body(tuple(relations))])
+    bodies = [
+        Body(
+            (
+                *(Comparison("==", column, value) for column, value in zip(columns, values, strict=True)),
+                Negation(PatternCall(taken, tuple(columns))),
+            )
+        )
+        for values in product(*map(_range, attributes))
+    ]
+    free = draft.pattern(f"#free.{owner}", types, bodies)
+    key = tuple(Variable(draft.name(attribute.name)) for attribute in attributes)
+    draft.ask([PatternCall(free, key)])
+    for other in draft.keys.setdefault(owner, []):
+        differing = [Binary("!=", mine, theirs) for mine, theirs in zip(key, other, strict=True)]
+        draft.ask([Check(reduce(lambda left, right: Binary("||", left, right), differing))])
+    draft.keys[owner].append(key)
+    return [Assignment(attribute.name, value) for attribute, value in zip(attributes, key, strict=True)]
+
+
+def _range(attribute: Attribute) -> Sequence[Constant | EnumLiteral]:
+    """The values that an attribute of a key can have; of one that has any number of them, none."""
+    if isinstance(attribute.type, Scalar):
+        return (Constant(False), Constant(True)) if attribute.type is Scalar.BOOL else ()
+    return tuple(EnumLiteral(attribute.type.name, literal) for literal in attribute.type.literals)
+
+
+def _largest(draft: Draft, suffix: str, bodies: Sequence[Body], type_: Scalar = Scalar.INT) -> Variable:
     """The largest of the numbers of a pattern, once for all objects that are created together."""
     if suffix not in draft.largest:
         # The engine chooses how it is matched: it is about all objects of a class, and the same for all matches.
-        pattern = draft.pattern(suffix, {"number": "int"}, bodies, strategy=None)
+        pattern = draft.pattern(suffix, {"number": type_.value}, bodies, strategy=None)
         number = draft.largest[suffix] = Variable(draft.name("largest"))
         draft.ask([Comparison("==", number, Aggregate("max", PatternCall(pattern, (Hash(),))))])
     return draft.largest[suffix]
@@ -92,10 +142,11 @@ def _largest(draft: Draft, suffix: str, bodies: Sequence[Body]) -> Variable:
 def _values(owner: str, attribute: Attribute) -> tuple[str, list[Body]]:
     """The values in use, and the one below the default."""
     number, default = Variable("number"), attribute.initial
-    assert isinstance(default, int)
+    assert isinstance(default, int | float)
+    below = max(default - 1, -(2**63)) if isinstance(default, int) else default - 1
     bodies = [
         Body((PathConstraint(owner, (attribute.name,), Variable("_"), number),)),
-        Body((Comparison("==", number, Constant(max(default - 1, -(2**63)))),)),
+        Body((Comparison("==", number, Constant(below)),)),
     ]
     return f"#key.{owner}.{attribute.name}", bodies
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations, permutations
 
+from envgraph.errors import with_article
 from envgraph.pattern import (
     Aggregate,
     Binary,
@@ -161,7 +162,7 @@ def _create(draft: Draft, plan: Plan) -> Operator:
 def _creation_doc(plan: Plan) -> str:
     text = f"A new `{plan.new[0]}`"
     if len(plan.new) > 1:
-        text += ", together with " + " and ".join(f"a `{cls}`" for cls in plan.new[1:])
+        text += ", together with " + " and ".join(map(with_article, plan.new[1:]))
     return text + (", which takes what it needs from others." if plan.steals else ".")
 
 

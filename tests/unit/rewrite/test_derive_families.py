@@ -256,7 +256,11 @@ def test_donors_keep_what_they_need() -> None:
     [
         ("@key(s) class A { string s }", 3),
         ("@key(n) class A { int n }", 3),
-        ("@key(c) class A { C c } enum C { red, green }", 1),
+        ("@key(c) class A { C c } enum C { red, green }", 2),
+        ("@key(b) class A { bool b = true }", 2),
+        ("@key(c, b) class A { C c bool b } enum C { red, green }", 4),
+        ("@key(f) class A { float f = 2.5 }", 4),
+        ("@key(f, b) class A { float f bool b }", 4),
         ("@key(s, n) class A { string s int n }", 3),
         ("@key(n) class A { int n } class B extends A", 3),
     ],
@@ -265,11 +269,41 @@ def test_a_new_object_has_a_key_that_is_free(key: str, free: int) -> None:
     made = engine(key, "A")
     for _ in range(free):
         applied(made, "create.A")
-    assert made.exists("d.create.A") is (free > 1)
+    assert made.exists("d.create.A") is (" s" in key or " n" in key or " f" in key)
     keys = [
         tuple(getattr(node, name) for name in made.model.metamodel.key("A")) for node in made.model.nodes("A")
     ]
     assert len(set(keys)) == len(keys) == free
+
+
+def test_each_free_key_of_literals_and_truth_values_may_be_taken() -> None:
+    made = engine("@key(c, b) class A { C c bool b } enum C { red, green }", "A")
+    made.model.create("A", c="green", b=True)
+    keys = {(match.c, match.b) for match in made.matches("d.create.A")}
+    assert keys == {("red", False), ("red", True), ("green", False)}
+
+
+def test_objects_that_come_together_have_different_keys_of_literals() -> None:
+    made = engine("@key(c, b) class A { C c bool b } enum C { red, green } class B { contains A[2] e }", "B")
+    applied(made, "create.B.with.A.A")
+    applied(made, "create.B.with.A.A")
+    assert sorted((node.c, node.b) for node in made.model.nodes("A")) == [
+        ("green", False), ("green", True), ("red", False), ("red", True)
+    ]  # fmt: skip
+    assert not made.exists("d.create.B.with.A.A")
+
+
+def test_a_key_of_too_many_literals_is_that_of_the_defaults() -> None:
+    enum = f"enum C {{ {', '.join(f'l{number}' for number in range(65))} }}"
+    made = engine(f"@key(c) class A {{ C c }} {enum}", "A")
+    applied(made, "create.A")
+    assert not made.exists("d.create.A")
+
+
+def test_a_float_key_that_is_too_large_is_not_surpassed() -> None:
+    made = engine("@key(f) class A { float f }", "A")
+    made.model.create("A", f=1e300)
+    assert not made.exists("d.create.A")
 
 
 # --- delete
