@@ -17,7 +17,7 @@ from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Shelf, Version
 from envgraph.graph._isomorphism import Shapes
-from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet
+from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet, make_sure
 from envgraph.graph._json import model_from_json, model_schema, model_to_json
 from envgraph.graph._model import Model
 from envgraph.graph._networkx import from_networkx, to_networkx
@@ -52,6 +52,7 @@ __all__ = [
     "arrange_targets",
     "check_conformance",
     "from_networkx",
+    "make_sure",
     "model_from_json",
     "model_schema",
     "model_to_json",

@@ -6,8 +6,9 @@ import weakref
 from typing import TYPE_CHECKING, NoReturn
 
 from envgraph.errors import InvalidArgument, TransactionError
-from envgraph.graph._journal import Journal, invert, invert_net, revert
+from envgraph.graph._journal import Journal, invert, invert_net, make_sure, revert, turn_back
 from envgraph.graph._store import Store
+from envgraph.graph._torn import Torn
 
 if TYPE_CHECKING:
     from envgraph.graph._model import Model
@@ -79,7 +80,7 @@ class Vertex:
 
     Attributes:
         parent: the state that `segment` leads from or to.
-        children: states whose parent this is; a dict for its order.
+        children: states whose parent this is, but for one that is being made; a dict for its order.
         segment: entries between this state and its parent. `upwards`: undoing them leads from here to the parent (the
             vertex lies on the path from the root to the current state); else from the parent to here.
         depth: grows from parent to child.
@@ -115,17 +116,14 @@ class Vertex:
         self.depth: int = 0 if parent is None else parent.depth + 1
         self.next_id = next_id
         self.total = total
-        self.handle: weakref.ref[Version] | None = None
-        if parent is not None:
-            parent.children[self] = None
+        self.handle: Handle | None = None
 
-    def turn(self) -> None:
-        """Undo the segment: the model goes from one end of it to the other."""
-        net = self.spliced and len(self.segment) > _LONG
-        self.segment = invert_net(self.segment) if net else invert(self.segment)
-        self.upwards = not self.upwards
+    def turned(self, inverse: Journal, upwards: bool, net: bool) -> None:
+        """The segment has been undone: the model has gone from one end of it to the other."""
+        self.segment = inverse
+        self.upwards = upwards
         if net:
-            self.reduced = len(self.segment)
+            self.reduced = len(inverse)
         self.spliced = False
 
     @property
@@ -137,6 +135,14 @@ class Vertex:
     def held(self) -> bool:
         """Whether somebody can ask for this state."""
         return self.handle is not None and self.handle() is not None
+
+
+class Handle(weakref.ref[Version]):
+    """Tells whether somebody holds a version; what is called when nobody does is told this, not the version."""
+
+    __slots__ = ("vertex",)
+
+    vertex: Vertex
 
 
 class History:
@@ -155,36 +161,66 @@ class History:
         self._commits = 0
         self._current: Vertex | None = None
         self._held = 0
-        self._released: list[Vertex] = []
-        self._loading = False
+        self._released: list[Handle] = []
 
     # --- savepoints
 
     def savepoint(self) -> Savepoint:
         """Open a savepoint inside those that are open."""
-        if self._loading:
-            raise TransactionError("a model that is loading has no journal to roll back")
         store = self._store
+        if store.torn:
+            store.recover()
+        if self._store.loading:
+            raise TransactionError("a model that is loading has no journal to roll back")
         for follower in store.followers:
             follower.settle()
-        store.recording = True
-        store.epoch += 1
-        savepoint = Savepoint(len(store.journal), store.next_id, store.total)
-        self._stack.append(savepoint)
+        stack, savepoint = self._stack, Savepoint(len(store.journal), store.next_id, store.total)
+        try:
+            store.recording = True
+            store.epoch += 1
+            stack.append(savepoint)
+        except BaseException:
+            if stack and stack[-1] is savepoint:
+                del stack[-1]
+            raise
         return savepoint
 
     def rollback(self, savepoint: Savepoint) -> None:
         """Back to the state at the innermost savepoint, and close it."""
-        self._close(savepoint)
         store = self._store
-        if len(store.journal) > savepoint._mark:
-            revert(store.journal, savepoint._mark)
-            self._replayed(savepoint._next_id, savepoint._total)
-        if not self._stack:
+        if store.torn:
+            store.recover()
+        self._check_innermost(savepoint)
+        try:
+            changed = len(store.journal) > savepoint._mark
+            if changed:
+                revert(store.journal, savepoint._mark, store.torn)
+            self._stack.pop()
+            if changed:
+                self._replayed(savepoint._next_id, savepoint._total)
+            if not self._stack:
+                self._settle()
+        except BaseException:
+            store.torn.append((self._rolled_back, (savepoint,)))
+            store.recover()
+            raise
+        if changed:
+            store.restored()
+
+    def _rolled_back(self, savepoint: Savepoint) -> None:
+        """Finish an interrupted `rollback`, together with the savepoints inside."""
+        stack = self._stack
+        if savepoint in stack:
+            revert(self._store.journal, savepoint._mark, self._store.torn)
+            del stack[stack.index(savepoint) :]
+        self._replayed(savepoint._next_id, savepoint._total)  # twice does no harm
+        if not stack:
             self._settle()
 
     def unwind(self, depth: int) -> None:
         """Roll back until so many savepoints are open: Ctrl-C may have kept one inside from being closed."""
+        if self._store.torn:
+            self._store.recover()
         if len(self._stack) > depth:
             del self._stack[depth + 1 :]
             self.rollback(self._stack[depth])
@@ -192,36 +228,69 @@ class History:
     def shelve(self, savepoint: Savepoint) -> Shelf:
         """As `rollback`, and what was taken back can be resumed."""
         store = self._store
+        if store.torn:
+            store.recover()
         for follower in store.followers:
             follower.settle()
-        self._close(savepoint)
-        undone = store.journal[savepoint._mark :]
-        del store.journal[savepoint._mark :]
-        shelf = Shelf(invert(undone), store.next_id, store.total)
-        self._replayed(savepoint._next_id, savepoint._total)
-        if not self._stack:
-            self._settle()
+        self._check_innermost(savepoint)
+        inverse: Journal = []
+        undone = False
+        try:
+            invert(store.journal[savepoint._mark :], inverse)
+            shelf = Shelf(inverse, store.next_id, store.total)
+            undone = True
+            del store.journal[savepoint._mark :]
+            self._stack.pop()
+            self._replayed(savepoint._next_id, savepoint._total)
+            if not self._stack:
+                self._settle()
+        except BaseException:
+            step = (self._shelved, (savepoint,)) if undone else (turn_back, (inverse, store.torn))
+            store.torn.append(step)
+            store.recover()
+            raise
+        store.restored()
         return shelf
+
+    def _shelved(self, savepoint: Savepoint) -> None:
+        """Finish an interrupted `shelve`: everything is undone already."""
+        if savepoint in self._stack:
+            del self._store.journal[savepoint._mark :]
+        self._rolled_back(savepoint)
 
     def resume(self, shelf: Shelf) -> Savepoint:
         """Make the changes of a shelf inside a new savepoint; the state is the one in which they were made."""
-        savepoint = self.savepoint()
-        self._store.journal.extend(invert(shelf._entries))
-        self._replayed(shelf._next_id, shelf._total)
+        savepoint, store = self.savepoint(), self._store
+        try:
+            invert(shelf._entries, store.journal)
+            self._replayed(shelf._next_id, shelf._total)
+        except BaseException:
+            store.torn.append((self._not_resumed, (savepoint,)))
+            store.recover()
+            raise
+        store.restored()
         return savepoint
+
+    def _not_resumed(self, savepoint: Savepoint) -> None:
+        """Take an interrupted `resume` back."""
+        make_sure(self._store.journal)
+        self._rolled_back(savepoint)
 
     def _replayed(self, next_id: int, total: int) -> None:
         store = self._store
         store.next_id = next_id
         store.total = total
         store.epoch += 1
-        store.restored()
+        store.revision += 1
         for follower in store.followers:
             follower.rolled_back()
 
     def release(self, savepoint: Savepoint) -> None:
         """Close the innermost savepoint and keep the changes."""
-        self._close(savepoint)
+        if self._store.torn:
+            self._store.recover()
+        self._check_innermost(savepoint)
+        self._stack.pop()
         if not self._stack:
             self._settle()
             self._tell_released()
@@ -230,15 +299,13 @@ class History:
         for follower in self._store.followers[:]:
             follower.released()
 
-    def _close(self, savepoint: Savepoint) -> None:
+    def _check_innermost(self, savepoint: Savepoint) -> None:
         if not self._stack or self._stack[-1] is not savepoint:
-            known = any(savepoint is other for other in self._stack)
             raise TransactionError(
                 "a savepoint inside this one is still open: close it first"
-                if known
+                if savepoint in self._stack
                 else "the savepoint is closed already, or belongs to another model"
             )
-        self._stack.pop()
 
     @property
     def depth(self) -> int:
@@ -250,10 +317,12 @@ class History:
     @property
     def loading(self) -> bool:
         """Whether the model is being built without a journal."""
-        return self._loading
+        return self._store.loading
 
     def begin_loading(self) -> None:
         """Stop recording; nothing that is done from now on can be undone."""
+        if self._store.torn:
+            self._store.recover()
         self._settle()
         self._refuse_inside("load")
         if self._held:
@@ -262,11 +331,11 @@ class History:
             )
         for follower in self._store.followers:
             follower.suspend()
-        self._loading = True
+        self._store.loading = True
 
     def end_loading(self) -> None:
         """Allow savepoints again."""
-        self._loading = False
+        self._store.loading = False
         for follower in self._store.followers:
             follower.loaded()
 
@@ -279,6 +348,8 @@ class History:
 
     def version(self) -> Version | None:
         """The version that the model is in, or None after uncommitted changes."""
+        if self._store.torn:
+            self._store.recover()
         if self._stack:
             return None
         self._settle()
@@ -286,6 +357,8 @@ class History:
 
     def commit(self) -> Version:
         """Name the present state; without changes since the last version, that one."""
+        if self._store.torn:
+            self._store.recover()
         self._refuse_inside("commit")
         self._settle()
         store = self._store
@@ -299,17 +372,29 @@ class History:
         before = self._current
         if before is not None and not self.changed:
             return self._handle(before)
-        self._commits += 1
         segment = store.journal[:] if before is not None else []
-        store.journal.clear()
-        self._current = Vertex(self._commits, before, segment, store.next_id, store.total)
-        store.recording = True
-        store.epoch += 1
-        handle = self._handle(self._current)
+        vertex = Vertex(self._commits + 1, before, segment, store.next_id, store.total)
+        try:
+            self._committed(vertex)
+        except BaseException:
+            store.torn.append((self._committed, (vertex,)))
+            store.recover()
+            raise
+        handle = self._handle(vertex)
         if before is not None:
             self._prune(before)
-            self._reduce(self._current)
+            self._reduce(vertex)
         return handle
+
+    def _committed(self, vertex: Vertex) -> None:
+        """The present state becomes a vertex; as often as wanted."""
+        self._commits = vertex.number
+        if vertex.parent is not None:
+            vertex.parent.children[vertex] = None
+        self._current = vertex
+        self._store.journal.clear()
+        self._store.recording = True
+        self._store.epoch += 1
 
     def checkout(self, version: Version, discard: bool) -> None:
         """Go to another version along the tree."""
@@ -317,47 +402,93 @@ class History:
             raise InvalidArgument(f"a version is what `commit` gives, not {version!r}")
         if version.model is not self._model():
             raise TransactionError(f"{version!r} is a version of another model")
+        store = self._store
+        if store.torn:
+            store.recover()
         self._refuse_inside("check out")
         self._settle()
-        store = self._store
         assert self._current is not None, "a version is held, so the present state has a place in the tree"
-        if store.journal:
-            if not discard:
-                raise TransactionError(
-                    "the model has uncommitted changes: commit them, or check out with discard=True to lose them"
-                )
-            revert(store.journal, 0)
-        elif self._current is version._vertex:
+        if store.journal and not discard:
+            raise TransactionError(
+                "the model has uncommitted changes: commit them, or check out with discard=True to lose them"
+            )
+        if not store.journal and self._current is version._vertex:
             return
-        self._walk(self._current, version._vertex)
+        try:
+            self._check_out(version)
+        except BaseException:
+            store.torn.append((self._checked_out, (version,)))
+            store.recover()
+            raise
+        store.restored()
 
-    def _walk(self, start: Vertex, goal: Vertex) -> None:
-        up, down = _path(start, goal)
-        for vertex in up:
-            vertex.turn()
-        for vertex in reversed(down):
-            vertex.turn()
-        self._current = goal
-        self._store.epoch += 1
-        self._store.next_id = goal.next_id
-        self._store.total = goal.total
+    def _check_out(self, version: Version) -> None:
+        store, start, goal = self._store, self._current, version._vertex
+        assert start is not None
+        if store.journal:
+            revert(store.journal, 0, store.torn)
+        self._walk(goal)
+        store.next_id = goal.next_id
+        store.total = goal.total
+        store.epoch += 1
+        store.revision += 1
         self._prune(start)
-        self._store.restored()
-        for follower in self._store.followers:
+        for follower in store.followers:
             follower.checked_out()
+
+    def _checked_out(self, version: Version) -> None:
+        """Finish an interrupted `checkout`."""
+        self._check_out(version)
+        self._tidy()
+
+    def _walk(self, goal: Vertex) -> None:
+        assert self._current is not None
+        up, down = _path(self._current, goal)
+        for vertex in up:
+            self._turn(vertex, vertex.parent)
+        for vertex in reversed(down):
+            self._turn(vertex, vertex)
+
+    def _turn(self, vertex: Vertex, end: Vertex | None) -> None:
+        """Undo the segment of a vertex, which leads to one of its ends."""
+        net, upwards = vertex.spliced and len(vertex.segment) > _LONG, not vertex.upwards
+        inverse: Journal = []
+        torn = self._store.torn
+        undone = False
+        try:
+            if net:
+                invert_net(vertex.segment, inverse, torn)
+            else:
+                invert(vertex.segment, inverse)
+            undone = True
+            vertex.turned(inverse, upwards, net)
+            self._current = end
+        except BaseException:
+            if undone:
+                torn.append((self._turned, (vertex, inverse, upwards, net, end)))
+            else:
+                torn.append((turn_back, (inverse, torn)))
+            raise
+
+    def _turned(self, vertex: Vertex, inverse: Journal, upwards: bool, net: bool, end: Vertex | None) -> None:
+        """Finish an interrupted `_turn` whose segment is undone."""
+        vertex.turned(inverse, upwards, net)
+        self._current = end
 
     @property
     def idle(self) -> bool:
         """Whether nothing is under way: no savepoint is open, nobody holds a version, and it is not loading."""
+        if self._store.torn:
+            self._store.recover()
         self._settle()
-        return not self._stack and not self._held and not self._loading
+        return not self._stack and not self._held and not self._store.loading
 
     def _refuse_inside(self, action: str) -> None:
         if self._stack:
             raise TransactionError(
                 f"cannot {action} inside a transaction: {len(self._stack)} savepoints are open"
             )
-        if self._loading:
+        if self._store.loading:
             raise TransactionError(f"cannot {action} while the model is loading")
 
     # --- who holds what
@@ -367,30 +498,59 @@ class History:
         if handle is None:
             model = self._model()
             assert model is not None
-            released = self._released
             handle = Version(model, vertex)
-            vertex.handle = weakref.ref(handle, lambda _: released.append(vertex))
-            self._held += 1
+            try:
+                vertex.handle = Handle(handle, self._released.append)
+                vertex.handle.vertex = vertex
+                self._held += 1
+            except BaseException:
+                self._store.torn.append((self._tidy, ()))
+                raise
         return handle
 
     def _settle(self) -> None:
         """Free what nobody holds any more, and stop recording when nobody can go anywhere."""
-        while self._released:
-            vertex = self._released.pop()
-            self._held -= 1
-            self._prune(vertex)
-        if not self._held and not self._stack and self._store.recording:
-            self._store.recording = False
-            self._store.journal.clear()
-            self._current = None
+        try:
+            while self._released:
+                handle = self._released.pop()
+                self._held -= 1
+                self._prune(handle.vertex)
+            if not self._held and not self._stack and self._store.recording:
+                self._current = None
+                self._store.journal.clear()
+                self._store.recording = False
+        except BaseException:
+            self._store.torn.append((self._tidy, ()))
+            raise
+
+    def _tidy(self) -> None:
+        """Look at all vertices, after an interruption: which are held, and which nobody needs."""
+        vertices = [] if self._current is None else [self._current]
+        while vertices and vertices[0].parent is not None:
+            vertices[0] = vertices[0].parent
+        for vertex in vertices:
+            vertices.extend(vertex.children)
+        waiting = {handle.vertex for handle in self._released}
+        self._held = sum(vertex.held for vertex in vertices) + len(self._released)
+        for vertex in vertices:
+            if vertex not in waiting:
+                self._prune(vertex)
+        self._settle()
 
     def _reduce(self, current: Vertex) -> None:
         """Shorten the last two segments, if long, by walking them there and back."""
         path = [current] if current.parent is None else [current, current.parent]
         while path and not path[-1].overgrown:
             path.pop()
-        for vertex in (*path, *reversed(path)):
-            vertex.turn()
+        if path:
+            try:
+                for vertex in path:
+                    self._turn(vertex, vertex.parent)
+                self._walk(current)
+            except BaseException:
+                self._store.torn.append((self._walk, (current,)))
+                self._store.recover()
+                raise
 
     def _prune(self, vertex: Vertex | None) -> None:
         """Drop a vertex that is neither held nor current nor a fork, and what it alone kept."""
@@ -399,12 +559,26 @@ class History:
             if len(vertex.children) > 1:
                 return
             if vertex.children:
-                _splice(vertex, next(iter(vertex.children)))
+                _splice(vertex, next(iter(vertex.children)), self._store.torn)
                 return
             if parent is not None:
                 parent.children.pop(vertex, None)
             vertex.parent = None
             vertex = parent
+
+    def unwound(self, depth: int) -> None:
+        """Finish what was interrupted while more than so many savepoints were open: roll back to that."""
+        if len(self._stack) > depth:
+            self.taken_back(self._stack[depth])
+
+    def taken_back(self, savepoint: Savepoint) -> None:
+        """Roll back to a savepoint, whatever is open inside it; nothing if it is closed."""
+        if savepoint in self._stack:
+            try:
+                self._rolled_back(savepoint)
+            except BaseException:
+                self._store.torn.append((self._rolled_back, (savepoint,)))
+                raise
 
     def check_integrity(self) -> None:
         """Assert that the tree hangs together, and holds nothing that could have been freed."""
@@ -449,23 +623,31 @@ def _path(start: Vertex, goal: Vertex) -> tuple[list[Vertex], list[Vertex]]:
     return up, down
 
 
-def _splice(vertex: Vertex, child: Vertex) -> None:
+def _splice(vertex: Vertex, child: Vertex, torn: Torn) -> None:
     """Take a vertex with one child out of the tree; the child's segment then spans both."""
     parent = vertex.parent
+    # The vertex is not current, so both segments lead the same way. Undoing reads backwards.
+    assert parent is None or child.upwards == vertex.upwards
+    first, second = (vertex, child) if child.upwards else (child, vertex)
+    whole, rest = (first.segment, second.segment) if parent is not None else ([], [])
+    length = len(whole)
+    try:
+        _spliced(vertex, child, parent, whole, length, rest)
+    except BaseException:
+        torn.append((_spliced, (vertex, child, parent, whole, length, rest)))
+        raise
+
+
+def _spliced(
+    vertex: Vertex, child: Vertex, parent: Vertex | None, whole: Journal, length: int, rest: Journal
+) -> None:
+    whole[length:] = rest
     child.parent = parent
-    if parent is None:
-        child.segment = []
-    else:
-        # The vertex is not current, so both segments lead the same way. Undoing reads backwards.
-        assert child.upwards == vertex.upwards
-        if child.upwards:
-            vertex.segment.extend(child.segment)
-            child.segment = vertex.segment
-        else:
-            child.segment.extend(vertex.segment)
+    child.segment = whole
+    if parent is not None:
         child.spliced = True
         child.reduced = max(child.reduced, vertex.reduced)
-        del parent.children[vertex]
+        parent.children.pop(vertex, None)
         parent.children[child] = None
     vertex.parent = None
     vertex.children.clear()

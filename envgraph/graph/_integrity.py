@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sized
 from itertools import pairwise
 
-from envgraph.graph._hashing import class_code, node_salts, value_code
 from envgraph.graph._journal import Extent, IndexedSet
-from envgraph.graph._store import CROWD, Ends, Relation, Store
+from envgraph.graph._store import CROWD, Ends, Relation, Store, recomputed_total
 from envgraph.metamodel import accepts
 
 
@@ -25,24 +24,6 @@ def check_store(store: Store) -> None:
     _check_names(store)
     _check_containment(store)
     assert recomputed_total(store) == store.total
-
-
-def recomputed_total(store: Store) -> int:
-    """The sum behind the state hash, from the facts alone."""
-    first, second = node_salts(0, len(store.classes))
-    total = 0
-    for node in store.nodes():
-        total += first[node] * class_code(store.metamodel.class_list[store.classes[node]])
-        for attribute, column in zip(store.metamodel.attributes, store.values, strict=True):
-            value = column[node]
-            if value is not None:
-                total += first[node] * value_code(attribute, value)
-        for relation in store.relations:
-            for target in relation.forward[node]:
-                if relation.flipped or (relation.symmetric and target < node):
-                    continue
-                total += relation.code * first[node] * second[target]
-    return total
 
 
 def _check_sizes(store: Store) -> None:

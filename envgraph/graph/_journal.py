@@ -6,13 +6,19 @@ stretch, so redo is the same mechanism.
 
 Whatever must follow rollbacks and versions keeps its state in lists, dicts and `IndexedSet`s and records here; a
 structure with another shape implements `Exchangeable`.
+
+An entry is written before the change that it takes back. So whatever interrupts a change, such as Ctrl-C, leaves only
+the last entry in doubt, which `make_sure` settles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Iterator
 from itertools import repeat
+from operator import length_hint
 from typing import Any, Final, Protocol, TypeVar
+
+from envgraph.graph._torn import Torn
 
 Item = TypeVar("Item", bound=Hashable)
 
@@ -88,16 +94,44 @@ class IndexedSet(list[Item]):
         """Position of an element."""
         return self.position[item]
 
+    def withdraw(self, item: Item, inverse: Journal) -> None:
+        """`take`, after writing down what undoes that."""
+        index = self.position[item]
+        inverse.extend((self, item, index, IN))
+        del self.position[item]
+        last = self.pop()
+        if index < len(self):
+            self[index] = last
+            self.position[last] = index
+
+    def contents(self, state: Contents[Item]) -> Contents[Item]:
+        """What undoes an `exchange`."""
+        return _overwritten(self, *state)
+
     def exchange(self, _: None, state: Contents[Item]) -> Contents[Item]:
         """Overwrite elements, and return what undoes that."""
-        length, items = state
-        before = _overwritten(self, length, items)
+        before = self.contents(state)
         for item in before[1].values():
-            del self.position[item]
-        _overwrite(self, length, items)
-        for index, item in items.items():
+            self.position.pop(item, None)
+        self[:] = _overwrite(self, *state)
+        for index, item in state[1].items():
             self.position[item] = index
         return before
+
+    def mend(self, item: Item) -> None:
+        """After an interrupted `add`, `take` or `put` the element is in, or it is not; else nothing happens."""
+        items = dict.fromkeys(self)
+        if len(items) < len(self):  # `put` has copied what makes room
+            self.pop()
+        else:  # `add` has not appended the element yet, or `take` not put back the one that fills the gap
+            end = len(self)
+            self.extend([each for each, at in self.position.items() if at >= end and each not in items])
+        self.reindex()
+
+    def reindex(self) -> None:
+        """Make the positions those of the elements."""
+        self.position.clear()
+        self.position.update({item: index for index, item in enumerate(self)})
 
 
 class Extent(list[int]):
@@ -147,18 +181,47 @@ class Extent(list[int]):
         """Position of a member."""
         return self.place[node]
 
+    def withdraw(self, node: int, inverse: Journal) -> None:
+        """`take`, after writing down what undoes that."""
+        index = self.place[node]
+        inverse.extend((self, node, index, IN))
+        last = self.pop()
+        if index < len(self):
+            self[index] = last
+            self.place[last] = index
+        self.classes[node] = -1
+
+    def contents(self, state: Contents[int]) -> Contents[int]:
+        """What undoes an `exchange`."""
+        return _overwritten(self, *state)
+
     def exchange(self, _: None, state: Contents[int]) -> Contents[int]:
         """Overwrite members, and return what undoes that."""
-        length, nodes = state
-        before = _overwritten(self, length, nodes)
+        before = self.contents(state)
         for node in before[1].values():
             if self.classes[node] == self.number:  # else it is in another extent already
                 self.classes[node] = -1
-        _overwrite(self, length, nodes)
-        for index, node in nodes.items():
+        self[:] = _overwrite(self, *state)
+        for index, node in state[1].items():
             self.place[node] = index
             self.classes[node] = self.number
         return before
+
+    def mend(self, node: int) -> None:
+        """After an interrupted `add`, `take` or `put` the object is a member, or it is not; else nothing happens."""
+        members = dict.fromkeys(self)
+        if len(members) < len(self):  # `put` has copied what makes room
+            self.pop()
+        else:  # `take` has not put back the member that fills the gap
+            own = self.number
+            known = enumerate(self.classes)
+            self.extend([n for n, cls in known if cls == own and n != node and n not in members])
+        if node in self:
+            self.classes[node] = self.number
+        elif self.classes[node] == self.number:
+            self.classes[node] = -1
+        for index, member in enumerate(self):
+            self.place[member] = index
 
 
 def _overwritten(sequence: list[Item], length: int, items: Iterable[int]) -> Contents[Item]:
@@ -168,76 +231,181 @@ def _overwritten(sequence: list[Item], length: int, items: Iterable[int]) -> Con
     return now, before
 
 
-def _overwrite(sequence: list[Item], length: int, items: dict[int, Item]) -> None:
-    if length > len(sequence):
+def _overwrite(sequence: list[Item], length: int, items: dict[int, Item]) -> list[Item]:
+    """A copy with other elements."""
+    after = list(sequence)
+    if length > len(after):
         # Every position past the old end is among the items: the filler never stays.
-        sequence.extend(repeat(next(iter(items.values())), length - len(sequence)))
-    del sequence[length:]
+        after.extend(repeat(next(iter(items.values())), length - len(after)))
+    del after[length:]
     for index, item in items.items():
-        sequence[index] = item
+        after[index] = item
+    return after
 
 
-def revert(journal: Journal, mark: int) -> None:
-    """Undo and drop all entries from `mark` on."""
-    backwards = reversed(journal[mark:])
-    for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
-        if opcode == SET:
-            container[key] = old
-        elif opcode == OUT:
-            container.take(key)
-        elif opcode == IN:
-            container.put(key, old)
-        else:
-            container.exchange(key, old)
+# --- undoing
+
+
+def revert(journal: Journal, mark: int, torn: Torn) -> None:
+    """Undo and drop all entries from `mark` on.
+
+    After an interruption the journal holds what is left, as soon as `torn` is finished.
+    """
+    entries = journal[mark:]
+    backwards = reversed(entries)
+    try:
+        for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
+            if opcode == SET:
+                container[key] = old
+            elif opcode == OUT:
+                container.take(key)
+            elif opcode == IN:
+                container.put(key, old)
+            else:
+                container.exchange(key, old)
+    except BaseException:
+        torn.append((_reverted, (journal, mark, entries, backwards)))
+        raise
     del journal[mark:]
 
 
-def invert(journal: Journal) -> Journal:
-    """Undo all entries, and return those that undo the undoing."""
-    inverse: Journal = []
+def _reverted(journal: Journal, mark: int, entries: Journal, backwards: Iterator[Any]) -> None:
+    left = length_hint(backwards)
+    if left < len(entries):
+        container, key, old, opcode = entries[left : left + 4]
+        _undo_again(container, key, old, opcode)
+    del journal[mark + left :]
+
+
+def _undo_again(container: Any, key: Any, old: Any, opcode: int) -> None:
+    """Undo an entry of which nothing, something or everything is undone already."""
+    if opcode == SET:
+        container[key] = old
+    elif opcode == EXCHANGE:
+        if isinstance(container, IndexedSet):
+            container.reindex()
+        container.exchange(key, old)
+    else:
+        container.mend(key)
+        if opcode == OUT and key in container:
+            container.take(key)
+        elif opcode == IN and key not in container:
+            container.put(key, old)
+
+
+def make_sure(journal: Journal) -> None:
+    """After an interruption: the change of the last entry is made, or it is not, and the entry is dropped."""
+    if journal:
+        container, key, _, opcode = journal[-4:]
+        if opcode in (OUT, IN):
+            container.mend(key)
+            if (key in container) == (opcode == IN):
+                del journal[-4:]
+        elif opcode == EXCHANGE and isinstance(container, IndexedSet):
+            container.reindex()
+
+
+def invert(journal: Journal, inverse: Journal) -> None:
+    """Undo all entries, and add those that undo the undoing to `inverse`."""
     backwards = reversed(journal)
     for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
         if opcode == SET:
             inverse.extend((container, key, container[key], SET))
             container[key] = old
         elif opcode == OUT:
-            inverse.extend((container, key, container.take(key), IN))
+            container.withdraw(key, inverse)
         elif opcode == IN:
-            container.put(key, old)
             inverse.extend((container, key, None, OUT))
+            container.put(key, old)
+        elif isinstance(container, IndexedSet | Extent):
+            inverse.extend((container, key, container.contents(old), EXCHANGE))
+            container.exchange(key, old)
         else:
             inverse.extend((container, key, container.exchange(key, old), EXCHANGE))
-    return inverse
 
 
-def invert_net(journal: Journal) -> Journal:
-    """As `invert`, but the entries returned name each place once, however often it was written."""
-    sets: dict[tuple[int, Any], tuple[Any, Any, Any]] = {}
-    exchanges: dict[tuple[int, Any], tuple[Any, Any, Any]] = {}
-    sequences: dict[int, _Trace] = {}
+def turn_back(inverse: Journal, torn: Torn) -> None:
+    """Take an interrupted `invert` back."""
+    make_sure(inverse)
+    revert(inverse, 0, torn)
+
+
+def invert_net(journal: Journal, inverse: Journal, torn: Torn) -> None:
+    """As `invert`, but `inverse` names each place once, however often it was written.
+
+    After an interruption nothing is undone, as soon as `torn` is finished.
+    """
+    before = _Before()
     backwards = reversed(journal)
-    for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
-        if opcode == SET:
-            sets.setdefault((id(container), key), (container, key, container[key]))
-            container[key] = old
-        elif isinstance(container, IndexedSet | Extent):
-            trace = sequences.get(id(container))
-            if trace is None:
-                trace = sequences[id(container)] = _Trace(container)
-            trace.undo(key, old, opcode)
+    try:
+        for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
+            before.note(container, key, old, opcode)
+            if opcode == SET:
+                container[key] = old
+            elif opcode == OUT:
+                container.take(key)
+            elif opcode == IN:
+                container.put(key, old)
+            elif isinstance(container, IndexedSet | Extent):
+                container.exchange(key, old)
+            else:
+                before.exchange(container, key, old)
+        inverse.extend(before.inverse())
+    except BaseException:
+        torn.append((_turn_net_back, (before, journal, backwards, torn)))
+        raise
+
+
+def _turn_net_back(before: _Before, journal: Journal, backwards: Iterator[Any], torn: Torn) -> None:
+    left = length_hint(backwards)
+    if left < len(journal):
+        container, key, old, opcode = journal[left : left + 4]
+        if opcode in (OUT, IN):
+            container.mend(key)
+            if (key in container) == (opcode == OUT):  # then it was not noted, perhaps
+                before.note(container, key, old, opcode)
         else:
-            exchanges.setdefault((id(container), key), (container, key, container.exchange(key, old)))
-    inverse: Journal = []
-    for container, key, value in sets.values():
-        if container[key] is not value:
-            inverse.extend((container, key, value, SET))
-    for trace in sequences.values():
-        length, items = trace.net()
-        if items or length != len(trace.sequence):
-            inverse.extend((trace.sequence, None, (length, items), EXCHANGE))
-    for container, key, value in exchanges.values():
-        inverse.extend((container, key, value, EXCHANGE))
-    return inverse
+            before.note(container, key, old, opcode)
+        if opcode != EXCHANGE or isinstance(container, IndexedSet | Extent):
+            _undo_again(container, key, old, opcode)
+    revert(before.inverse(), 0, torn)
+
+
+class _Before:
+    """What each place held before it was undone."""
+
+    def __init__(self) -> None:
+        self._sets: dict[tuple[int, Any], tuple[Any, Any, Any]] = {}
+        self._exchanges: dict[tuple[int, Any], tuple[Any, Any, Any]] = {}
+        self._sequences: dict[int, _Trace] = {}
+
+    def note(self, container: Any, key: Any, old: Any, opcode: int) -> None:
+        """An entry is going to be undone."""
+        if opcode == SET:
+            self._sets.setdefault((id(container), key), (container, key, container[key]))
+        elif isinstance(container, IndexedSet | Extent):
+            trace = self._sequences.get(id(container))
+            if trace is None:
+                trace = self._sequences[id(container)] = _Trace(container)
+            trace.note(key, old, opcode)
+
+    def exchange(self, container: Exchangeable, key: Any, old: Any) -> None:
+        """Undo an entry of a structure of another shape."""
+        self._exchanges.setdefault((id(container), key), (container, key, container.exchange(key, old)))
+
+    def inverse(self) -> Journal:
+        """What leads back."""
+        inverse: Journal = []
+        for container, key, value in self._sets.values():
+            if container[key] is not value:
+                inverse.extend((container, key, value, SET))
+        for trace in self._sequences.values():
+            length, items = trace.net()
+            if items or length != len(trace.sequence):
+                inverse.extend((trace.sequence, None, (length, items), EXCHANGE))
+        for container, key, value in self._exchanges.values():
+            inverse.extend((container, key, value, EXCHANGE))
+        return inverse
 
 
 class _Trace:
@@ -248,18 +416,16 @@ class _Trace:
         self.length = len(sequence)
         self.items: dict[int, Any] = {}
 
-    def undo(self, key: Any, old: Any, opcode: int) -> None:
+    def note(self, key: Any, old: Any, opcode: int) -> None:
+        """An entry is going to be undone."""
         sequence = self.sequence
         if opcode == OUT:
             self._touch((sequence.where(key), len(sequence) - 1))
-            sequence.take(key)
         elif opcode == IN:
             self._touch((old,))
-            sequence.put(key, old)
         else:
             self._touch(old[1])
             self._touch(range(old[0], len(sequence)))
-            sequence.exchange(None, old)
 
     def _touch(self, indexes: Iterable[int]) -> None:
         for index in indexes:

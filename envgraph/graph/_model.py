@@ -12,7 +12,7 @@ from envgraph.graph._canonical import canonical_hash
 from envgraph.graph._facts import Listener
 from envgraph.graph._hashing import condense
 from envgraph.graph._history import History, Savepoint, Shelf, Version
-from envgraph.graph._incidence import contained_tree, dangling_links, links_at, links_of
+from envgraph.graph._incidence import Link, contained_tree, dangling_links, links_at, links_of
 from envgraph.graph._integrity import check_store
 from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
@@ -163,18 +163,31 @@ class Model:
         number = self._concrete(cls)
         if object_name is not None:
             self._check_free(object_name)
-        if node >= store.next_id:
-            store.next_id = node + 1
-            if len(store.classes) <= node + 1:
-                store.reserve(2 * node + 2)
-        elif node < 0 or store.classes[node] >= 0:
+        following = store.next_id
+        if node < 0 or (node < following and store.classes[node] >= 0):
             raise InvalidArgument(f"{node} is not the id of a new object")
-        store.enter(node, number)
-        for attribute, initial in self._layout.initials[number]:
-            store.put(node, attribute, initial)
-        if object_name is not None:
-            store.rename(node, object_name)
+        try:
+            if node >= following:
+                if len(store.classes) <= node + 1:
+                    store.reserve(2 * node + 2)
+                store.next_id = node + 1
+            store.enter(node, number)
+            for attribute, initial in self._layout.initials[number]:
+                store.put(node, attribute, initial)
+            if object_name is not None:
+                store.rename(node, object_name)
+        except BaseException:
+            store.torn.append((self._unmake, (node, number, following)))
+            store.recover()
+            raise
         return node
+
+    def _unmake(self, node: int, cls: int, following: int) -> None:
+        """Finish an interrupted `new_at`: there is no such object."""
+        store = self.store
+        if node < len(store.classes) and store.classes[node] == cls:
+            self._erase(node)
+        store.next_id = following
 
     def delete(self, node: int, semantics: Semantics = "dpo") -> None:
         """Delete an object and everything it contains.
@@ -195,6 +208,19 @@ class Model:
         dangling = list(dangling_links(store, layout, tree)) if semantics == "dpo" else []
         if dangling:
             raise refusals.dangling(self, node, dangling)
+        try:
+            self._delete(tree)
+        except BaseException:
+            store.torn.append((self._deleted, (tree,)))
+            store.recover()
+            raise
+
+    def _deleted(self, tree: Sequence[int]) -> None:
+        """Finish an interrupted `delete`."""
+        self._delete([node for node in tree if self.store.classes[node] >= 0])
+
+    def _delete(self, tree: Sequence[int]) -> None:
+        store, layout = self.store, self._layout
         for gone in tree:
             for relation, source, target in list(links_of(store, layout, gone)):
                 store.disconnect(relation, source, target)
@@ -235,12 +261,37 @@ class Model:
         lost = list(links_at(node, forbidden))
         if lost and not lossy:
             raise refusals.lost(self, node, cls, lost)
+        try:
+            for relation, source, target in lost:
+                store.disconnect(relation, source, target)
+            for attribute in dropped:
+                if store.values[attribute][node] is not None:
+                    store.put(node, attribute, None)
+            store.move(node, new)
+            for attribute, initial in gained:
+                store.put(node, attribute, initial)
+        except BaseException:
+            store.torn.append((self._retyped, (node, new, lost, dropped, gained)))
+            store.recover()
+            raise
+
+    def _retyped(
+        self,
+        node: int,
+        cls: int,
+        lost: Sequence[Link],
+        dropped: Sequence[int],
+        gained: Sequence[tuple[int, Value]],
+    ) -> None:
+        """Finish an interrupted `retype`."""
+        store = self.store
         for relation, source, target in lost:
-            store.disconnect(relation, source, target)
+            self.unlink(source, relation.reference, target)
         for attribute in dropped:
             if store.values[attribute][node] is not None:
                 store.put(node, attribute, None)
-        store.move(node, new)
+        if store.classes[node] != cls:
+            store.move(node, cls)
         for attribute, initial in gained:
             store.put(node, attribute, initial)
 
@@ -375,24 +426,37 @@ class Model:
         if len(ends) >= relation.upper:
             raise refusals.full(self, source, reference)
         if relation.containment:
-            self._move_out(source, target)
-        elif len(relation.backward[target]) >= relation.opposite_upper:
+            return self._house(relation, source, target)
+        if len(relation.backward[target]) >= relation.opposite_upper:
             assert relation.opposite is not None
             raise refusals.full(self, target, relation.opposite)
         self.store.connect(relation, source, target)
         return True
 
-    def _move_out(self, container: int, node: int) -> None:
-        """Take an object out of its container, to put it into another, if that one is not inside it."""
+    def _house(self, relation: Relation, container: int, node: int) -> bool:
+        """Put an object into a container that is not inside it, after taking it out of another."""
         above: int | None = container
         while above is not None:
             if above == node:
                 raise refusals.inside(self, node, container)
             found = self.container(above)
             above = found and found[0]
-        old = self.container(node)
-        if old:
-            self.store.disconnect(self.store.relations[old[1].index], old[0], node)
+        store, old = self.store, self.container(node)
+        try:
+            if old:
+                store.disconnect(store.relations[old[1].index], old[0], node)
+            store.connect(relation, container, node)
+        except BaseException:
+            if old:
+                store.torn.append((self._housed, (relation, container, node)))
+                store.recover()
+            raise
+        return True
+
+    def _housed(self, relation: Relation, container: int, node: int) -> None:
+        """Finish an interrupted move, if it has begun."""
+        if self.container(node) is None:
+            self.store.connect(relation, container, node)
 
     def unlink(self, source: int, reference: Reference, target: int) -> bool:
         """Remove a link, and so its opposite; False if there is none."""
@@ -422,15 +486,30 @@ class Model:
         ):
             raise refusals.wrong_link(self, source, reference, target)
         old = relation.forward[source]
-        if old:
-            if old[0] == target:
-                return
-            self.store.disconnect(relation, source, old[0])
+        if old and old[0] == target:
+            return
+        try:
+            if old:
+                relation.disconnect(source, old[0])
+            if target is not None:
+                if relation.opposite_upper == 1:
+                    holders = relation.backward[target]
+                    if holders:
+                        relation.disconnect(holders[0], target)
+                relation.connect(source, target)
+        except BaseException:
+            self.store.torn.append((self._targeted, (relation, source, target)))
+            self.store.recover()
+            raise
+
+    def _targeted(self, relation: Relation, source: int, target: int | None) -> None:
+        """Finish an interrupted `set_target`."""
+        self._clear(relation, source)
         if target is not None:
-            holders = relation.backward[target]
-            if holders and relation.opposite_upper == 1:
-                self.store.disconnect(relation, holders[0], target)
-            self.store.connect(relation, source, target)
+            if relation.opposite_upper == 1:
+                for holder in tuple(relation.backward[target]):
+                    relation.disconnect(holder, target)
+            relation.connect(source, target)
 
     def set_targets(self, source: int, reference: Reference, targets: Sequence[int]) -> None:
         """Make these the targets, in this order, as `set_target` does for one.
@@ -449,8 +528,12 @@ class Model:
         if len(old) == len(targets) and tuple(old) == tuple(targets):
             return
         if not targets:  # nothing can be refused, so nothing has to be taken back
-            for target in tuple(old):
-                self.store.disconnect(relation, source, target)
+            try:
+                self._clear(relation, source)
+            except BaseException:
+                self.store.torn.append((self._clear, (relation, source)))
+                self.store.recover()
+                raise
             return
         if len(targets) > relation.upper:
             raise refusals.full(self, source, reference)
@@ -458,6 +541,10 @@ class Model:
             raise InvalidArgument(f"the targets of `{reference}` are different objects")
         with self._all_or_nothing():
             self._replace(relation, source, targets)
+
+    def _clear(self, relation: Relation, source: int) -> None:
+        for target in tuple(relation.forward[source]):
+            relation.disconnect(source, target)
 
     def _replace(self, relation: Relation, source: int, targets: Sequence[int]) -> None:
         disconnect = self.store.disconnect
@@ -526,17 +613,31 @@ class Model:
         """
         self._history.release(savepoint)
 
+    def take_back(self, savepoint: Savepoint) -> None:
+        """Roll back to a savepoint and close it with those inside it; nothing if it is closed already."""
+        self._history.taken_back(savepoint)
+
+    def unwind(self, depth: int = 0) -> None:
+        """Roll back until only so many savepoints are open.
+
+        Ctrl-C at the very end of a `with` block may keep Python from calling what ends the transaction, and what
+        `savepoint` returns may reach nobody. Then a savepoint stays open that only this closes.
+        """
+        self._history.unwind(depth)
+
     @contextmanager
     def transaction(self) -> Iterator[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it."""
-        history = self._history
+        history, store = self._history, self.store
         depth = history.depth
         try:
             savepoint = history.savepoint()
             yield savepoint
             history.release(savepoint)
         except BaseException:
-            history.unwind(depth)  # nothing to do if a listener raises: the transaction has ended by then
+            # Nothing to do if a listener raises: the transaction has ended by then.
+            store.torn.append((history.unwound, (depth,)))
+            store.recover()
             raise
 
     @contextmanager
@@ -556,15 +657,18 @@ class Model:
         Raises:
             TransactionError: a savepoint is open or a version is held; or, inside the block, a savepoint is asked for.
         """
-        self._history.begin_loading()
-        listeners = self.store.listeners[:]
-        self.store.listeners.clear()
+        history, store = self._history, self.store
+        if history.loading:
+            history.begin_loading()  # refuses
+        listeners = store.listeners[:]
         try:
+            history.begin_loading()
+            store.listeners.clear()
             yield
         finally:
-            self._history.end_loading()
-            self.store.listeners.extend(listeners)
-            self.store.restored()
+            history.end_loading()
+            store.listeners[:] = [*listeners, *(each for each in store.listeners if each not in listeners)]
+            store.restored()
 
     def commit(self) -> Version:
         """Name the present state. The version lives as long as somebody holds it.
@@ -670,6 +774,8 @@ class Model:
 
     def check_integrity(self) -> None:
         """Assert that all columns, indexes, hash and journal agree, from scratch; for tests."""
+        if self.store.torn:
+            self.store.recover()
         check_store(self.store)
         self._history.check_integrity()
 

@@ -13,7 +13,8 @@ from typing import Any, Protocol
 
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._hashing import class_code, node_salts, reference_code, value_code
-from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Journal
+from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Journal, make_sure
+from envgraph.graph._torn import Torn
 from envgraph.metamodel import Metamodel, Reference, Value
 
 CROWD = 32
@@ -118,6 +119,9 @@ class Follower(Protocol):
     def checked_out(self) -> None:
         """The model is in another version, and what was recorded has been replayed: what is pending is void."""
 
+    def torn(self) -> None:
+        """A change has been interrupted before or after it was told, or while: it may be made or not."""
+
     def suspend(self) -> None:
         """The model is about to be loaded: changes will not be told."""
 
@@ -145,12 +149,16 @@ class Store:
         next_id: id of the next new object; the columns are longer, and empty from there on.
         journal: see `_journal`; written only while `recording`.
         epoch: grows wherever undoing may lead to: what is recorded as a whole must be so again after that.
+        loading: whether the model is being built without a journal.
         total: the sum behind the state hash.
         revision: grows with every change and every restoration.
         followers: see `Follower`.
         value_added, value_removing: for each attribute (by `index`) a function of node and value, or None.
         class_added, class_removing: for each class (by index) a function of the node, or None.
         retyping: gives the two functions for a change from one class index to another, or None.
+        torn: what an interruption has left to be finished, before anything else is done; see `recover`.
+
+    No more than 30 attributes: CPython reads those of objects with more of them in a slower way.
 
     Invariants: an adjacency is a tuple if it has at most `CROWD` elements, else an `IndexedSet`; forward and backward
     hold the same links; a node that does not exist has no name, value or link.
@@ -162,7 +170,7 @@ class Store:
         self.place: list[int] = []
         self.extents = tuple(Extent(i, self.classes, self.place) for i in range(len(metamodel.class_list)))
         self.values: tuple[list[Value | None], ...] = tuple([] for _ in metamodel.attributes)
-        self.forward, self.backward, self._adjacency = _columns(metamodel)
+        self.forward, self.backward = _columns(metamodel)
         self.relations = tuple(
             Relation(reference, metamodel, self.forward[reference.index], self.backward[reference.index])
             for reference in metamodel.references
@@ -171,8 +179,10 @@ class Store:
         self.by_name: dict[str, int | None] = {}
         self.next_id = 0
         self.journal: Journal = []
+        self.torn = Torn()
         self.recording = False
         self.epoch = 0
+        self.loading = False
         self.listeners: list[Listener] = []
         self.followers: list[Follower] = []
         self.value_added: list[ValueHook | None] = [None] * len(metamodel.attributes)
@@ -183,7 +193,7 @@ class Store:
         self.total = 0
         self.revision = 0
         self.salts: tuple[list[int], list[int]] = ([], [])
-        self._source_salts, self._target_salts = self.salts
+        self._source_salts = self.salts[0]
         self._class_codes = tuple(class_code(cls) for cls in metamodel.class_list)
         self._value_codes: tuple[dict[Value, int], ...] = tuple({} for _ in metamodel.attributes)
         for relation in self.relations:
@@ -193,18 +203,28 @@ class Store:
 
     def reserve(self, count: int) -> None:
         """Make the columns long enough for ids below `count`, and one more that never exists."""
-        more = count + 1 - len(self.classes)
-        if more <= 0:
+        size = count + 1
+        if len(self.classes) >= size:
             return
-        for salts, drawn in zip(self.salts, node_salts(len(self.classes), count + 1), strict=True):
-            salts.extend(drawn)
-        self.classes.extend(repeat(-1, more))
-        self.place.extend(repeat(0, more))
-        self.names.extend(repeat(None, more))
+        try:
+            self._lengthen(size)
+        except BaseException:
+            self.torn.append((self._lengthen, (size,)))
+            self.recover()
+            raise
+
+    def _lengthen(self, size: int) -> None:
+        """Each column by what it lacks, as it may have been interrupted."""
+        first, second = self.salts
+        start = min(len(first), len(second))
+        first[start:], second[start:] = node_salts(start, size)
+        self.place.extend(repeat(0, size - len(self.place)))
+        self.names.extend(repeat(None, size - len(self.names)))
         for column in self.values:
-            column.extend(repeat(None, more))
-        for ends in self._adjacency:
-            ends.extend(repeat((), more))
+            column.extend(repeat(None, size - len(column)))
+        for ends in {id(ends): ends for ends in (*self.forward, *self.backward)}.values():
+            ends.extend(repeat((), size - len(ends)))
+        self.classes.extend(repeat(-1, size - len(self.classes)))
 
     def record(self, container: Any, key: Any, old: Any, opcode: int) -> None:
         """Journal a change to something that follows the model, such as a view: see `_journal` for the four parts.
@@ -218,16 +238,23 @@ class Store:
 
     def enter(self, node: int, cls: int) -> None:
         """The object becomes an instance of a class; it was none of any."""
-        self._enter(node, cls)
-        hook = self.class_added[cls]
-        if hook is not None:
-            hook(node)
+        if self.torn:
+            self.recover()
+        try:
+            self._enter(node, cls)
+            hook = self.class_added[cls]
+            if hook is not None:
+                hook(node)
+        except BaseException:
+            self.torn.append((self._classed, (node, cls)))
+            self.recover()
+            raise
 
     def _enter(self, node: int, cls: int) -> None:
         extent = self.extents[cls]
-        extent.add(node)
         if self.recording:
             self.journal.extend((extent, node, None, OUT))
+        extent.add(node)
         self.total += self._source_salts[node] * self._class_codes[cls]
         self.revision += 1
         if self.listeners:
@@ -235,58 +262,81 @@ class Store:
 
     def leave(self, node: int) -> None:
         """The object is no longer an instance of its class."""
-        hook = self.class_removing[self.classes[node]]
-        if hook is not None:
-            hook(node)
-        self._leave(node)
+        if self.torn:
+            self.recover()
+        cls = self.classes[node]
+        try:
+            hook = self.class_removing[cls]
+            if hook is not None:
+                hook(node)
+            self._leave(node)
+        except BaseException:
+            self.torn.append((self._classed, (node, cls)))
+            self.recover()
+            raise
 
     def move(self, node: int, cls: int) -> None:
         """The object becomes an instance of another class; what both classes are it never ceases to be."""
-        removing, added = self.retyping(self.classes[node], cls) if self.retyping else (None, None)
-        if removing is not None:
-            removing(node)
-        self._leave(node)
-        self._enter(node, cls)
-        if added is not None:
-            added(node)
+        if self.torn:
+            self.recover()
+        old = self.classes[node]
+        try:
+            removing, added = self.retyping(old, cls) if self.retyping else (None, None)
+            if removing is not None:
+                removing(node)
+            self._leave(node)
+            self._enter(node, cls)
+            if added is not None:
+                added(node)
+        except BaseException:
+            self.torn.append((self._moved, (node, old, cls)))
+            self.recover()
+            raise
 
     def _leave(self, node: int) -> None:
         cls = self.classes[node]
         if self.listeners:
             self._removing(ClassFact(self.metamodel.class_list[cls].name, node))
         extent = self.extents[cls]
-        place = extent.take(node)
         if self.recording:
-            self.journal.extend((extent, node, place, IN))
+            self.journal.extend((extent, node, self.place[node], IN))
+        extent.take(node)
         self.total -= self._source_salts[node] * self._class_codes[cls]
         self.revision += 1
 
     def put(self, node: int, attribute: int, value: Value | None) -> None:
         """The object gets another value in an attribute, or None."""
-        column = self.values[attribute]
-        old = column[node]
-        codes = self._value_codes[attribute]
-        change = 0
-        if old is not None:
-            hook = self.value_removing[attribute]
-            if hook is not None:
-                hook(node, old)
-            if self.listeners:
-                self._removing(ValueFact(self.metamodel.attributes[attribute], node, old))
-            change -= codes.get(old) or self._code(attribute, old)
-        column[node] = value
-        if value is not None:
-            change += codes.get(value) or self._code(attribute, value)
-        if self.recording:
-            self.journal.extend((column, node, old, SET))
-        self.total += self._source_salts[node] * change
-        self.revision += 1
-        if value is not None:
-            hook = self.value_added[attribute]
-            if hook is not None:
-                hook(node, value)
-            if self.listeners:
-                self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
+        if self.torn:
+            self.recover()
+        try:
+            column = self.values[attribute]
+            old = column[node]
+            codes = self._value_codes[attribute]
+            change = 0
+            if old is not None:
+                hook = self.value_removing[attribute]
+                if hook is not None:
+                    hook(node, old)
+                if self.listeners:
+                    self._removing(ValueFact(self.metamodel.attributes[attribute], node, old))
+                change -= codes.get(old) or self._code(attribute, old)
+            if value is not None:
+                change += codes.get(value) or self._code(attribute, value)
+            if self.recording:
+                self.journal.extend((column, node, old, SET))
+            column[node] = value
+            self.total += self._source_salts[node] * change
+            self.revision += 1
+            if value is not None:
+                hook = self.value_added[attribute]
+                if hook is not None:
+                    hook(node, value)
+                if self.listeners:
+                    self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
+        except BaseException:
+            self.torn.append((self._recount, ()))
+            self.recover()
+            raise
 
     def connect(self, relation: Relation, source: int, target: int) -> None:
         """A link that was not there."""
@@ -301,31 +351,40 @@ class Store:
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward = relation.forward, relation.backward
         code, (first_salts, second_salts) = relation.code, self.salts
+        torn = self.torn
 
         def connect(source: int, target: int) -> None:
-            ends = forward[source]
-            if len(ends) < CROWD:
-                forward[source] = (*ends, target)
-                if store.recording:
-                    record((forward, source, ends, SET))
-            else:
-                store._add(forward, source, target)
-            if not (symmetric and source == target):
-                ends = backward[target]
+            if torn:
+                store.recover()
+            try:
+                ends = forward[source]
                 if len(ends) < CROWD:
-                    backward[target] = (*ends, source)
                     if store.recording:
-                        record((backward, target, ends, SET))
+                        record((forward, source, ends, SET))
+                    forward[source] = (*ends, target)
                 else:
-                    store._add(backward, target, source)
-            if flipped or (symmetric and source > target):
-                source, target = target, source
-            store.total += code * first_salts[source] * second_salts[target]
-            store.revision += 1
-            if relation.added is not None:
-                relation.added(source, target)
-            if store.listeners:
-                store._inserted(LinkFact(relation.fact, source, target))
+                    store._add(forward, source, target)
+                if not (symmetric and source == target):
+                    ends = backward[target]
+                    if len(ends) < CROWD:
+                        if store.recording:
+                            record((backward, target, ends, SET))
+                        backward[target] = (*ends, source)
+                    else:
+                        store._add(backward, target, source)
+                first, second = source, target
+                if flipped or (symmetric and source > target):
+                    first, second = target, source
+                store.total += code * first_salts[first] * second_salts[second]
+                store.revision += 1
+                if relation.added is not None:
+                    relation.added(first, second)
+                if store.listeners:
+                    store._inserted(LinkFact(relation.fact, first, second))
+            except BaseException:
+                torn.append((store._connected, (relation, source, target)))
+                store.recover()
+                raise
 
         return connect
 
@@ -334,38 +393,56 @@ class Store:
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward = relation.forward, relation.backward
         code, (first_salts, second_salts) = relation.code, self.salts
+        torn = self.torn
 
         def disconnect(source: int, target: int) -> None:
-            first, second = source, target
-            if flipped or (symmetric and source > target):
-                first, second = target, source
-            if relation.removing is not None:
-                relation.removing(first, second)
-            if store.listeners:
-                store._removing(LinkFact(relation.fact, first, second))
-            ends = forward[source]
-            if len(ends) == 1:
-                forward[source] = ()
-                if store.recording:
-                    record((forward, source, ends, SET))
-            else:
-                store._drop(forward, source, target)
-            if not (symmetric and source == target):
-                ends = backward[target]
+            if torn:
+                store.recover()
+            try:
+                first, second = source, target
+                if flipped or (symmetric and source > target):
+                    first, second = target, source
+                if relation.removing is not None:
+                    relation.removing(first, second)
+                if store.listeners:
+                    store._removing(LinkFact(relation.fact, first, second))
+                ends = forward[source]
                 if len(ends) == 1:
-                    backward[target] = ()
                     if store.recording:
-                        record((backward, target, ends, SET))
+                        record((forward, source, ends, SET))
+                    forward[source] = ()
                 else:
-                    store._drop(backward, target, source)
-            store.total -= code * first_salts[first] * second_salts[second]
-            store.revision += 1
+                    store._drop(forward, source, target)
+                if not (symmetric and source == target):
+                    ends = backward[target]
+                    if len(ends) == 1:
+                        if store.recording:
+                            record((backward, target, ends, SET))
+                        backward[target] = ()
+                    else:
+                        store._drop(backward, target, source)
+                store.total -= code * first_salts[first] * second_salts[second]
+                store.revision += 1
+            except BaseException:
+                torn.append((store._disconnected, (relation, source, target)))
+                store.recover()
+                raise
 
         return disconnect
 
     def rename(self, node: int, name: str | None) -> None:
         """The object gets another name, or none. Names are no facts: listeners and hash ignore them."""
+        if self.torn:
+            self.recover()
         old = self.names[node]
+        try:
+            self._rename(node, old, name)
+        except BaseException:
+            self.torn.append((self._rename, (node, old, name)))
+            self.recover()
+            raise
+
+    def _rename(self, node: int, old: str | None, name: str | None) -> None:
         if old is not None:
             self._map(old, None)
         if name is not None:
@@ -384,35 +461,33 @@ class Store:
 
     def _add(self, column: Ends, node: int, other: int) -> None:
         old = column[node]
-        if len(old) < CROWD:
-            column[node] = (*old, other)
-        elif isinstance(old, IndexedSet):
-            old.add(other)
+        if isinstance(old, IndexedSet):
             if self.recording:
                 self.journal.extend((old, other, None, OUT))
+            old.add(other)
             return
-        else:
-            column[node] = IndexedSet((*old, other))
         if self.recording:
             self.journal.extend((column, node, old, SET))
+        column[node] = (*old, other) if len(old) < CROWD else IndexedSet((*old, other))
 
     def _drop(self, column: Ends, node: int, other: int) -> None:
         old = column[node]
         if isinstance(old, tuple):
             index = old.index(other)
-            column[node] = old[:index] + old[index + 1 :]
+            rest = old[:index] + old[index + 1 :]
         elif len(old) > CROWD + 1:
-            index = old.take(other)
             if self.recording:
-                self.journal.extend((old, other, index, IN))
+                self.journal.extend((old, other, old.position[other], IN))
+            old.take(other)
             return
         else:
             index = old.position[other]
-            rest = list(old)
-            rest[index] = rest[-1]
-            column[node] = tuple(rest[:-1])
+            left = list(old)
+            left[index] = left[-1]
+            rest = tuple(left[:-1])
         if self.recording:
             self.journal.extend((column, node, old, SET))
+        column[node] = rest
 
     def _code(self, attribute: int, value: Value) -> int:
         codes = self._value_codes[attribute]
@@ -422,18 +497,89 @@ class Store:
         return number
 
     def _inserted(self, fact: Fact) -> None:
-        for listener in self.listeners:
-            listener.inserted(fact)
+        if not self.torn.finishing:
+            for listener in self.listeners:
+                listener.inserted(fact)
 
     def _removing(self, fact: Fact) -> None:
-        for listener in self.listeners:
-            listener.removing(fact)
+        if not self.torn.finishing:
+            for listener in self.listeners:
+                listener.removing(fact)
 
     def restored(self) -> None:
         """The state was replaced by an undo or redo: a new revision, and the listeners forget what they knew."""
         self.revision += 1
         for listener in self.listeners:
             listener.restored()
+
+    # --- after an interruption
+
+    def recover(self) -> None:
+        """Finish what interruptions have left half done. Followers make sure of themselves; the listeners forget.
+
+        Whatever interrupts this, too, is raised after another attempt.
+        """
+        if not self.torn.finishing:
+            try:
+                self._finish()
+            except BaseException:
+                self._finish()
+                raise
+
+    def _finish(self) -> None:
+        revision = self.revision
+        self.torn.finish()
+        if self.revision != revision:
+            self.restored()
+
+    def _mend(self, ends: Ends, node: int, other: int) -> None:
+        make_sure(self.journal)
+        others = ends[node]
+        if isinstance(others, IndexedSet):
+            others.mend(other)
+
+    def _connected(self, relation: Relation, source: int, target: int) -> None:
+        """Finish an interrupted `connect`."""
+        self._mend(relation.forward, source, target)
+        self._mend(relation.backward, target, source)
+        if target not in relation.forward[source]:
+            self._add(relation.forward, source, target)
+        if source not in relation.backward[target]:
+            self._add(relation.backward, target, source)
+        self._recount()
+
+    def _disconnected(self, relation: Relation, source: int, target: int) -> None:
+        """Finish an interrupted `disconnect`, if it has begun."""
+        self._mend(relation.forward, source, target)
+        self._mend(relation.backward, target, source)
+        if not (target in relation.forward[source] and source in relation.backward[target]):
+            if target in relation.forward[source]:
+                self._drop(relation.forward, source, target)
+            if source in relation.backward[target]:
+                self._drop(relation.backward, target, source)
+        self._recount()
+
+    def _classed(self, node: int, cls: int) -> None:
+        """After an interrupted `enter` or `leave` the object is in the class, or it is not."""
+        make_sure(self.journal)
+        self.extents[cls].mend(node)
+        self._recount()
+
+    def _moved(self, node: int, old: int, new: int) -> None:
+        """Finish an interrupted `move`, if it has begun."""
+        make_sure(self.journal)
+        self.extents[old].mend(node)
+        self.extents[new].mend(node)
+        if self.classes[node] < 0:
+            self._enter(node, new)
+        self._recount()
+
+    def _recount(self) -> None:
+        """What depends on everything: the sum behind the hash, and the followers."""
+        self.total = recomputed_total(self)
+        self.revision += 1
+        for follower in self.followers:
+            follower.torn()
 
     # --- reading
 
@@ -443,22 +589,37 @@ class Store:
             yield from extent
 
 
-def _columns(metamodel: Metamodel) -> tuple[tuple[Ends, ...], tuple[Ends, ...], list[Ends]]:
-    """Forward and backward columns of every reference, and each column once."""
+def _columns(metamodel: Metamodel) -> tuple[tuple[Ends, ...], tuple[Ends, ...]]:
+    """Forward and backward columns of every reference."""
     forward: list[Ends] = []
     backward: list[Ends] = []
-    distinct: list[Ends] = []
     for reference in metamodel.references:
         opposite = metamodel.opposite(reference)
         if opposite is None or opposite.index > reference.index:
             pair: tuple[Ends, Ends] = ([], [])
-            distinct.extend(pair)
         elif opposite.index == reference.index:
             both: Ends = []
             pair = (both, both)
-            distinct.append(both)
         else:
             pair = (backward[opposite.index], forward[opposite.index])
         forward.append(pair[0])
         backward.append(pair[1])
-    return tuple(forward), tuple(backward), distinct
+    return tuple(forward), tuple(backward)
+
+
+def recomputed_total(store: Store) -> int:
+    """The sum behind the state hash, from the facts alone."""
+    first, second = node_salts(0, len(store.classes))
+    total = 0
+    for node in store.nodes():
+        total += first[node] * class_code(store.metamodel.class_list[store.classes[node]])
+        for attribute, column in zip(store.metamodel.attributes, store.values, strict=True):
+            value = column[node]
+            if value is not None:
+                total += first[node] * value_code(attribute, value)
+        for relation in store.relations:
+            for target in relation.forward[node]:
+                if relation.flipped or (relation.symmetric and target < node):
+                    continue
+                total += relation.code * first[node] * second[target]
+    return total

@@ -71,16 +71,19 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
     if kept or _needs_savepoint(body, model.metamodel):
         writer.namespace.update(
             savepoint=model.savepoint,
-            rollback=model.rollback,
             release=model.release,
+            torn=model.store.torn,
+            take_back=model.take_back,
+            recover=model.store.recover,
             BaseException=BaseException,
         )
         lines += [Line("mark = savepoint()"), Line("try:"), *(line.inside for line in changes)]
         lines += [
+            Line(" release(mark)"),
             Line("except BaseException:"),
-            Line(" rollback(mark)"),
+            Line(" torn.append((take_back, (mark,)))"),
+            Line(" recover()"),
             Line(" raise"),
-            Line("release(mark)"),
         ]
     else:
         lines += changes

@@ -410,6 +410,9 @@ class Events:
     def rolled_back(self) -> None:
         """What was rolled back has not arrived here."""
 
+    def torn(self) -> None:
+        """What the matcher tells is right."""
+
     def suspend(self) -> None:
         """The model is about to be loaded."""
 

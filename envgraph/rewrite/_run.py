@@ -99,8 +99,11 @@ class Run:
 
     def abandon(self) -> None:
         """Take back what every open step has done, after an exception."""
-        while self.opened:
-            self.model.rollback(self.opened.pop())
+        if self.opened:
+            store = self.model.store
+            store.torn.append((self.model.take_back, (self.opened[0],)))
+            store.recover()
+            self.opened.clear()
 
 
 def at(span: Span | None) -> str:

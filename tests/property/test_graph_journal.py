@@ -6,7 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._journal import Extent, Journal, invert, invert_net, revert
+from envgraph.graph._journal import Extent, Journal, revert
+from envgraph.graph._journal import invert as _invert
+from envgraph.graph._journal import invert_net as _invert_net
+from envgraph.graph._torn import Torn
 
 
 class Register:
@@ -70,6 +73,20 @@ class World:
         )
 
 
+def invert(journal: Journal) -> Journal:
+    """The entries that undo the undoing."""
+    inverse: Journal = []
+    _invert(journal, inverse)
+    return inverse
+
+
+def invert_net(journal: Journal) -> Journal:
+    """The same, each place once."""
+    inverse: Journal = []
+    _invert_net(journal, inverse, Torn())
+    return inverse
+
+
 CHANGES = st.lists(
     st.tuples(
         st.sampled_from(["set", "exchange", "set member", "extent member", "extent member"]),
@@ -95,7 +112,7 @@ def test_reverting_to_a_mark_restores_everything(first: list, second: list) -> N
     mark, before = len(journal), world.snapshot()
     for change in second:
         world.change(*change)
-    revert(journal, mark)
+    revert(journal, mark, Torn())
     assert world.snapshot() == before
     assert len(journal) == mark
 

@@ -30,7 +30,7 @@ from envgraph.match.views._delta import (
     derivable_source,
     occurrences,
 )
-from envgraph.match.views._operators import Evaluated, Fold, Operator, Rows, View
+from envgraph.match.views._operators import Evaluated, Fold, Operator, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
 from envgraph.match.views._recursive import Component, Member
@@ -139,7 +139,7 @@ class Growth:
 
     def _enter(self, operator: Entered) -> Entered:
         self.operators[operator.name] = operator
-        operator.fill()
+        fill_unrecorded(operator)
         return operator
 
     def _define(self, name: str, bodies: Iterable[Conjunction]) -> View:

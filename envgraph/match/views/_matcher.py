@@ -6,18 +6,17 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from gc import collect
-from sys import maxsize
 from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
-from envgraph.graph import Model
+from envgraph.graph import Model, make_sure
 from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match._symbols import Source
 from envgraph.match._why import WhyNot
 from envgraph.match.views._network import Network
 from envgraph.match.views._operators import Rows
-from envgraph.match.views._sets import LONG, Log, key_of, net
+from envgraph.match.views._sets import LONG, Log, MatchSet, key_of, net
 from envgraph.metamodel import Value
 from envgraph.pattern import Library
 
@@ -46,11 +45,10 @@ class BoundedLog(Log):
 
     def extend(self, parts: Iterable[Any]) -> None:
         """Add rows, each followed by whether it came."""
-        super().extend(parts)
-        if len(self) > self._most:
-            self._most = maxsize  # shortening extends, too
+        if len(self) > self._most:  # before: what comes last is what an interruption leaves in doubt
             self.shorten()
             self._most = 2 * (len(self) + LONG)
+        super().extend(parts)
 
 
 class Subscription:
@@ -70,8 +68,9 @@ class ViewMatcher:
     A rollback or checkout brings the views back without evaluating a query. The matches of a watched pattern are
     listed in the order of the view, which is a function of the version like every other order.
 
-    Views whose update was interrupted by an exception are no longer used: patterns are searched for until a rollback
-    or checkout has brought the views back, or there is no state to go back to and they are built anew.
+    Views whose update was interrupted, such as by Ctrl-C, are counted anew when they are next asked: their rows may
+    then be in another order. If that fails, because a value cannot be computed, patterns are searched for until a
+    rollback or checkout has brought the views back, or there is no state to go back to and they are built anew.
 
     Only one matcher of a model has views: the store calls the functions of one network.
 
@@ -84,8 +83,9 @@ class ViewMatcher:
             given up when another one of the model watches.
 
     Invariants: while `_broken` is None and no load is under way, the network hears of every change. If not None it is
-    the least number of open savepoints since the interruption: a rollback to fewer brings the views back. While
-    `_spoilt`, a version may have been made of views that were broken.
+    the least number of open savepoints since the interruption: a rollback to fewer brings the views back. Whatever the
+    views hold, and the journal, then agree; counting anew is recorded (`_countable`), so that a rollback takes it back,
+    then what was interrupted. While `_spoilt`, a version may have been made of views that were broken.
     """
 
     def __init__(self, model: Model, library: Library) -> None:
@@ -95,8 +95,10 @@ class ViewMatcher:
         self._views: dict[str, Rows] = {}
         self._network = self._new_network()
         self._subscriptions: list[Subscription] = []
+        self._news: list[tuple[Change, list[Row], list[Row]]] = []
         self._wanted: dict[str, None] = {}
         self._broken: int | None = None
+        self._countable = False
         self._spoilt = False
         self._tried = -1
         self._outgrown = 0
@@ -175,7 +177,7 @@ class ViewMatcher:
         self._views = {}
         self._counted = {}
         self._network = self._new_network()
-        self._broken, self._spoilt, self._suspended = None, False, False
+        self._broken, self._countable, self._spoilt, self._suspended = None, False, False, False
 
     def _rival(self) -> ViewMatcher | None:
         """Another matcher of the model that has views."""
@@ -218,30 +220,46 @@ class ViewMatcher:
         What differs from what broken views held is logged.
         """
         self._be_alone()
-        store = self.model.store
-        before = {p: list(v.rows) for p, v in self._views.items()} if self._broken is not None else {}
-        old = self._network
-        network = self._network = self._new_network()
+        store, old, known = self.model.store, self._network, self._views
         try:
+            network = self._network = self._new_network()
             views = {pattern: network.view(pattern) for pattern in patterns}
             old.unhang()
             network.connect()
-        except BaseException:
-            self._network = old
-            old.unhang()
-            if self._views and self._broken is None:
-                old.hang()
+            for pattern, view in known.items():
+                views[pattern].rows.log = self._continued(view.rows, views[pattern].rows)
+            self._views = views
+            self._broken, self._spoilt = None, False
+            self._outgrown = GROWTH * store.next_id + LEAST
+            if not any(follower is self for follower in store.followers):
+                store.followers.append(self)
+        except BaseException as problem:
+            store.torn.append((self._keep, (old, known, problem)))
+            store.recover()
             raise
-        for pattern, view in self._views.items():
-            log = views[pattern].rows.log = view.rows.log
-            if log is not None and pattern in before:
-                log.extend(part for row in before[pattern] for part in (row, False))
-                log.extend(part for row in views[pattern].rows for part in (row, True))
-        self._views = views
-        self._broken, self._spoilt = None, False
-        self._outgrown = GROWTH * store.next_id + LEAST
-        if not any(follower is self for follower in store.followers):
-            store.followers.append(self)
+
+    def _continued(self, old: MatchSet, new: MatchSet) -> Log | None:
+        """The log of new rows that take the place of old ones; those of broken views may differ."""
+        if old.log is None:
+            return None
+        log = BoundedLog()
+        list.extend(log, old.log)
+        if self._broken is not None:
+            list.extend(log, [part for row in old for part in (row, False)])
+            list.extend(log, [part for row in new for part in (row, True)])
+        return log
+
+    def _keep(self, network: Network, views: dict[str, Rows], problem: BaseException) -> None:
+        """Go on with what there was before a `_rebuild` that has failed."""
+        self._network.unhang()
+        self._network, self._views = network, views
+        followers = self.model.store.followers
+        if not views:
+            followers[:] = [follower for follower in followers if follower is not self]
+        elif not isinstance(problem, EvaluationError):
+            self.torn()
+        elif self._broken is None:
+            network.hang()
 
     def _build(self, source: Source) -> Any:
         network = self._network
@@ -256,7 +274,7 @@ class ViewMatcher:
         """Bring all views up to date: a savepoint or version follows."""
         if self._broken is None:
             self._bring_up()
-        else:
+        elif not self._counted_anew():
             self._broken = min(self._broken, self.model.depth)
             self._spoilt |= not self._broken
 
@@ -265,22 +283,69 @@ class ViewMatcher:
             return
         try:
             self._network.settle()
-        except BaseException:
-            self._break()
+        except BaseException as problem:
+            store = self.model.store
+            store.torn.append((self._failed, (problem,)))
+            store.recover()
             raise
 
+    def _failed(self, problem: BaseException) -> None:
+        """A turn was not finished; what cannot be computed now cannot be counted anew either."""
+        if isinstance(problem, EvaluationError):
+            self._break()
+        else:
+            self.torn()
+
     def _break(self) -> None:
-        self._broken = self.model.depth
+        depth = self.model.depth
+        self._broken = depth if self._broken is None else min(self._broken, depth)
         self._network.unhang()
+
+    def torn(self) -> None:
+        """A change or a turn has been interrupted."""
+        if self._suspended:
+            return
+        make_sure(self.model.store.journal)
+        for view in self._views.values():
+            if view.rows.log:
+                view.rows.mend(view.rows.log[-2])
+        self._countable |= self._broken is None
+        self._break()
 
     def _up_to_date(self) -> bool:
         """Bring all views up to date, if they can be used; whether they can."""
+        store = self.model.store
+        if store.torn:
+            store.recover()
         if self._suspended:
-            return False
+            if store.loading:
+                return False
+            self.loaded()
         if self._broken is not None:
-            return self._built_anew()
+            return self._counted_anew() or self._built_anew()
         self._bring_up()
         return True
+
+    def _counted_anew(self) -> bool:
+        """Count interrupted views anew; not after a savepoint or commit at which that has failed."""
+        if not self._countable or self._spoilt or self._broken is None or self.model.depth > self._broken:
+            return False
+        try:
+            self._network.recount()
+            self._hear_again()
+        except EvaluationError:
+            self._countable = False  # it would fail again
+            return False
+        except BaseException:
+            store = self.model.store
+            store.torn.append((self._count_again, ()))
+            store.recover()
+            raise
+        return True
+
+    def _count_again(self) -> None:
+        self._countable = True
+        self.torn()
 
     def _built_anew(self) -> bool:
         """Build broken views anew, if there is no state to go back to; once for each state."""
@@ -306,8 +371,8 @@ class ViewMatcher:
                 view.rows.log.shorten()
 
     def _hear_again(self) -> None:
-        self._broken = None
         self._network.hang()
+        self._broken, self._countable = None, False
 
     def released(self) -> None:
         """The outermost transaction has ended: tell what has changed."""
@@ -331,10 +396,11 @@ class ViewMatcher:
 
     def loaded(self) -> None:
         """A load has ended."""
-        self._suspended = False
         if self._views:
             self._break()
             self._tried = -1
+        self._suspended = False
+        if self._views:
             self._built_anew()
 
     # --- listening
@@ -399,31 +465,57 @@ class ViewMatcher:
         self._telling = True
         try:
             for _ in range(MOST_ROUNDS):
-                changes = self._net_changes()
-                if not changes:
+                changing = self._note(restored)
+                if not self._news:
                     return
-                self._tell_all(changes, restored)
+                self._tell_all()
                 restored = False
                 if not self._up_to_date():
                     return
             raise EvaluationError(
-                f"listeners of {', '.join(f'`{name}`' for name in changes)} change the model each time they are told"
+                f"listeners of {', '.join(f'`{name}`' for name in changing)} change the model each time they are told"
             )
         finally:
             self._telling = False
 
-    def _tell_all(self, changes: Mapping[str, tuple[list[Row], list[Row]]], restored: bool) -> None:
+    def _tell_all(self) -> None:
         first: BaseException | None = None
-        for subscription in tuple(self._subscriptions):
-            if subscription.pattern in changes:
-                call = subscription.restored if restored else subscription.changed
-                try:
-                    call(*changes[subscription.pattern])
-                except BaseException as problem:  # Ctrl-C, too: the others would never hear of this
-                    if first is None or isinstance(first, Exception) > isinstance(problem, Exception):
-                        first = problem
+        while self._news:
+            call, appeared, disappeared = self._news[0]
+            try:
+                call(appeared, disappeared)
+            except BaseException as problem:  # Ctrl-C, too: the others would never hear of this
+                if first is None or isinstance(first, Exception) > isinstance(problem, Exception):
+                    first = problem
+            finally:
+                del self._news[0]
         if first is not None:
             raise first
+
+    def _note(self, restored: bool) -> list[str]:
+        """Note who is to be told what, and empty the logs; returns the patterns that have changed."""
+        rows = {each.pattern: self._views[each.pattern].rows for each in self._subscriptions}
+        logs = [each.log for each in rows.values() if each.log]
+        if not logs:
+            return []
+        changes = _net_changes(rows)
+        news = list(self._news)
+        for each in self._subscriptions:
+            if each.pattern in changes:
+                news.append((each.restored if restored else each.changed, *changes[each.pattern]))
+        try:
+            self._noted(news, logs)
+        except BaseException:
+            store = self.model.store
+            store.torn.append((self._noted, (news, logs)))
+            store.recover()
+            raise
+        return list(changes)
+
+    def _noted(self, news: list[tuple[Change, list[Row], list[Row]]], logs: Sequence[Log]) -> None:
+        self._news = news
+        for log in logs:
+            log.clear()
 
     @contextmanager
     def unheard(self) -> Iterator[None]:
@@ -437,17 +529,6 @@ class ViewMatcher:
         finally:
             for pattern, log in logs.items():
                 self._views[pattern].rows.log = log
-
-    def _net_changes(self) -> dict[str, tuple[list[Row], list[Row]]]:
-        changes: dict[str, tuple[list[Row], list[Row]]] = {}
-        for pattern in dict.fromkeys(each.pattern for each in self._subscriptions):
-            rows = self._views[pattern].rows
-            if rows.log:
-                appeared, disappeared = net(rows.log)
-                rows.log.clear()
-                if appeared or disappeared:
-                    changes[pattern] = (sorted(appeared, key=rows.position.__getitem__), sorted(disappeared))
-        return changes
 
     # --- Matcher
 
@@ -591,3 +672,14 @@ class ViewMatcher:
         self._network.check()
         for pattern, view in self._views.items():
             view.check(self.demand.rows(pattern, (FREE,) * len(self.library.parameter_types(pattern))))
+
+
+def _net_changes(rows: Mapping[str, MatchSet]) -> dict[str, tuple[list[Row], list[Row]]]:
+    """What has come to views and what has gone, in the order in which listeners are told."""
+    changes: dict[str, tuple[list[Row], list[Row]]] = {}
+    for pattern, each in rows.items():
+        if each.log:
+            appeared, disappeared = net(each.log)
+            if appeared or disappeared:
+                changes[pattern] = (sorted(appeared, key=each.position.__getitem__), sorted(disappeared))
+    return changes

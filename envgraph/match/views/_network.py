@@ -11,7 +11,7 @@ from envgraph.match.views._actual import actual_rows, tuples_of
 from envgraph.match.views._delta import Delta
 from envgraph.match.views._explain import explain_views
 from envgraph.match.views._growth import Build, Evaluate, Growth
-from envgraph.match.views._operators import Fold, Rows, View
+from envgraph.match.views._operators import Fold, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Component, Member
@@ -103,11 +103,18 @@ class Network:
         self._settled = self._store.revision
 
     def refill(self) -> None:
-        """Compute everything anew."""
+        """Compute everything anew, unrecorded."""
+        self.forget()
+        for operator in self.operators.values():
+            fill_unrecorded(operator)
+        self._settled = self._store.revision
+
+    def recount(self) -> None:
+        """Compute everything anew, and record what differs."""
         self.forget()
         for operator in self.operators.values():
             operator.fill()
-        self._settled = self._store.revision
+        self.forget()
 
     def held(self, symbol: Held) -> object:
         """What a name in generated source stands for."""

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from envgraph.graph import SET, Store
 from envgraph.match._aggregates import aggregate
-from envgraph.match.views._sets import Groups, MatchSet, Row
+from envgraph.match.views._sets import Groups, MatchSet, Row, become
 from envgraph.match.views._upkeep import changes
 
 Hook = Callable[..., object]
@@ -46,7 +46,7 @@ class Operator(ABC):
 
     @abstractmethod
     def fill(self) -> None:
-        """Compute the relation from those that it is made of, unrecorded."""
+        """Compute the relation from those that it is made of, and tell nobody."""
 
     @abstractmethod
     def size(self) -> float:
@@ -109,8 +109,14 @@ class Rows(Operator):
             groups.drop(row)
         self.rows.vanish(row)
 
+    def hold(self, row: Row) -> None:
+        """A tuple comes, and nobody is told."""
+        self.rows.appear(row)
+        for groups in self.groups.values():
+            groups.add(row)
+
     def set_rows(self, rows: Sequence[Row]) -> None:
-        """Hold exactly these tuples, unrecorded."""
+        """Hold exactly these tuples, and tell nobody."""
         self.rows.replace(rows if self.listed else [])
         for groups in self.groups.values():
             groups.fill(rows)
@@ -171,10 +177,11 @@ class View(Rows):
         if self.counts is None:
             self.set_rows(found)
             return
-        self.counts.clear()
+        counts: dict[Row, int] = {}
         for row in found:
-            self.counts[row] = self.counts.get(row, 0) + 1
-        self.set_rows(list(self.counts))
+            counts[row] = counts.get(row, 0) + 1
+        become(self.store, self.counts, counts, 0)
+        self.set_rows(list(counts))
 
     def check_derivations(self) -> None:
         """Assert that tuples and counts are those of a new computation."""
@@ -188,6 +195,16 @@ class View(Rows):
         for row in found:
             counts[row] = counts.get(row, 0) + 1
         assert {row: count for row, count in self.counts.items() if count} == counts, self.name
+
+
+def fill_unrecorded(operator: Operator) -> None:
+    """Compute a relation that nobody has asked before: nothing leads back to what it held."""
+    store = operator.store
+    recording, store.recording = store.recording, False
+    try:
+        operator.fill()
+    finally:
+        store.recording = recording
 
 
 def _unmade(*_: object) -> None:
@@ -307,10 +324,8 @@ class Fold(Operator):
         return aggregate(self.function, [row[column] for row in rows])
 
     def fill(self) -> None:
-        self.values.clear()
-        for key in self._table:
-            whole = (key,) if self._bare else key
-            self.values[whole] = self._computed(whole)
+        keys = [(key,) if self._bare else key for key in self._table]
+        become(self.store, self.values, {key: self._computed(key) for key in keys}, self.empty)
 
     def check(self) -> None:
         """Assert that every value is that of a new computation."""

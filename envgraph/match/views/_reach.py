@@ -9,7 +9,7 @@ from typing import Any, Final, Protocol
 from envgraph.graph import SET, Store
 from envgraph.match._components import Reached, Tree, reachable_sets
 from envgraph.match.views._operators import Operator, Rows
-from envgraph.match.views._sets import Groups, MatchSet
+from envgraph.match.views._sets import Groups, MatchSet, become
 
 FEW: Final = 12
 """Starts that are searched one by one; more share the strongly connected components."""
@@ -307,10 +307,11 @@ class Reach(Operator):
         if self._owned.get(start) == self.store.epoch:
             new = old
         else:
-            new = self.reached[start] = Tree(old)
-            self._owned[start] = self.store.epoch
+            new = Tree(old)
             if self.store.recording:
                 self.store.journal.extend((self.reached, start, old, SET))
+            self.reached[start] = new
+            self._owned[start] = self.store.epoch
         for node in cut:
             del new[node]
         new |= hung
@@ -374,14 +375,16 @@ class Reach(Operator):
                 hook(other, start)
 
     def fill(self) -> None:
-        self.reached.clear()
         self._owned.clear()
-        self.begun.replace(list(self.starts.rows))
-        self.reached.update(self._solve([start for (start,) in self.begun]))
-        nodes = {node for each in {id(r): r for r in self.reached.values()}.values() for node in each}
-        if len(self.begun) > FEW and self.size() <= SPARSE * (len(self.begun) + len(nodes)):
-            self._inverse = Groups(self.store, (0,), 1)
-            self._inverse.fill([(other, start) for (start,) in self.begun for other in self.reached[start]])
+        starts = list(self.starts.rows)
+        become(self.store, self.reached, self._solve([start for (start,) in starts]), NOTHING)
+        self.begun.replace(starts)
+        if self._inverse is None and not self.store.recording:
+            nodes = {node for each in {id(r): r for r in self.reached.values()}.values() for node in each}
+            if len(starts) > FEW and self.size() <= SPARSE * (len(starts) + len(nodes)):
+                self._inverse = Groups(self.store, (0,), 1)
+        if self._inverse is not None:
+            self._inverse.fill([(other, start) for (start,) in starts for other in self.reached[start]])
 
     def check(self) -> None:
         """Assert that everything is as a new search finds it."""

@@ -110,7 +110,12 @@ class Component(Operator):
             member.vanish(row)
         return todo
 
-    def _spread(self, found: list[tuple[Member, Row]], doubtful: bool) -> None:
+    def _spread(
+        self,
+        found: list[tuple[Member, Row]],
+        doubtful: bool,
+        come: Callable[[Member, Row], None] = Rows.appear,
+    ) -> None:
         """Add rows and what follows from them; of the doubtful ones those that do follow from something."""
         sure = len(found) if doubtful else 0
         coming: set[tuple[Member, Row]] = set()  # for membership alone
@@ -123,7 +128,7 @@ class Component(Operator):
                 raise EvaluationError(
                     f"recursive pattern `{member.name}` has more than {MOST_ROWS:,} matches"
                 )
-            member.appear(row)
+            come(member, row)
             for hook in member.spread:
                 hook(*row)
             if member.spread:
@@ -138,8 +143,4 @@ class Component(Operator):
             member.fill()
             member.queue.clear()
         base = [(m, row) for m in self.members for each in m.list_base for row in each()]
-        recording, self.store.recording = self.store.recording, False
-        try:
-            self._spread(base, doubtful=False)
-        finally:
-            self.store.recording = recording
+        self._spread(base, doubtful=False, come=Member.hold)

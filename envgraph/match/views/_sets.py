@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
-from envgraph.graph import IN, OUT, SET, IndexedSet, Store
+from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet, Store
 
 CROWD: Final = 32
 """Rows under one key above which they are kept as an `IndexedSet`, below as a tuple."""
@@ -29,8 +29,8 @@ class Log(list[Any]):
         """Forget what cancels out, if there may be much of that."""
         if len(self) > 2 * self._shortest + LONG:
             appeared, disappeared = net(self)
-            self[:] = [part for row in disappeared for part in (row, False)]
-            self.extend(part for row in appeared for part in (row, True))
+            gone = [part for row in disappeared for part in (row, False)]
+            self[:] = [*gone, *(part for row in appeared for part in (row, True))]  # at once
             self._shortest = len(self)
 
 
@@ -42,35 +42,37 @@ class MatchSet(IndexedSet[Row]):
         log: every row that has come or gone in whatever way, and whether it came; None unless somebody wants to know.
     """
 
-    __slots__ = ("log", "store")
+    __slots__ = ("_becoming", "log", "store")
 
     def __init__(self, store: Store) -> None:
         super().__init__()
         self.store = store
         self.log: Log | None = None
+        self._becoming: tuple[int, list[Any], list[Row]] | None = None
 
     def appear(self, row: Row) -> None:
         """Add a row that is not there, and record it."""
-        self.position[row] = len(self)
-        self.append(row)
+        if self.log is not None:
+            self.log.extend((row, True))
         store = self.store
         if store.recording:
             store.journal.extend((self, row, None, OUT))
-        if self.log is not None:
-            self.log.extend((row, True))
+        self.position[row] = len(self)
+        self.append(row)
 
     def vanish(self, row: Row) -> None:
         """Remove a row that is there, and record it."""
-        index = self.position.pop(row)
+        if self.log is not None:
+            self.log.extend((row, False))
+        index = self.position[row]
+        store = self.store
+        if store.recording:
+            store.journal.extend((self, row, index, IN))
+        del self.position[row]
         last = self.pop()
         if index < len(self):
             self[index] = last
             self.position[last] = index
-        store = self.store
-        if store.recording:
-            store.journal.extend((self, row, index, IN))
-        if self.log is not None:
-            self.log.extend((row, False))
 
     # --- replay: the journal is the caller
 
@@ -80,8 +82,16 @@ class MatchSet(IndexedSet[Row]):
             self.log.extend((item, False))
         return super().take(item)
 
+    def withdraw(self, item: Row, inverse: list[Any]) -> None:
+        """As `IndexedSet.withdraw`."""
+        if self.log is not None:
+            self.log.extend((item, False))
+        super().withdraw(item, inverse)
+
     def put(self, item: Row, index: int) -> None:
         """As `IndexedSet.put`; written out, because rollbacks consist of it."""
+        if self.log is not None:
+            self.log.extend((item, True))
         position = self.position
         if index < len(self):
             moved = self[index]
@@ -91,8 +101,6 @@ class MatchSet(IndexedSet[Row]):
         else:
             self.append(item)
         position[item] = index
-        if self.log is not None:
-            self.log.extend((item, True))
 
     def add(self, item: Row) -> None:
         """As `IndexedSet.add`."""
@@ -102,27 +110,61 @@ class MatchSet(IndexedSet[Row]):
 
     def exchange(self, key: None, state: tuple[int, dict[int, Row]]) -> tuple[int, dict[int, Row]]:
         """As `IndexedSet.exchange`."""
-        before = super().exchange(key, state)
-        if self.log is not None:
-            for row in before[1].values():
-                self.log.extend((row, False))
-            # What is there now where something was, or was not, before.
-            touched = {*before[1], *state[1]}
-            for index in sorted(touched):
-                if index < len(self):
-                    self.log.extend((self[index], True))
+        if self.log is None:
+            return super().exchange(key, state)
+        before = self.contents(state)
+        rows: list[Row] = list(self)
+        rows.extend([()] * (state[0] - len(rows)))
+        del rows[state[0] :]
+        for index, row in state[1].items():
+            rows[index] = row
+        # What was there, and what is there now where something was, or was not, before.
+        parts = [part for row in before[1].values() for part in (row, False)]
+        for index in sorted({*before[1], *state[1]}):
+            if index < len(rows):
+                parts.extend((rows[index], True))
+        self._become(rows, parts)
         return before
 
     def replace(self, rows: Sequence[Row]) -> None:
-        """Become these rows, unrecorded."""
+        """Become these rows, and record it."""
+        parts: list[Any] = []
         if self.log is not None:
-            for row in self:
-                self.log.extend((row, False))
-            for row in rows:
-                self.log.extend((row, True))
+            parts = [
+                *(part for row in self for part in (row, False)),
+                *(p for row in rows for p in (row, True)),
+            ]
+        if self.store.recording:
+            self.store.journal.extend((self, None, (len(self), dict(enumerate(self))), EXCHANGE))
+        self._become(list(rows), parts)
+
+    def _become(self, rows: list[Row], parts: list[Any]) -> None:
+        if self.log is not None:
+            self._becoming = (len(self.log), parts, rows)
+            list.extend(self.log, parts)
         self[:] = rows
-        self.position.clear()
-        self.position.update((row, index) for index, row in enumerate(rows))
+        super().reindex()
+        self._becoming = None
+
+    # --- after an interruption
+
+    def mend(self, item: Row) -> None:
+        """As `IndexedSet.mend`; or finish to become other rows."""
+        if self._becoming is None:
+            super().mend(item)
+        else:
+            self.reindex()
+
+    def reindex(self) -> None:
+        """Make positions and log those of the rows; the last part of the log may tell what has not happened."""
+        super().reindex()
+        log = self.log
+        if log is not None and self._becoming is not None:
+            length, parts, rows = self._becoming
+            log[length:] = parts if self == rows else []
+        elif log and (log[-2] in self.position) != log[-1]:
+            del log[-2:]
+        self._becoming = None
 
 
 class Table(dict[Any, "tuple[Any, ...] | IndexedSet[Any]"]):
@@ -162,13 +204,13 @@ class Groups:
         item = row if self.item is None else row[self.item]
         old = table[key]
         if isinstance(old, IndexedSet):
-            old.add(item)
             if store.recording:
                 store.journal.extend((old, item, None, OUT))
+            old.add(item)
             return
-        table[key] = (*old, item) if len(old) < CROWD else IndexedSet((*old, item))
         if store.recording:
             store.journal.extend((table, key, old, SET))
+        table[key] = (*old, item) if len(old) < CROWD else IndexedSet((*old, item))
 
     def drop(self, row: Row) -> None:
         """Remove a row."""
@@ -177,30 +219,35 @@ class Groups:
         old = table[key]
         if isinstance(old, IndexedSet):
             if len(old) > CROWD + 1:
-                place = old.take(item)
                 if store.recording:
-                    store.journal.extend((old, item, place, IN))
+                    store.journal.extend((old, item, old.position[item], IN))
+                old.take(item)
                 return
             place = old.position[item]
-            rest = list(old)
-            rest[place] = rest[-1]
-            table[key] = tuple(rest[:-1])
+            left = list(old)
+            left[place] = left[-1]
+            rest = tuple(left[:-1])
         else:
             place = old.index(item)
-            table[key] = old[:place] + old[place + 1 :]
+            rest = old[:place] + old[place + 1 :]
         if store.recording:
             store.journal.extend((table, key, old, SET))
+        table[key] = rest
 
     def fill(self, rows: Sequence[Row]) -> None:
-        """Hold these rows and no others, unrecorded."""
+        """Hold these rows and no others."""
         table: dict[Any, list[Any]] = {}
         key, item = self.key, self.item
         for row in rows:
             table.setdefault(key(row), []).append(row if item is None else row[item])
-        self.table.clear()
-        self.table.update(
-            (key, tuple(group) if len(group) <= CROWD else IndexedSet(tuple(group)))
-            for key, group in table.items()
+        become(
+            self.store,
+            self.table,
+            {
+                key: tuple(group) if len(group) <= CROWD else IndexedSet(tuple(group))
+                for key, group in table.items()
+            },
+            (),
         )
 
     def check(self, rows: Sequence[Row]) -> None:
@@ -211,6 +258,24 @@ class Groups:
         for group in self.table.values():
             assert isinstance(group, IndexedSet) == (len(group) > CROWD)
             assert len(set(group)) == len(group)
+
+
+def become(store: Store, table: dict[Any, Any], values: dict[Any, Any], nothing: Any) -> None:
+    """A dict gets other contents, and that is recorded; `nothing` is the value of keys that it has not."""
+    if not store.recording:
+        table.clear()
+        table.update(values)
+        return
+    record = store.journal.extend
+    for key, old in table.items():
+        if key not in values and old != nothing:
+            record((table, key, old, SET))
+            table[key] = nothing
+    for key, value in values.items():
+        old = table.get(key, nothing)
+        if old != value:
+            record((table, key, old, SET))
+            table[key] = value
 
 
 def key_of(positions: tuple[int, ...]) -> Callable[[Row], Any]:

@@ -1,6 +1,7 @@
 """Generated functions that change what a view holds: its rows, counts and groups, the journal, and its consumers.
 
-One text for each shape of a view, with nothing in it that the view does not need.
+One text for each shape of a view, with nothing in it that the view does not need. What takes a change back is written
+before it is made, so that an interruption leaves no more than the last entry in doubt.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def _text(form: Form) -> str:
     lines = [
         "def build(rows, store, counts, added, removing, tables, adds, drops, queue):",
         "    position = rows.position",
-        "    append, pop, discard = rows.append, rows.pop, rows.position.pop",
+        "    append, pop = rows.append, rows.pop",
         "    record = store.journal.extend",
         *(f"    table{n}, add{n}, drop{n} = tables[{n}], adds[{n}], drops[{n}]" for n in range(len(shape))),
         "    def gain(row):",
@@ -122,10 +123,10 @@ def _gain(form: Form, leave: str) -> list[str]:
         ]
     if form.listed:
         lines += [
+            "if rows.log is not None: rows.log.extend((row, True))",
+            f"if store.recording: record((rows, row, None, {OUT}))",
             "position[row] = len(rows)",
             "append(row)",
-            f"if store.recording: record((rows, row, None, {OUT}))",
-            "if rows.log is not None: rows.log.extend((row, True))",
         ]
     for number, (positions, item) in enumerate(form.shape):
         key, old = f"key{number}", f"old{number}"
@@ -133,8 +134,8 @@ def _gain(form: Form, leave: str) -> list[str]:
             f"{key} = {_key(positions)}",
             f"{old} = table{number}[{key}]",
             f"if type({old}) is tuple and len({old}) < {_sets.CROWD}:",
-            f"    table{number}[{key}] = (*{old}, {_item(item)})",
             f"    if store.recording: record((table{number}, {key}, {old}, {SET}))",
+            f"    table{number}[{key}] = (*{old}, {_item(item)})",
             f"else: add{number}(row)",
         ]
     if form.added:
@@ -163,19 +164,20 @@ def _lose(form: Form, leave: str) -> list[str]:
             f"{old} = table{number}[{key}]",
             f"if type({old}) is tuple:",
             f"    place = {old}.index({_item(item)})",
-            f"    table{number}[{key}] = {old}[:place] + {old}[place + 1:]",
             f"    if store.recording: record((table{number}, {key}, {old}, {SET}))",
+            f"    table{number}[{key}] = {old}[:place] + {old}[place + 1:]",
             f"else: drop{number}(row)",
         ]
     if form.listed:
         lines += [
-            "index = discard(row)",
+            "if rows.log is not None: rows.log.extend((row, False))",
+            "index = position[row]",
+            f"if store.recording: record((rows, row, index, {IN}))",
+            "del position[row]",
             "last = pop()",
             "if index < len(rows):",
             "    rows[index] = last",
             "    position[last] = index",
-            f"if store.recording: record((rows, row, index, {IN}))",
-            "if rows.log is not None: rows.log.extend((row, False))",
         ]
     return lines or ["pass"]
 

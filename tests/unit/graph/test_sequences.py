@@ -4,7 +4,8 @@ import pytest
 
 from envgraph.errors import RuleError
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._journal import invert, revert
+from envgraph.graph._journal import Journal, invert, revert
+from envgraph.graph._torn import Torn
 from tests.unit.graph.domain import forest
 
 
@@ -44,11 +45,12 @@ def test_other_structures_can_use_the_journal():
     index[1] = (1, 2)
     mark = len(journal)
     journal.extend((matches, (1, 2), matches.take((1, 2)), IN))
-    revert(journal, mark)
+    revert(journal, mark, Torn())
     assert matches == [(1, 2)]
-    back = invert(journal)
+    back: Journal = []
+    invert(journal, back)
     assert (matches, counter.counts, index) == ([], {"p": None}, {1: None})
-    invert(back)
+    invert(back, [])
     assert (matches, counter.counts, index) == ([(1, 2)], {"p": 1}, {1: (1, 2)})
 
 

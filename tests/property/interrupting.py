@@ -1,0 +1,100 @@
+"""Exceptions at chosen instructions: what Ctrl-C does at some time, at every place and without a clock."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dis import get_instructions
+from functools import cache
+from inspect import CO_GENERATOR
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any
+
+import envgraph
+
+PLACES = tuple(str(Path(envgraph.__file__).parent / package) for package in ("graph", "match", "rewrite"))
+
+
+class Interrupted(BaseException):
+    """Like KeyboardInterrupt."""
+
+
+def _ours(frame: FrameType) -> bool:
+    name = frame.f_code.co_filename
+    return name.startswith(PLACES) or name.startswith("<")
+
+
+@cache
+def _sheltered(code: CodeType) -> frozenset[int]:
+    """Instructions from the beginning of handlers up to their first call: nobody looks for signals there."""
+    found: set[int] = set()
+    inside = False
+    for instruction in get_instructions(code):
+        inside |= instruction.opname == "PUSH_EXC_INFO"
+        if inside:
+            found.add(instruction.offset)
+        inside &= not instruction.opname.startswith("CALL")
+    return frozenset(found)
+
+
+class Trip:
+    """Raises `Interrupted` before an instruction of the engine, and perhaps once more after so many further calls.
+
+    Attributes:
+        passed: instructions, and calls after the first exception.
+    """
+
+    def __init__(self, instruction: int, call: int | None = None) -> None:
+        self._instruction = instruction
+        self._call = call
+        self.passed = 0
+        self.calls = 0
+        self.tripped = False
+
+    def run(self, function: Callable[[], object]) -> bool:
+        """Call a function; whether it was interrupted."""
+        if self.tripped:
+            function()
+            return False
+        if self._call is not None:
+            sys.setprofile(self._profile)
+        sys.settrace(self._trace)
+        try:
+            function()
+        except Interrupted:
+            return True
+        finally:
+            sys.settrace(None)
+            sys.setprofile(None)
+        return False
+
+    def _trace(self, frame: FrameType, event: str, argument: Any) -> Any:
+        if not _ours(frame):
+            return None
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        return self._instructions
+
+    def _instructions(self, frame: FrameType, event: str, argument: Any) -> Any:
+        if event == "opcode" and frame.f_lasti not in _sheltered(frame.f_code):
+            self.passed += 1
+            if self.passed == self._instruction:
+                self.tripped = True
+                raise Interrupted
+        return self._instructions
+
+    def _profile(self, frame: FrameType, event: str, argument: Any) -> None:
+        # Where Python looks for signals: a function begins, a call of one in C returns. A generator that goes on would
+        # be interrupted in its `try`, which cannot be had here.
+        goes_on = event == "call" and frame.f_code.co_flags & CO_GENERATOR
+        if (
+            self.tripped
+            and self._call is not None
+            and event in ("call", "c_return")
+            and not goes_on
+            and _ours(frame)
+        ):
+            self.calls += 1
+            if self.calls == self._call:
+                self._call = None
+                raise Interrupted

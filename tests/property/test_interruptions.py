@@ -1,0 +1,406 @@
+"""An interruption at any instruction leaves model and views as before what was interrupted, or as after it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from hypothesis import settings
+
+from envgraph.graph import Model, Savepoint, Shelf, Version, _history, _integrity, _store
+from envgraph.match import FREE, NaiveMatcher
+from envgraph.match.views import _sets
+from envgraph.pattern import Library
+from tests.property.interrupting import Trip
+from tests.property.snapshots import facts
+from tests.unit.match.kinds import watched
+from tests.unit.match.people import METAMODEL
+from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
+
+NIGHTLY = settings().max_examples > 100
+ONCE, TWICE = (800, 200) if NIGHTLY else (10, 3)
+"""Instructions at which a scenario is interrupted, and of these how many interruptions are followed by another."""
+
+PATTERNS = (
+    pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")]),
+    pattern("two(a : Person, c : Person)", [find("knows", "a", "b"), find("knows", "b", "c")]),
+    pattern("reaches(a : Person, b : Person)", [find("knows+", "a", "b")]),
+    pattern("lonely(a : Person)", [is_a("Person", "a"), neg(find("knows", "a", "_"))]),
+    pattern(
+        "fans(a : Person, n : int)", [is_a("Person", "a"), equal("n", fold("count", find("two", "_", "a")))]
+    ),
+    pattern(
+        "above(a : Person, b : Person)",
+        [path("Person.boss", "b", "a")],
+        [find("above", "a", "c"), path("Person.boss", "b", "c")],
+    ),
+    pattern("chiefs(a : Chief, t : Team)", [is_a("Chief", "a"), path("Team.members", "t", "a")]),
+    pattern("paid(a : Person, m : int)", [path("Person.age", "a", "m")]),
+)
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few elements are many: so small models have everything."""
+    for module in (_store, _integrity, _sets):
+        monkeypatch.setattr(module, "CROWD", 2)
+    monkeypatch.setattr(_history, "_LONG", 8)
+
+
+class World:
+    """Some people, views of them, somebody who listens, and what a scenario keeps."""
+
+    def __init__(self) -> None:
+        self.model = model = Model(METAMODEL)
+        self.library = Library(METAMODEL)
+        self.library.add(*PATTERNS)
+        self.names = [each.name for each in PATTERNS]
+        people = [model.create("Person", object_name=f"p{n}", age=n) for n in range(7)]
+        for one, other in ((0, 1), (1, 2), (2, 0), (0, 2), (0, 3), (5, 0), (0, 5), (5, 6)):
+            people[one].knows.append(people[other])
+        people[1].boss = people[2].boss = people[3].boss = people[0]
+        model.create("Team", object_name="t0", members=people[5:])
+        model.create("Team", object_name="t1")
+        self.matcher = watched(model, self.library)
+        self.heard: set[tuple[object, ...]] = set(self.rows("two"))
+        self.matcher.listen("two", self.hear)
+        self.versions: list[Version] = []
+        self.savepoints: list[Savepoint] = []
+        self.shelves: list[Shelf] = []
+
+    def hear(self, appeared: list[tuple[object, ...]], disappeared: list[tuple[object, ...]]) -> None:
+        """Be told of changes."""
+        self.heard -= set(disappeared)
+        self.heard |= set(appeared)
+
+    def rows(self, name: str) -> list[tuple[object, ...]]:
+        """The matches of a pattern."""
+        return list(self.matcher.rows(name, (FREE,) * len(self.library.parameter_types(name))))
+
+    def state(self) -> object:
+        """The facts and the names."""
+        model = self.model
+        return sorted(map(repr, facts(model))), [(n, model.object_name(n)) for n in model.store.nodes()]
+
+    def check(self) -> None:
+        """Assert that everything is right."""
+        self.model.check_integrity()
+        naive = NaiveMatcher(self.model, self.library)
+        for name in self.names:
+            free = (FREE,) * len(self.library.parameter_types(name))
+            assert sorted(self.rows(name)) == naive.rows(name, free), name  # type: ignore[type-var]
+        self.matcher.check_integrity()
+        self.model.check_integrity()
+
+    def go_on(self, states: dict[int, object]) -> None:
+        """What is done after an interruption works, and leads to where it should."""
+        model = self.model
+        self.model._history.unwind(0)
+        self.check()
+        here = self.state()
+        model["p4"].knows.append(model["p0"])
+        self.check()
+        changed = self.state()
+        version = model.commit()
+        for other in [*self.versions, version, *self.versions]:
+            model.checkout(other)
+            self.check()
+            known = changed if other is version else states.get(other.number, self.state())
+            assert self.state() == known
+        model.checkout(version)
+        model["p4"].knows.remove(model["p0"])
+        self.check()
+        assert self.state() == here
+        self.matcher.deliver()
+        model.commit()
+        assert self.heard == set(self.rows("two"))
+
+
+Step = Callable[[World], object]
+
+
+def _id(world: World, name: str) -> int:
+    return world.model[name].id
+
+
+def create(world: World) -> None:
+    """An object with features, at once."""
+    model = world.model
+    model.create("Chief", object_name="new", age=3, knows=[model["p0"], model["p4"]], boss=model["p4"])
+
+
+def new(world: World) -> None:
+    """An object."""
+    world.model.new("Person", "n2")
+
+
+def link(world: World) -> None:
+    """A link."""
+    world.model.link(_id(world, "p0"), METAMODEL.feature("Person", "knows"), _id(world, "p0"))  # type: ignore[arg-type]
+
+
+def unlink(world: World) -> None:
+    """A link goes."""
+    world.model.unlink(_id(world, "p0"), METAMODEL.feature("Person", "knows"), _id(world, "p1"))  # type: ignore[arg-type]
+
+
+def value(world: World) -> None:
+    """A value."""
+    world.model["p1"].age = 9
+
+
+def boss(world: World) -> None:
+    """Another target, whose opposite is crowded."""
+    world.model["p1"].boss = world.model["p4"]
+
+
+def move(world: World) -> None:
+    """Another container."""
+    world.model["t1"].members.append(world.model["p5"])
+
+
+def targets(world: World) -> None:
+    """Other targets."""
+    people = world.model
+    people["p0"].knows = [people["p4"], people["p2"], people["p1"], people["p0"]]
+
+
+def clear(world: World) -> None:
+    """No targets."""
+    world.model["p2"].knows = []
+
+
+def retype(world: World) -> None:
+    """Another class."""
+    world.model["p1"].retype("Chief")
+
+
+def lose(world: World) -> None:
+    """Another class, which has none of the features."""
+    world.model["p3"].retype("Ghost", lossy=True)
+
+
+def rename(world: World) -> None:
+    """Another name."""
+    world.model.set_object_name(_id(world, "p2"), "other")
+
+
+def delete(world: World) -> None:
+    """A container with its contents."""
+    world.model["t1" if world.model.find_object("t0") is None else "t0"].delete("spo")
+
+
+def ask(world: World) -> None:
+    """All views."""
+    for name in world.names:
+        world.rows(name)
+
+
+def deliver(world: World) -> None:
+    """Tell who listens."""
+    world.matcher.deliver()
+
+
+def several(world: World) -> None:
+    """A transaction."""
+    with world.model.transaction():
+        link(world)
+        ask(world)
+        targets(world)
+        with world.model.transaction():
+            value(world)
+            delete(world)
+
+
+def fail(world: World) -> None:
+    """A transaction that fails."""
+    try:
+        with world.model.transaction():
+            targets(world)
+            ask(world)
+            delete(world)
+            create(world)
+            raise KeyError
+    except KeyError:
+        pass
+
+
+def commit(world: World) -> None:
+    """A version."""
+    world.versions.append(world.model.commit())
+
+
+def first(world: World) -> None:
+    """To the first version."""
+    world.model.checkout(world.versions[0], discard=True)
+
+
+def last(world: World) -> None:
+    """To the last version."""
+    world.model.checkout(world.versions[-1], discard=True)
+
+
+def forget(world: World) -> None:
+    """Nobody holds the second version any more."""
+    del world.versions[1]
+    assert world.model.idle is False
+
+
+def forget_all(world: World) -> None:
+    """Nobody holds any version."""
+    world.versions.clear()
+    assert world.model.idle
+
+
+def mark(world: World) -> None:
+    """A savepoint."""
+    world.savepoints.append(world.model.savepoint())
+
+
+def back(world: World) -> None:
+    """To the last savepoint."""
+    world.model.rollback(world.savepoints.pop())
+
+
+def keep(world: World) -> None:
+    """Close the last savepoint."""
+    world.model.release(world.savepoints.pop())
+
+
+def shelve(world: World) -> None:
+    """To the last savepoint, for a time."""
+    world.shelves.append(world.model.shelve(world.savepoints.pop()))
+
+
+def resume(world: World) -> None:
+    """What was shelved."""
+    world.savepoints.append(world.model.resume(world.shelves[-1]))
+
+
+def load(world: World) -> None:
+    """Without a journal."""
+    with world.model.loading():
+        link(world)
+
+
+def watch_less(world: World) -> None:
+    """A view goes."""
+    world.matcher.unwatch("above")
+
+
+def watch_more(world: World) -> None:
+    """A view comes."""
+    world.matcher.watch("above")
+
+
+SCENARIOS: dict[str, tuple[Step, ...]] = {
+    "objects": (create, new, ask, rename, retype, ask, lose, delete, ask),
+    "links": (link, boss, ask, unlink, value, move, ask, targets, clear, ask, deliver),
+    "transactions": (several, ask, fail, deliver),
+    "savepoints": (
+        link,
+        mark,
+        targets,
+        ask,
+        mark,
+        create,
+        back,
+        value,
+        ask,
+        keep,
+        mark,
+        delete,
+        back,
+        deliver,
+    ),
+    "shelves": (
+        mark,
+        targets,
+        retype,
+        mark,
+        delete,
+        shelve,
+        value,
+        back,
+        mark,
+        link,
+        shelve,
+        resume,
+        ask,
+        keep,
+    ),
+    "versions": (commit, several, commit, create, commit, first, value, last, first, link, commit, last, ask),
+    "freed": (
+        commit,
+        link,
+        commit,
+        targets,
+        retype,
+        commit,
+        forget,
+        first,
+        last,
+        value,
+        commit,
+        forget_all,
+        ask,
+    ),
+    "watching": (watch_less, load, watch_more, link, ask),
+}
+
+
+def play(steps: tuple[Step, ...]) -> tuple[list[object], list[dict[int, object]], int]:
+    """States before the steps and after the last, those of the versions, and how many instructions there are."""
+    world, trip = World(), Trip(0)
+    states, numbered = [world.state()], [dict[int, object]()]
+    for step in steps:
+        trip.run(lambda step=step: step(world))  # type: ignore[misc]
+        world.check()
+        states.append(world.state())
+        numbered.append({**numbered[-1], **{v.number: s for v, s in _here(world)}})
+    world.matcher.deliver()
+    assert world.heard == set(world.rows("two"))
+    return states, numbered, trip.passed
+
+
+def _here(world: World) -> Iterator[tuple[Version, object]]:
+    version = world.model.version
+    if version is not None:
+        yield version, world.state()
+
+
+def interrupt(
+    steps: tuple[Step, ...], trip: Trip, states: list[object], numbered: list[dict[int, object]]
+) -> None:
+    """Play until the interruption, and look at everything."""
+    world = World()
+    for number, step in enumerate(steps):
+        if trip.run(lambda step=step: step(world)):  # type: ignore[misc]
+            world.check()
+            assert world.state() in (states[number], states[number + 1])
+            world.go_on(numbered[number + 1])
+            return
+
+
+def spread(name: str, most: int, instructions: int) -> Iterator[int]:
+    """Some instructions, at other places in each scenario."""
+    stride = instructions / most
+    first = stride * (list(SCENARIOS).index(name) + 1) / (len(SCENARIOS) + 1)
+    return (int(first + stride * number) for number in range(most))
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_an_interruption_anywhere_leaves_nothing_half_done(name: str) -> None:
+    steps = SCENARIOS[name]
+    states, numbered, instructions = play(steps)
+    for instruction in spread(name, ONCE, instructions):
+        interrupt(steps, Trip(instruction), states, numbered)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_nor_does_another_one_while_that_is_dealt_with(name: str) -> None:
+    steps = SCENARIOS[name]
+    states, numbered, instructions = play(steps)
+    for number, instruction in enumerate(spread(name, TWICE, instructions)):
+        for call in (1 + number % 3, 7 + number % 11, 20 + number % 31):
+            interrupt(steps, Trip(instruction, call), states, numbered)
