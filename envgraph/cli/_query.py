@@ -9,11 +9,14 @@ from typing import Any
 import envgraph.lang
 from envgraph.cli._convert import metamodel_paths, model_text
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table
-from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, name_hint, with_article
+from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, listed, name_hint, with_article
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, RunResult, trace_to_text
+
+_SAMPLES = {Scalar.INT: "3", Scalar.FLOAT: "2.5", Scalar.BOOL: "true"}
+"""A value of a type, for messages."""
 
 _NO_MODELS = (".metamodel", ".ecore", ".query", ".vql", ".rules", ".environment")
 
@@ -45,6 +48,9 @@ def open_engine(model: str, definitions: str, metamodels: list[str] | None, seed
     """An engine on a `.model` or `.xmi` file, or on a model as JSON, such as `envgraph apply --output` writes."""
     if model.endswith(_NO_MODELS):
         raise InvalidArgument(f"`{model}` is no model; a model is a .model, .xmi or .json file")
+    if not Path(definitions).exists() and "." not in Path(definitions).name:
+        hint = "the model comes first, then the file with the rules or patterns, then the name of one"
+        raise InvalidArgument(f"`{definitions}` is no file: {hint}")
     paths = [*metamodel_paths(metamodels), definitions]
     if not model.endswith(".json"):
         workspace = envgraph.lang.open_workspace(*paths, model)
@@ -95,6 +101,7 @@ def apply_rule(
     signature = engine.signature(rule)
     taken = (*signature.parameters, *signature.variables)
     bound = _bound(engine, {one.name: one.type for one in taken}, where)
+    _check_given(engine, rule, bound)
     done: list[dict[str, Any]] = []
     failed: RunResult | None = None
     with engine.recording() as recorded:
@@ -127,6 +134,20 @@ def apply_rule(
         write_model(engine, output, format)
 
 
+def _check_given(engine: Engine, rule: str, bound: Mapping[str, Any]) -> None:
+    """Whether a rule or unit has the values that it cannot do without."""
+    signature = engine.signature(rule)
+    needed: Iterable[str] = ()
+    if signature.kind == "unit":
+        needed = (one.name for one in signature.parameters if one.required)
+    elif signature.kind == "rule":
+        needed = engine.prepare(rule).inputs
+    missing = [name for name in needed if name not in bound]
+    if missing:
+        options = " ".join(f"--where {name}=.." for name in missing)
+        raise InvalidArgument(f"`{rule}` needs a value for {listed(missing)}; write `{options}`")
+
+
 def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[str], RunResult | None]:
     """What one application did, a line a step, and the result of a unit that failed."""
     if engine.signature(rule).kind == "unit":
@@ -157,7 +178,7 @@ def _pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
         if any(pattern in {one.name, one.qualified_name} for one in private):
             raise InvalidArgument(f"pattern `{pattern}` is private: it can be used in its own file only")
         simple = [one.name for one in engine.library.patterns if not one.private]
-        hint = did_you_mean(pattern, simple if "." not in pattern else engine.library.names())
+        hint = name_hint(pattern, simple if "." not in pattern else engine.library.names())
         raise InvalidArgument(f"unknown pattern `{pattern}`" + (f"; {hint}" if hint else ""))
     types = engine.library.parameter_types(found.qualified_name)
     return {parameter.name: type_ for parameter, type_ in zip(found.parameters, types, strict=True)}
@@ -169,7 +190,7 @@ def _bound(engine: Engine, types: Mapping[str, StaticType | None], where: list[s
     for text in where:
         name, equals, value = text.partition("=")
         if not equals:
-            raise InvalidArgument(f"`{text}` is not of the form NAME=VALUE")
+            raise InvalidArgument(f"`{text}` is not of the form NAME=VALUE; write `--where {name}=..`")
         if name not in types:
             hint = name_hint(name, types) or "nothing can be given"
             raise InvalidArgument(f"unknown variable `{name}`; {hint}")
@@ -185,11 +206,14 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
         if found is None and text.isdecimal() and engine.model.alive(int(text)):
             found = int(text)
         if found is None:
-            raise InvalidArgument(f"`{name}`: the model has no object `{text}`; give a name, or an id")
+            raise InvalidArgument(
+                f"`{name}`: the model has no object `{text}`; {_objects(engine, text, type_.cls)}"
+            )
         cls = engine.model.class_of(found)
         if not engine.model.metamodel.is_a(cls, type_.cls):
             raise InvalidArgument(
-                f"`{name}` is {with_article(type_.cls)}, and `{text}` is {with_article(cls)}"
+                f"`{name}` is {with_article(type_.cls)}, and `{text}` is {with_article(cls)}; "
+                f"{_objects(engine, text, type_.cls)}"
             )
         return engine.model.node(found)
     if isinstance(type_, EnumType):
@@ -210,7 +234,17 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
     except (ValueError, KeyError):
         raise InvalidArgument(
             f"`{name}` is {with_article(type_name(type_)) if type_ else 'a value'}, and `{text}` is none"
+            + (f"; write `--where {name}={_SAMPLES[type_]}`" if type_ in _SAMPLES else "")
         ) from None
+
+
+def _objects(engine: Engine, text: str, cls: str) -> str:
+    """Which objects of a class may be meant."""
+    nodes = engine.model.extent(cls)
+    names = [name for node in nodes if (name := engine.model.object_name(node))]
+    if names:
+        return name_hint(text, names) or ""
+    return f"give an id: there are {listed(map(str, nodes))}" if nodes else f"there is no `{cls}` in it"
 
 
 def _shown(value: Node | Value) -> str:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMismatch, did_you_mean
 from envgraph.graph._model import Model
-from envgraph.metamodel import Attribute, Metamodel, Reference
+from envgraph.graph._refusals import wrong_value
+from envgraph.metamodel import Attribute, Metamodel, Reference, accepts
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -106,7 +107,10 @@ def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, ob
     for feature in features.values():
         if isinstance(feature, Attribute):
             try:
-                model.set_value(node, feature, attributes.get(feature.name))  # type: ignore[arg-type]  # checked there
+                value = attributes.get(feature.name)
+                if value is not None and not accepts(feature.type, value):
+                    raise wrong_value(feature, value)
+                model.set_value(node, feature, value)  # type: ignore[arg-type]  # checked
             except EnvgraphError as error:
                 raise TypeMismatch(f"node {label!r}: {error}") from None
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
-from envgraph.metamodel import Attribute, Feature, Reference, Value
+from envgraph.graph import _refusals as refusals
+from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value
 
 if TYPE_CHECKING:
     from envgraph.graph._model import Model
@@ -220,6 +221,8 @@ def _read(node: Node, feature: Feature) -> Value | Node | Targets | None:
 def _write(node: Node, feature: Feature, value: object) -> None:
     model = node.model
     if isinstance(feature, Attribute):
+        if type(value) is int and not -LARGEST_INT - 1 <= value <= LARGEST_INT:
+            raise refusals.wrong_value(feature, value)
         model.set_value(node.id, feature, value)  # type: ignore[arg-type]  # checked there
     elif feature.many:
         if isinstance(value, str) or not isinstance(value, Iterable):

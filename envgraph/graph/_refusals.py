@@ -6,7 +6,16 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from envgraph.errors import EnvgraphError, InvalidArgument, RuleError, TypeMismatch, did_you_mean
-from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, type_name
+from envgraph.metamodel import (
+    LARGEST_INT,
+    Attribute,
+    EnumType,
+    Feature,
+    Metamodel,
+    Reference,
+    Scalar,
+    type_name,
+)
 
 if TYPE_CHECKING:
     from envgraph.graph._incidence import Link
@@ -59,6 +68,8 @@ def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
         hint = did_you_mean(value, attribute.type.literals)
         hint = hint or "its literals: " + ", ".join(f"`{literal}`" for literal in attribute.type.literals)
     kind = type_name(attribute.type)
+    if attribute.type is Scalar.INT and type(value) is int:
+        hint = f"an int has 64 bits: it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
     try:
         shown = repr(value)
     except ValueError:  # Python does not show ints of thousands of digits

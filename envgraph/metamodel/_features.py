@@ -244,12 +244,14 @@ def accepts(type_: AttributeType, value: object) -> bool:
 
     >>> accepts(Scalar.FLOAT, 1), accepts(Scalar.INT, True), accepts(Scalar.FLOAT, float("nan"))
     (True, False, False)
+    >>> accepts(Scalar.INT, 2**63 - 1), accepts(Scalar.INT, 2**63)
+    (True, False)
     """
     if isinstance(type_, EnumType):
         return isinstance(value, str) and value in type_.literals
     match type_:
         case Scalar.INT:
-            return type(value) is int
+            return type(value) is int and -LARGEST_INT - 1 <= value <= LARGEST_INT
         case Scalar.FLOAT:
             # NaN is not equal to itself: no query could find it again.
             return _has_float(value) if type(value) is int else type(value) is float and not isnan(value)

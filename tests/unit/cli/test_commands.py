@@ -488,3 +488,31 @@ def test_apply_tells_why_a_unit_failed(envgraph: Envgraph) -> None:
     assert lines[-3].startswith("far failed: `moveUp` has no match (twice.rules:2:")
     assert lines[-1].endswith("^^^^^^")
     assert len(lines) > 1 and lines[0].startswith("1: maze.moveRight(")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("moveRight", "maze/maze.rules"), "`moveRight` is no file: the model comes first"),
+        (("maze/maze.rules", "jump"), "unknown rule, unit or group `jump`"),
+        (("maze/maze.rules", "moveRight", "-w", "robot=nobody"), "has no object `nobody`; there "),
+        (("maze/maze.rules", "moveRight", "-w", "robot"), "write `--where robot=..`"),
+        (("more.rules", "place"), "`place` needs a value for `column`; write `--where column=..`"),
+        (
+            ("more.rules", "place", "-w", "column=x"),
+            "`column` is an `int`, and `x` is none; write `--where column=3`",
+        ),
+        (("more.rules", "place", "-w", f"column={2**63}"), "`column` of `place` takes `int`"),
+    ],
+)
+def test_a_wrong_argument_is_answered_with_what_to_write(
+    envgraph: Envgraph, arguments: tuple[str, ...], message: str
+) -> None:
+    ok(envgraph("new", "maze"))
+    Path("more.rules").write_text(
+        'import "maze/maze.metamodel"\n'
+        "rule place(column : int) { lhs { robot : Robot -at-> tile; } modify { set tile.x = column; } }\n"
+    )
+    result = envgraph("apply", "maze/maze.model", *arguments)
+    assert result.code == 1
+    assert message in result.err

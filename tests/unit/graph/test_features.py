@@ -3,7 +3,7 @@
 import pytest
 
 from envgraph.errors import InvalidArgument, RuleError, TypeMismatch
-from envgraph.graph import Model
+from envgraph.graph import Model, model_from_json, model_to_json
 from tests.unit.graph.domain import PEOPLE, feature, forest, people
 
 
@@ -253,3 +253,16 @@ def test_crowded_references_list_targets_as_added_until_one_is_removed():
         assert other not in ann.likes
         model.check_integrity()
     assert len(ann.likes) == 31
+
+
+@pytest.mark.parametrize("value", [2**63, -(2**63) - 1])
+def test_an_int_has_64_bits(value: int) -> None:
+    model = Model(PEOPLE)
+    ann = model.create("Person", id=2**63 - 1)
+    with pytest.raises(TypeMismatch, match="an int has 64 bits"):
+        ann["id"] = value
+    with pytest.raises(TypeMismatch, match="an int has 64 bits"):
+        model.create("Person", id=value)
+    ann["id"] = -(2**63)
+    (again,) = model_from_json(model_to_json(model), PEOPLE).nodes("Person")
+    assert again["id"] == -(2**63)

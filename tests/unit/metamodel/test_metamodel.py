@@ -103,7 +103,7 @@ def test_multiplicities_as_written():
 @pytest.mark.parametrize(
     ("type_", "yes", "no"),
     [
-        (Scalar.INT, [0, -5, 10**30], [True, 1.0, "1", None]),
+        (Scalar.INT, [0, -5, 2**63 - 1], [True, 1.0, "1", None, 2**63, -(2**63) - 1]),
         (Scalar.FLOAT, [1.5, 2, float("inf")], [True, float("nan"), "1", None, 10**400]),
         (Scalar.BOOL, [True, False], [0, 1, "true", None]),
         (Scalar.STRING, ["", "a"], [1, None, b"a"]),
