@@ -123,6 +123,8 @@ class BlockBuilder:
         self._check_required(plan)
         if isinstance(self.right, Modification) and self.rule.semantics == "dpo" and not nested:
             self._check_retyped()
+        if isinstance(self.right, Modification) and not nested:
+            self._check_orphans()
         return plan
 
     # --- names
@@ -567,6 +569,41 @@ class BlockBuilder:
                     "contradiction", error.message, second, "leave one of the two out", notes=notes
                 )
             self.sight.problems.append(found)
+
+    def _check_orphans(self) -> None:
+        """Warn of parts that stay because the left side names them, while their container goes."""
+        gone = self.sight.deleted.keys() - self.sight.absorbed.keys()
+        for arrow in self.sight.arrows:
+            own = arrow in self._arrows or {arrow.source, arrow.target} & {*self._own_deleted}
+            opposite = self.sight.metamodel.opposite(arrow.reference)
+            if arrow.reference.containment:
+                container, part = arrow.source, arrow.target
+            elif opposite is not None and opposite.containment:
+                container, part = arrow.target, arrow.source
+            else:
+                continue
+            if not own or container not in gone or part in self.sight.deleted or self._finds_home(part):
+                continue
+            if self.sight.key(arrow) in self._removed:
+                continue
+            text = f"{arrow.source} -{arrow.reference.name}-> {arrow.target}"
+            message = f"`{container}` is deleted, and `{part}` stays without a container: the left side has `{text}`"
+            hint = f"write `delete {part};` or `move {part} to ..`, or `delete {text};` if that is meant"
+            self.sight.warn("orphan", message, self._gone.get(container) or arrow.span, hint)
+
+    def _finds_home(self, part: str) -> bool:
+        """Whether a part may get another container."""
+        slot, metamodel = self.sight.slot(part), self.sight.metamodel
+        if any(move.node == slot for move in self._moves):
+            return True
+        for edge in self._links.values():
+            opposite = metamodel.opposite(edge.reference)
+            if edge.target == part and edge.reference.containment:
+                return True
+            if edge.source == part and opposite is not None and opposite.containment:
+                return True
+        changes = [change for change in self.values.sets if isinstance(change, SetTargets | ChangeTargets)]
+        return any(change.object == slot or slot in change.values for change in changes)
 
     def _check_retyped(self) -> None:
         """Warn where a link of the left side stays, and an end of it becomes what cannot have it."""
