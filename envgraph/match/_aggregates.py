@@ -8,6 +8,34 @@ from math import fsum, isfinite
 from envgraph.metamodel import Value
 
 LARGEST_INT = 2**63 - 1
+EXACT_INTS = 2**53
+"""Up to here every int is a float."""
+
+_SMALLEST = 1074
+"""Every float is a multiple of 2 to the power of minus this."""
+
+
+def fits(value: int) -> bool:
+    """Whether it is an int of 64 bits."""
+    return -LARGEST_INT - 1 <= value <= LARGEST_INT
+
+
+def scaled(value: float) -> int:
+    """A finite float as a multiple of the smallest one: such ints add up exactly.
+
+    >>> unscaled(10 * scaled(0.1)), 0.1 * 3, unscaled(3 * scaled(0.1))
+    (1.0, 0.30000000000000004, 0.30000000000000004)
+    """
+    numerator, denominator = value.as_integer_ratio()
+    return numerator << (_SMALLEST + 1 - denominator.bit_length())
+
+
+def unscaled(multiple: int) -> float | None:
+    """The nearest float; None beyond the largest."""
+    try:
+        return multiple / (1 << _SMALLEST)
+    except OverflowError:
+        return None
 
 
 def total(values: Collection[int | float]) -> int | float | None:
@@ -20,8 +48,8 @@ def total(values: Collection[int | float]) -> int | float | None:
     """
     if any(isinstance(value, float) for value in values):
         return _finite(values)
-    result = sum(values)
-    return result if -LARGEST_INT - 1 <= result <= LARGEST_INT else None
+    result = sum(map(int, values))
+    return result if fits(result) else None
 
 
 def mean(values: Collection[int | float]) -> float | None:
@@ -37,8 +65,10 @@ def mean(values: Collection[int | float]) -> float | None:
 def _finite(values: Collection[int | float]) -> float | None:
     try:
         result = fsum(values)
-    except (OverflowError, ValueError):
+    except ValueError:  # infinities of both signs
         return None
+    except OverflowError:  # perhaps only on the way: then the sum of other orders would be a number
+        return unscaled(sum(map(scaled, map(float, values)))) if all(map(isfinite, values)) else None
     return result if isfinite(result) else None
 
 

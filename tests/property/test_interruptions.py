@@ -9,7 +9,7 @@ from hypothesis import settings
 
 from envgraph.graph import Model, Savepoint, Shelf, Version, _history, _integrity, _store
 from envgraph.match import FREE, NaiveMatcher
-from envgraph.match.views import _sets
+from envgraph.match.views import _folds, _sets
 from envgraph.pattern import Library
 from tests.property.interrupting import Trip
 from tests.property.snapshots import facts
@@ -30,6 +30,18 @@ PATTERNS = (
         "fans(a : Person, n : int)", [is_a("Person", "a"), equal("n", fold("count", find("two", "_", "a")))]
     ),
     pattern(
+        "aged(a : Person, b : Person, n : int)",
+        [path("Person.knows", "a", "b"), path("Person.age", "b", "n")],
+    ),
+    pattern(
+        "sum(a : Person, n : int)",
+        [is_a("Person", "a"), equal("n", fold("sum", find("aged", "a", "_", "#")))],
+    ),
+    pattern(
+        "most(a : Person, n : int)",
+        [is_a("Person", "a"), equal("n", fold("max", find("aged", "a", "_", "#")))],
+    ),
+    pattern(
         "above(a : Person, b : Person)",
         [path("Person.boss", "b", "a")],
         [find("above", "a", "c"), path("Person.boss", "b", "c")],
@@ -45,6 +57,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (_store, _integrity, _sets):
         monkeypatch.setattr(module, "CROWD", 2)
     monkeypatch.setattr(_history, "_LONG", 8)
+    monkeypatch.setattr(_folds, "LARGE", 0)
 
 
 class World:

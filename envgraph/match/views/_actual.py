@@ -12,7 +12,8 @@ from envgraph.match._sinks import Sink
 from envgraph.match._symbols import Held, Source
 from envgraph.match._write import Block, Module
 from envgraph.match.views._delta import Delta, DeltaTranslation, Role, delta_plan, tuple_names
-from envgraph.match.views._operators import Fold, Operator, Rows
+from envgraph.match.views._folds import Fold
+from envgraph.match.views._operators import Operator, Rows
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
 from envgraph.pattern import (

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 
 from envgraph.match._explain import Names, relation_text, steps_text
 from envgraph.match.views._delta import Delta, Role, delta_plan, delta_source
-from envgraph.match.views._operators import Evaluated, Fold, Operator, View
+from envgraph.match.views._folds import Fold
+from envgraph.match.views._operators import Evaluated, Operator, View
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Component, Member

@@ -30,7 +30,8 @@ from envgraph.match.views._delta import (
     derivable_source,
     occurrences,
 )
-from envgraph.match.views._operators import Evaluated, Fold, Operator, Rows, View, fill_unrecorded
+from envgraph.match.views._folds import Fold
+from envgraph.match.views._operators import Evaluated, Operator, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
 from envgraph.match.views._recursive import Component, Member

@@ -10,8 +10,9 @@ from envgraph.match.views._actual import Build as DeltaBuild
 from envgraph.match.views._actual import actual_rows, tuples_of
 from envgraph.match.views._delta import Delta
 from envgraph.match.views._explain import explain_views
+from envgraph.match.views._folds import Fold
 from envgraph.match.views._growth import Build, Evaluate, Growth
-from envgraph.match.views._operators import Fold, Rows, View, fill_unrecorded
+from envgraph.match.views._operators import Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Component, Member

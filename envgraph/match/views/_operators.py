@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
-from envgraph.graph import SET, Store
-from envgraph.match._aggregates import aggregate
+from envgraph.graph import Store
 from envgraph.match.views._sets import Groups, MatchSet, Row, become
 from envgraph.match.views._upkeep import changes
 
@@ -245,89 +244,3 @@ class Evaluated(Rows):
     def fill(self) -> None:
         self._revision = self.store.revision
         self.set_rows(self._evaluate())
-
-
-class Grouped(Protocol):
-    """What can be aggregated."""
-
-    name: str
-    store: Store
-
-    def group_table(self, positions: tuple[int, ...]) -> Mapping[Any, Collection[Any]]:
-        """The tuples under the values at some positions."""
-
-
-class Fold(Operator):
-    """The value of an aggregate for each group of a view; a group that is not there has the value of nothing.
-
-    Args:
-        name: unique.
-        store: of the model.
-        source: what is aggregated.
-        group: positions whose values tell the groups apart.
-        function: count, sum, min, max or avg.
-        column: position that is aggregated; None for count.
-    """
-
-    def __init__(
-        self, name: str, source: Grouped, group: tuple[int, ...], function: str, column: int | None
-    ) -> None:
-        super().__init__(name, source.store)
-        self.source = source
-        self.function = function
-        self.column = column
-        self.empty = aggregate(function, [])
-        self.values: dict[Row, Any] = {}
-        self._table = source.group_table(group)
-        self._bare = len(group) == 1
-        self.group = group
-        self._dirty: dict[Row, None] = {}
-
-    @property
-    def pending(self) -> bool:
-        return bool(self._dirty)
-
-    def forget(self) -> None:
-        self._dirty.clear()
-
-    def size(self) -> float:
-        return float(len(self.values))
-
-    def touch(self, *row: Any) -> None:
-        """A tuple of the source comes or goes."""
-        self._dirty[tuple([row[position] for position in self.group])] = None
-
-    def value(self, key: Row) -> Any:
-        """The value of a group; None if there is none."""
-        return self.values.get(key, self.empty)
-
-    def process(self) -> None:
-        keys = list(self._dirty)
-        self._dirty.clear()
-        for key in keys:
-            old, new = self.values.get(key, self.empty), self._computed(key)
-            if old == new:
-                continue
-            if old is not None and self.removing is not None:
-                self.removing(*key, old)
-            if self.store.recording:
-                self.store.journal.extend((self.values, key, old, SET))
-            self.values[key] = new
-            if new is not None and self.added is not None:
-                self.added(*key, new)
-
-    def _computed(self, key: Row) -> Any:
-        rows = self._table.get(key[0] if self._bare else key, ())
-        if self.column is None:
-            return len(rows)
-        column = self.column
-        return aggregate(self.function, [row[column] for row in rows])
-
-    def fill(self) -> None:
-        keys = [(key,) if self._bare else key for key in self._table]
-        become(self.store, self.values, {key: self._computed(key) for key in keys}, self.empty)
-
-    def check(self) -> None:
-        """Assert that every value is that of a new computation."""
-        for key in {*self.values, *((k,) if self._bare else k for k in self._table)}:
-            assert self.value(key) == self._computed(key), self.name

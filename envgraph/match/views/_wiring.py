@@ -13,9 +13,10 @@ from envgraph.graph import Store
 from envgraph.match._options import Unplannable
 from envgraph.match._plan import Conjunction
 from envgraph.match.views._delta import Delta, Occurrence, occurrences, own_positions
+from envgraph.match.views._folds import Fold
 from envgraph.match.views._fusion import fused_source
 from envgraph.match.views._growth import Build, Definition, Growth, Key
-from envgraph.match.views._operators import Fold, Hook, Operator, View
+from envgraph.match.views._operators import Hook, Operator, View
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Member
@@ -112,7 +113,7 @@ class Wiring:
     def _subscribe(self, operator: Operator) -> None:
         match operator:
             case Fold():
-                self._listen(("rows", operator.source.name), (operator.touch, operator.touch))
+                self._listen(("rows", operator.source.name), operator.hooks)
             case Reach():
                 self._listen(("rows", operator.starts.name), (operator.ask, operator.unask))
                 gain: Hook = operator.gain
