@@ -24,6 +24,7 @@ from envgraph.match._symbols import Mode
 from envgraph.match._trace import Trace
 from envgraph.pattern import (
     PATHS,
+    VALUES,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
@@ -162,7 +163,8 @@ def relation_text(relation: RelationAtom, names: Names, inside: Mapping[int, str
         case AttributeAtom(feature) | LinkAtom(feature):
             return f"{feature}({listed})"
         case CallAtom(pattern):
-            return f"find {pattern}({listed})"
+            package, _, name = pattern.partition(".")
+            return f"{name}({listed})" if package == VALUES else f"find {pattern}({listed})"
         case ClosureAtom(step, closure):
             sign = "*" if closure is Closure.STAR else "+"
             package, _, path = step.partition(".")

@@ -23,11 +23,12 @@ from envgraph.match._naive_body import (
     Test,
     Unequal,
     Valuation,
+    Values,
     flatten,
     mentioned,
     resolved,
 )
-from envgraph.metamodel import Attribute, Value
+from envgraph.metamodel import Attribute, EnumType, Value
 from envgraph.pattern import (
     Closure,
     Library,
@@ -195,7 +196,7 @@ class NaiveMatcher:
                 return all(terms[position] in known for position in self.library.inputs(called))
             case Positive(TypeConstraint(name), terms) if name not in self.library.metamodel.classes:
                 return terms[0] in known
-            case Positive():
+            case Positive() | Values():
                 return True
             case Negative() | Fold():
                 return all(t in known or t in item.local for t in item.terms)
@@ -209,6 +210,9 @@ class NaiveMatcher:
             case Positive(relation, terms):
                 for row in self._tuples(pattern, relation, terms, known):
                     yield {**known, **dict(zip(terms, row, strict=True))}
+            case Values(enum, (name,)):
+                for value in self._values(enum):
+                    yield from _with(known, name, value)
             case Negative():
                 if not any(True for _ in self._group(pattern, item, known)):
                     yield known
@@ -283,6 +287,17 @@ class NaiveMatcher:
                 if self._is(n, name, exact)
             ]
         return [argument] if self._is(argument, name, exact) else []  # type: ignore[arg-type, list-item]
+
+    def _values(self, enum: EnumType) -> list[Value]:
+        """Those that occur in the model, each once."""
+        attributes = [one for one in self.library.metamodel.attributes if one.type == enum]
+        values = [
+            self.model.value(node, attribute)
+            for attribute in attributes
+            for node in self.model.store.nodes()
+            if self._is(node, attribute.owner, False)
+        ]
+        return [value for value in dict.fromkeys(values) if value is not None]
 
     def _is(self, node: int, name: str, exact: bool) -> bool:
         cls = self.model.class_of(node)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import count
 
-from envgraph.metamodel import Value
+from envgraph.metamodel import EnumType, Value
 from envgraph.pattern import (
     Aggregate,
     Body,
@@ -98,7 +98,15 @@ class Valuation:
     result: str
 
 
-Item = Positive | Negative | Fold | Equal | Unequal | Test | Valuation
+@dataclass(frozen=True, slots=True)
+class Values:
+    """An attribute of some object has the value, which is of the enum."""
+
+    enum: EnumType
+    terms: tuple[str, ...]
+
+
+Item = Values | Positive | Negative | Fold | Equal | Unequal | Test | Valuation
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +128,8 @@ def flatten(pattern: Pattern, body: Body, library: Library) -> FlatBody:
             )
     for constraint in body.constraints:
         reader.read(constraint)
+    for name, enum in library.bound_by_type(pattern.qualified_name, pattern.bodies.index(body)):
+        reader.items.append(Values(enum, (name,)))
     parameters = {parameter.name for parameter in pattern.parameters}
     return FlatBody(
         tuple(_with_locals(reader.items, parameters | reader.constants.keys())),

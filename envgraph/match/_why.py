@@ -14,7 +14,7 @@ from envgraph.match._plan import BodyPlan, Conjunction, ViewKey
 from envgraph.match._planner import Planner
 from envgraph.match._trace import Build, trace, whole
 from envgraph.metamodel import Value
-from envgraph.pattern import CallAtom, ObjectType
+from envgraph.pattern import VALUES, CallAtom, ObjectType
 
 MOST_LEVELS = 6
 """Called patterns that are looked into."""
@@ -160,12 +160,17 @@ def _failure(
         return depth, Failure(number + 1, shown, "", objects)
     step = body.plan.steps[depth]
     inner = None
-    if isinstance(step.goal, CallAtom) and len(asked) <= MOST_LEVELS:
+    if isinstance(step.goal, CallAtom) and _has_text(step.goal.pattern) and len(asked) <= MOST_LEVELS:
         values: dict[int, Any] = {**dict(body.conjunction.constants), **partial}
         known = {p: values[v] for p, v in enumerate(step.goal.arguments) if v in values}
         if (step.goal.pattern, known) not in asked:
             inner = why_not(planner, build, first, step.goal.pattern, known, asked)
     return depth, Failure(number + 1, shown, goal_text(step, names), objects, inner)
+
+
+def _has_text(pattern: str) -> bool:
+    """Whether a called pattern is one that somebody has written, and not the values of an enum."""
+    return not pattern.startswith(f"{VALUES}.")
 
 
 def _contradicted(conjunction: Conjunction, given: Mapping[int, Value]) -> bool:

@@ -6,7 +6,7 @@ from envgraph.pattern._conformance import conformance_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
 from envgraph.pattern._expressions import check_expression
 from envgraph.pattern._failure import explained
-from envgraph.pattern._library import PATHS, Library
+from envgraph.pattern._library import PATHS, VALUES, Library
 from envgraph.pattern._lowered import (
     AggregateAtom,
     Atom,
@@ -94,6 +94,7 @@ __all__ = [
     "EXPRESSION_NAMESPACE",
     "FUNCTIONS",
     "PATHS",
+    "VALUES",
     "Action",
     "Aggregate",
     "AggregateAtom",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from envgraph.metamodel import Metamodel
+from envgraph.metamodel import EnumType, Metamodel
 from envgraph.pattern._bodies import (
     Use,
     expressions,
@@ -41,10 +41,18 @@ class Binding:
         body_types: the body with its types.
         parameters: of the pattern.
         given: names of parameters that the caller binds.
+        by_type: whether the type of a variable enumerates the values of an enum; see `bound_by_type`.
     """
 
-    def __init__(self, body_types: BodyTypes, parameters: Sequence[Parameter], given: Sequence[str]) -> None:
+    def __init__(
+        self,
+        body_types: BodyTypes,
+        parameters: Sequence[Parameter],
+        given: Sequence[str],
+        by_type: bool = True,
+    ) -> None:
         self._types = body_types
+        self._by_type = by_type
         self._reading = body_types.reading
         self._groups = {
             id(rel): number for number, (rel, _) in enumerate(grouped_relations(self._reading.body))
@@ -63,7 +71,9 @@ class Binding:
 
     def _at_once(self, parameters: Sequence[Parameter]) -> Iterator[str]:
         for parameter in parameters:
-            if parameter.type in self._types.metamodel.classes:
+            if parameter.type in self._types.metamodel.classes or (
+                self._by_type and declared_enum(parameter, self._types.metamodel)
+            ):
                 yield parameter.name
         for expression, _ in expressions(self._reading.body):
             for occurrence in variables_read(expression):
@@ -74,6 +84,8 @@ class Binding:
         for relation in positive_relations(self._reading.body):
             terms = terms_of(relation)
             if is_data_type(relation, self._types.metamodel):
+                if self._by_type and isinstance(self._types.columns(relation)[0], EnumType):
+                    self._bind(terms[0])
                 continue
             if all(self._ready(terms[position]) for position in inputs_of(relation, self._types)):
                 for term in terms:
@@ -108,6 +120,31 @@ class Binding:
         if isinstance(term, Variable):
             return term.anonymous or self._reading.quantified(term.name) == number
         return isinstance(term, Hash)
+
+
+def declared_enum(parameter: Parameter, metamodel: Metamodel) -> EnumType | None:
+    """The enum that a parameter is declared to be; None for one that the caller binds, and for other types."""
+    if parameter.type is None or parameter.direction == "in":
+        return None
+    type_ = static_type(parameter.type, metamodel)
+    return type_ if isinstance(type_, EnumType) else None
+
+
+def bound_by_type(body_types: BodyTypes, parameters: Sequence[Parameter]) -> tuple[tuple[str, EnumType], ...]:
+    """Variables of enums that nothing but their type enumerates: they have the values that occur in the model."""
+    metamodel, reading = body_types.metamodel, body_types.reading
+    found = [(p.name, enum) for p in parameters if (enum := declared_enum(p, metamodel))]
+    for relation in positive_relations(reading.body):
+        if isinstance(relation, TypeConstraint) and isinstance(relation.term, Variable):
+            type_ = static_type(relation.type, metamodel)
+            if isinstance(type_, EnumType) and not relation.term.anonymous:
+                found.append((relation.term.name, type_))
+    if not found:
+        return ()
+    given = [parameter.name for parameter in parameters if parameter.direction == "in"]
+    others = Binding(body_types, parameters, given, by_type=False)
+    unbound = {reading.root(name): (name, enum) for name, enum in reversed(found) if not others.binds(name)}
+    return tuple(reversed(unbound.values()))
 
 
 def is_data_type(relation: Relation, metamodel: Metamodel) -> bool:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
-from envgraph.metamodel import Metamodel
+from envgraph.metamodel import EnumType, Metamodel
 from envgraph.pattern._analysis import Analysis, Entry, Names
+from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Reading
 from envgraph.pattern._check import check_patterns
 from envgraph.pattern._inference import BodyTypes, Signature
@@ -19,7 +20,9 @@ from envgraph.pattern._terms import Variable
 from envgraph.pattern._types import type_text
 
 PATHS = "#path"
-"""Package of the generated patterns; no text spells it."""
+"""Package of the patterns that are generated for paths; no text spells it."""
+VALUES = "#values"
+"""Package of those that are generated for the values of enums."""
 
 
 class Checked(NamedTuple):
@@ -168,7 +171,7 @@ class Library:
     def _lower(self, entry: Entry) -> LoweredPattern:
         pattern = entry.pattern
         bodies = (
-            lower_body(pattern.parameters, self._types(entry, body), self._path_pattern, self.parameter_types)
+            lower_body(pattern.parameters, self._types(entry, body), self._generate, self.parameter_types)
             for body in pattern.bodies
         )
         return LoweredPattern(
@@ -186,8 +189,33 @@ class Library:
         parameters = entry.pattern.parameters
         return BodyTypes(Reading(body, parameters), parameters, self.metamodel, callee)
 
+    def bound_by_type(self, qualified_name: str, number: int) -> tuple[tuple[str, EnumType], ...]:
+        """Variables of a body (from 0) that have all values of an enum that occur in the model.
+
+        Raises:
+            InvalidArgument: there is no such pattern.
+        """
+        entry = self._entry(qualified_name)
+        return bound_by_type(self._types(entry, entry.pattern.bodies[number]), entry.pattern.parameters)
+
+    def _generate(self, wanted: ResolvedPath | EnumType) -> str:
+        """Register the pattern of a path or an enum; the same one always has the same name."""
+        return self._enum_pattern(wanted) if isinstance(wanted, EnumType) else self._path_pattern(wanted)
+
+    def _enum_pattern(self, enum: EnumType) -> str:
+        name = f"{VALUES}.{enum.name}"
+        if name not in self._generated:
+            value = Variable("value")
+            bodies = tuple(
+                Body((PathConstraint(attribute.owner, (attribute.name,), Variable("_"), value),))
+                for attribute in self.metamodel.attributes
+                if attribute.type == enum
+            )
+            pattern = Pattern(enum.name, (Parameter("value", enum.name),), bodies, VALUES, private=True)
+            self._generated[name] = Entry(pattern, {}, (enum,))
+        return name
+
     def _path_pattern(self, path: ResolvedPath) -> str:
-        """Register the binary pattern of a path; the same path always has the same name."""
         name = f"{PATHS}.{path}"
         if name not in self._generated:
             features = tuple(step.name for step in path.steps)

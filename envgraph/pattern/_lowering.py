@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from envgraph.metamodel import Attribute, Feature, Metamodel, Scalar
+from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Scalar
+from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import base_of, children, none_test, terms_of, with_children
 from envgraph.pattern._evaluate import holds, value_of
 from envgraph.pattern._expressions import ExpressionChecker
@@ -53,8 +54,8 @@ from envgraph.pattern._terms import (
 )
 from envgraph.pattern._types import coerced, comparable, static_type, value_type
 
-PathName = Callable[[ResolvedPath], str]
-"""Registers the generated binary pattern of a path and gives its qualified name."""
+Generate = Callable[[ResolvedPath | EnumType], str]
+"""Registers the generated pattern of a path, or of the values of an enum, and gives its qualified name."""
 
 
 class BodyLowering:
@@ -68,16 +69,18 @@ class BodyLowering:
         atoms: over slot numbers; expressions name a slot by its number.
     """
 
-    def __init__(self, parameters: Sequence[Parameter], body_types: BodyTypes, path_name: PathName) -> None:
+    def __init__(self, parameters: Sequence[Parameter], body_types: BodyTypes, generate: Generate) -> None:
         self._types = body_types
         self._metamodel: Metamodel = body_types.metamodel
-        self._path_name = path_name
+        self._generate = generate
         self._groups = 0
         self._targets: dict[tuple[int, Feature], int] = {}
         self.slots = Slots(self._metamodel)
         for parameter in parameters:
             self.slots.fresh(body_types.of(parameter.name), parameter.name)
         self.atoms = self._lower(body_types.reading.body.constraints)
+        for name, enum in bound_by_type(body_types, parameters):
+            self.atoms.append(CallAtom(generate(enum), (self.slots.named(name, enum),)))
 
     def _lower(self, constraints: Sequence[Constraint]) -> list[Atom]:
         buckets: list[list[Atom]] = []
@@ -177,7 +180,7 @@ class BodyLowering:
                 if relation.closure is Closure.ONCE:
                     self._bucket.extend(self._steps(path, slots[0], slots[1]))
                 else:
-                    step = self._path_name(path)
+                    step = self._generate(path)
                     self._bucket.append(ClosureAtom(step, relation.closure, slots[0], slots[1]))
             case PatternCall():
                 name = self._callee(relation)
@@ -275,7 +278,7 @@ class BodyLowering:
         typed = not free and isinstance(actual, ObjectType) and self._metamodel.is_a(actual.cls, path.cls)
         if len(path.steps) == 1 and (typed or self._metamodel.is_a(first.owner, path.cls)):
             return _feature_atom(first, source, target)
-        return CallAtom(self._path_name(path), (source, target))
+        return CallAtom(self._generate(path), (source, target))
 
     # --- expressions
 

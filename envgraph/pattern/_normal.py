@@ -25,7 +25,7 @@ from envgraph.pattern._lowered import (
     StaticType,
     UnequalAtom,
 )
-from envgraph.pattern._lowering import BodyLowering, PathName
+from envgraph.pattern._lowering import BodyLowering, Generate
 from envgraph.pattern._paths import closure_target
 from envgraph.pattern._queries import Parameter
 from envgraph.pattern._slots import Slots, Unsatisfiable
@@ -36,11 +36,11 @@ Types = Callable[[str], Sequence[StaticType]]
 
 
 def lower_body(
-    parameters: Sequence[Parameter], body_types: BodyTypes, path_name: PathName, types_of: Types
+    parameters: Sequence[Parameter], body_types: BodyTypes, generate: Generate, types_of: Types
 ) -> LoweredBody | None:
     """The normal form of a checked body; None if it can hold for nothing."""
     try:
-        lowering = BodyLowering(parameters, body_types, path_name)
+        lowering = BodyLowering(parameters, body_types, generate)
         return _Normaliser(lowering.slots, parameters, body_types.metamodel, types_of).body(lowering.atoms)
     except Unsatisfiable:
         return None

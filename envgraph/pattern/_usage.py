@@ -7,7 +7,7 @@ from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
 from envgraph.metamodel import EnumType
-from envgraph.pattern._binding import Binding, inputs_of
+from envgraph.pattern._binding import Binding, inputs_of, is_data_type
 from envgraph.pattern._bodies import Reading, Use, names_read, positive_relations, terms_of
 from envgraph.pattern._inference import BodyTypes, relation_text
 from envgraph.pattern._lowered import ObjectType, StaticType
@@ -143,7 +143,15 @@ class UsageCheck:
         )
 
     def _has_positive(self, group: list[str]) -> bool:
-        return any(o.use is Use.POSITIVE for member in group for o in self._reading.occurrences[member])
+        """Whether something other than a data type, which enumerates no values, refers to one of the variables."""
+        uses = [o.use for member in group for o in self._reading.occurrences[member]]
+        types = [
+            relation
+            for relation in positive_relations(self._reading.body)
+            if is_data_type(relation, self._types.metamodel)
+            and any(isinstance(term, Variable) and term.name in group for term in terms_of(relation))
+        ]
+        return uses.count(Use.POSITIVE) > len(types)
 
     def _not_enumerable(self, name: str, group: list[str]) -> Diagnostic:
         uses = {occurrence.use for member in group for occurrence in self._reading.occurrences[member]}

@@ -149,8 +149,8 @@ CASES = [
     ),
     ("a declared class is a positive reference", [], [STEP, one("a : Cell", neg(find("step", "a", "_")))]),
     (
-        "a declared enum is none",
-        ["not-enumerable"],
+        "a declared enum is one, too",
+        ["W:cartesian-product"],
         [one("k : Key, c : Colour", isa("Key", "k"), ne("c", "::red"))],
     ),
     ("a type constraint with a data type is none", ["not-enumerable"], [one("n", isa("int", "n"))]),
