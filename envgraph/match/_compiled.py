@@ -18,7 +18,7 @@ from envgraph.match._explain import explain_view
 from envgraph.match._generate import ends_source, reach_source, view_source
 from envgraph.match._live import LiveSizes
 from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
-from envgraph.match._options import Unplannable
+from envgraph.match._options import OPAQUE_COST, Unplannable
 from envgraph.match._plan import BodyPlan, ViewKey
 from envgraph.match._planner import Planner
 from envgraph.match._recursion import Recursion
@@ -175,6 +175,15 @@ class CompiledMatcher:
         bound = tuple(sorted(given))
         found = self._specialised(pattern, bound, Mode.FIRST)(*[given[position] for position in bound])
         return found  # type: ignore[no-any-return]
+
+    def cost(self, pattern: str, bound: tuple[int, ...]) -> float:
+        """Estimated work of `rows` for values at some positions (ascending), in accesses to the model."""
+        if self.calls.recursive(pattern):
+            return OPAQUE_COST
+        try:
+            return self._planner.view(self._key(pattern, bound, Mode.ROWS)).cost
+        except Unplannable:
+            return inf
 
     def analyze(self) -> None:
         """Measure the model: plans that are made from now on go by the sizes that it has now.

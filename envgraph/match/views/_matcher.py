@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from gc import collect
 from typing import Any, Final
@@ -14,6 +14,7 @@ from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match._symbols import Source
 from envgraph.match._why import WhyNot
+from envgraph.match.views._agreeing import Agreeing
 from envgraph.match.views._network import Network
 from envgraph.match.views._operators import Rows
 from envgraph.match.views._sets import LONG, Log, MatchSet, key_of, net
@@ -105,6 +106,7 @@ class ViewMatcher:
         self._telling = False
         self._suspended = False
         self._counted: dict[tuple[str, tuple[int, ...]], tuple[int, Counter[Any] | None]] = {}
+        self._partly = Agreeing(self.demand)
         self.user: Callable[[], object] | None = None
 
     def _new_network(self) -> Network:
@@ -165,6 +167,7 @@ class ViewMatcher:
         for pattern in patterns:
             self._views.pop(pattern, None)
         self._counted.clear()
+        self._partly.forget()
         if not self._views:
             self._leave()
 
@@ -176,6 +179,7 @@ class ViewMatcher:
             self._network.unhang()
         self._views = {}
         self._counted = {}
+        self._partly.forget()
         self._network = self._new_network()
         self._broken, self._countable, self._spoilt, self._suspended = None, False, False, False
 
@@ -229,6 +233,7 @@ class ViewMatcher:
             for pattern, view in known.items():
                 views[pattern].rows.log = self._continued(view.rows, views[pattern].rows)
             self._views = views
+            self._partly.forget()
             self._broken, self._spoilt = None, False
             self._outgrown = GROWTH * store.next_id + LEAST
             if not any(follower is self for follower in store.followers):
@@ -253,6 +258,7 @@ class ViewMatcher:
         """Go on with what there was before a `_rebuild` that has failed."""
         self._network.unhang()
         self._network, self._views = network, views
+        self._partly.forget()
         followers = self.model.store.followers
         if not views:
             followers[:] = [follower for follower in followers if follower is not self]
@@ -550,13 +556,17 @@ class ViewMatcher:
         if arguments.count(FREE) == len(arguments):
             self._check_number(pattern, arguments)
             return view.rows[:]
-        return self.demand.rows(pattern, arguments)
+        found = self._agreeing(pattern, view, arguments)
+        return self.demand.rows(pattern, arguments) if found is None else list(found)
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
         """The first of `rows`, or None."""
         view = self._current(pattern)
-        if view is None or arguments.count(FREE) < len(arguments):
+        if view is None:
             return self.demand.first(pattern, arguments)
+        if arguments.count(FREE) < len(arguments):
+            found = self._agreeing(pattern, view, arguments)
+            return self.demand.first(pattern, arguments) if found is None else next(iter(found), None)
         self._check_number(pattern, arguments)
         return view.rows[0] if view.rows else None
 
@@ -572,9 +582,7 @@ class ViewMatcher:
         if free:
             count = self._count(pattern, view, arguments)
             return self.demand.exists(pattern, arguments) if count is None else count > 0
-        row = check_arguments(
-            self.model, self.library, pattern, self.library.parameter_types(pattern), arguments
-        )
+        row = self._checked(pattern, arguments)
         return row is not None and row in view.rows.position
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
@@ -588,14 +596,35 @@ class ViewMatcher:
         self._check_number(pattern, arguments)
         return len(view.rows)
 
+    def _agreeing(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> Collection[Row] | None:
+        """The rows that agree with arguments of which some are given; None if a search is likely to be faster."""
+        positions = tuple([place for place, value in enumerate(arguments) if value is not FREE])
+        if len(arguments) != len(self.library.parameter_types(pattern)):
+            return None  # a search tells
+        if not self._partly.worthwhile(pattern, view, positions):
+            return None
+        known = self._checked(pattern, arguments)
+        if known is None:
+            return ()
+        if len(positions) == len(known):
+            place = view.rows.position.get(known)
+            return () if place is None else (view.rows[place],)
+        return self._partly.rows(pattern, view, positions, known)
+
+    def _checked(self, pattern: str, arguments: tuple[object, ...]) -> tuple[object, ...] | None:
+        types = self.library.parameter_types(pattern)
+        return check_arguments(self.model, self.library, pattern, types, arguments)
+
     def _count(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> int | None:
         """How many rows agree with arguments of which some are given; None if a search is likely to be faster.
 
         All rows are counted, by the values at the given positions, when such a question is asked of one state for the
         second time.
         """
-        types = self.library.parameter_types(pattern)
-        known = check_arguments(self.model, self.library, pattern, types, arguments)
+        found = self._agreeing(pattern, view, arguments)
+        if found is not None:
+            return len(found)
+        known = self._checked(pattern, arguments)
         if known is None:
             return 0
         positions = tuple(place for place, value in enumerate(known) if value is not FREE)
@@ -662,6 +691,7 @@ class ViewMatcher:
     def analyze(self) -> None:
         """Measure the model, for plans that are made from now on: see `CompiledMatcher.analyze`."""
         self.demand.analyze()
+        self._partly.forget()
         if self._views and self.model.idle and self._up_to_date():
             self._rebuild(self._views)
 
