@@ -39,8 +39,8 @@ MOST_KEYS: Final = 64
 _LARGEST_FLOAT: Final = float(2**52)
 """Above it adding 1 does not always make another number."""
 
-DIGITS = 9
-"""How many a number that is read from a string may have; a multiple of three."""
+DIGITS = 18
+"""How many a number that is read from a string may have: a multiple of three, so that it fits 64 bits."""
 
 
 def key_owner(schema: Schema, cls: str) -> str | None:
@@ -170,10 +170,10 @@ def _number(owner: str, attribute: Attribute, cls: str) -> Iterator[Constraint]:
     padded = Binary("+", Constant("0" * DIGITS), rest)
     yield Comparison("==", digits, Evaluation(_call("substring", padded, _call("length", rest))))
     # Few strings have more than three digits: the rest of them is worked out only where there is one.
-    total: Expression = _three(digits, DIGITS - 3)
-    for start in range(DIGITS - 6, -1, -3):
-        longer = Binary(">", _call("length", rest), Constant(DIGITS - 3 - start))
-        total = Binary("+", total, Conditional(longer, _three(digits, start), Constant(0)))
+    total: Expression = _three(digits, 0)
+    for start in range(3, DIGITS, 3):
+        longer = Binary(">", _call("length", rest), Constant(DIGITS - start))
+        total = Binary("+", _three(digits, start), Conditional(longer, total, Constant(0)))
     yield Comparison("==", number, Evaluation(total))
     yield Check(Binary("==", name, Binary("+", Constant(cls), number)))
 
