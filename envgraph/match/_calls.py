@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
+from envgraph.errors import EvaluationError
 from envgraph.match._components import components
 from envgraph.pattern import (
     AggregateAtom,
@@ -13,6 +15,9 @@ from envgraph.pattern import (
     Library,
     NegationAtom,
 )
+
+MOST_NESTED: Final = 100
+"""Closures and recursive patterns inside each other: each needs some of the stack."""
 
 
 class CallGraph:
@@ -24,6 +29,7 @@ class CallGraph:
         self._paths: dict[str, int] = {}
         self._height: dict[str, int] = {}
         self._searches: dict[str, bool] = {}
+        self._nesting: dict[str, int] = {}
 
     def component(self, pattern: str) -> frozenset[str]:
         """The patterns that call each other with this one; empty if it does not reach itself."""
@@ -48,6 +54,19 @@ class CallGraph:
                 closed = any(isinstance(atom, ClosureAtom) for atom in atoms)
                 self._searches[name] = closed or below or self.recursive(name)
         return self._searches[pattern]
+
+    def nesting(self, pattern: str) -> int:
+        """How many closures and circles of recursive patterns stand inside each other."""
+        if pattern not in self._nesting:
+            known, library = self._nesting, self._library
+            called = lambda name: [] if name in known else list(dict.fromkeys(_called(library, name)))  # noqa: E731
+            for names, exits in components([pattern], called):
+                if names[0] not in known:
+                    below = max((known[each] for each in exits if each not in names), default=0)
+                    atoms = [a for name in names for body in library.lowered(name).bodies for a in body.atoms]
+                    one = self.recursive(names[0]) or any(isinstance(atom, ClosureAtom) for atom in atoms)
+                    known.update(dict.fromkeys(names, below + one))
+        return self._nesting[pattern]
 
     def linear(self, pattern: str) -> bool:
         """Whether no body of the patterns that call each other with this one has two such calls."""
@@ -95,6 +114,20 @@ class CallGraph:
     def _unknown(self, pattern: str) -> list[str]:
         """What a pattern calls, for one whose component is not known yet."""
         return [] if pattern in self._components else list(dict.fromkeys(_called(self._library, pattern)))
+
+
+def check_nesting(calls: CallGraph, pattern: str) -> None:
+    """Whether a pattern can be evaluated with the stack that there is.
+
+    Raises:
+        EvaluationError: closures and recursive patterns stand inside each other too deep.
+    """
+    depth = calls.nesting(pattern)
+    if depth > MOST_NESTED:
+        raise EvaluationError(
+            f"pattern `{pattern}` cannot be evaluated: {depth} closures and recursive patterns stand inside each "
+            f"other, and {MOST_NESTED} may"
+        )
 
 
 def _called(library: Library, pattern: str) -> Iterator[str]:

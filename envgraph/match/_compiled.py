@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from envgraph.graph import Model
 from envgraph.match._aggregates import least, mean, most, total
-from envgraph.match._calls import CallGraph
+from envgraph.match._calls import CallGraph, check_nesting
 from envgraph.match._closures import ClosureView, Meeting, Search, Spreading
 from envgraph.match._common import common
 from envgraph.match._explain import explain_view
@@ -228,6 +228,7 @@ class CompiledMatcher:
         question = (pattern, bound, mode)
         if question not in self._answers:
             check_bound(self.library, pattern, bound)
+            check_nesting(self.calls, pattern)
             if self.calls.recursive(pattern):
                 self._answers[question] = _shaped(self._solver(pattern, bound), mode)
             else:

@@ -40,6 +40,8 @@ class Matcher(Protocol):
             enumerated is free.
         TypeMismatch: an argument that no model could hold at that place. An object that is dead or of another
             class is no error: it has no matches.
+        EvaluationError: more than a hundred closures and recursive patterns stand inside each other, or a recursive
+            pattern has results without end.
     """
 
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:

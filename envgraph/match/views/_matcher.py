@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
 from envgraph.graph import Model, make_sure
+from envgraph.match._calls import MOST_NESTED, check_nesting
 from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match._symbols import Source
@@ -127,6 +128,7 @@ class ViewMatcher:
         Raises:
             InvalidArgument: an unknown pattern, a `search` pattern, one that needs values for parameters, or another
                 matcher of this model watches.
+            EvaluationError: closures and recursive patterns stand inside each other too deep.
             TransactionError: there is a state to go back to (a savepoint is open, or a version is held), in which the
                 pattern was not watched.
         """
@@ -146,9 +148,11 @@ class ViewMatcher:
     def watch_later(self, *patterns: str) -> None:
         """Watch patterns when something is next asked, there is no state to go back to, and no other matcher watches.
 
-        For patterns that say so themselves: those that nothing enumerates are passed over.
+        For patterns that say so themselves: those that nothing enumerates, or that are too deep, are passed over.
         """
-        self._wanted.update((name, None) for name in patterns if not self.library.inputs(name))
+        calls = self.demand.calls
+        possible = (name for name in patterns if not self.library.inputs(name))
+        self._wanted.update((name, None) for name in possible if calls.nesting(name) <= MOST_NESTED)
 
     def _watch_wanted(self) -> None:
         if self.model.idle and self._rival() is None:
@@ -217,6 +221,7 @@ class ViewMatcher:
         if inputs:
             name = self.library.get(pattern).parameters[inputs[0]].name
             raise InvalidArgument(f"`{pattern}` cannot be watched: nothing enumerates its parameter `{name}`")
+        check_nesting(self.demand.calls, pattern)
 
     def _rebuild(self, patterns: Iterable[str]) -> None:
         """Make a network for these patterns; sizes are measured as they are now.

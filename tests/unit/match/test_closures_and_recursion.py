@@ -10,7 +10,8 @@ import pytest
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher
+from envgraph.match import FREE, CompiledMatcher, ViewMatcher
+from envgraph.match import _calls as calls
 from envgraph.match import _closures as closures
 from envgraph.match import _compiled as compiled
 from envgraph.match import _recursion as recursion
@@ -367,3 +368,38 @@ def test_checks_that_differ_in_the_type_of_a_constant_alone_both_count(
     exact, whole = (Check(op(0, "<", op(one, "/", 2))) for one in (1.0, 1))  # 0 < 0.5, and 0 < 0
     library.add(pattern("both(a : Cell)", [is_a("Cell", "a"), exact, whole]))
     assert not kind(model, library).exists("both", (FREE,))
+
+
+def nested(levels: int, kind: str) -> list[Pattern]:
+    """Closures or recursive patterns inside each other."""
+    found = [pattern("p0(a : Cell, b : Cell)", [path("Cell.east", "a", "b")])]
+    for level in range(levels):
+        below, own = f"p{level}", f"p{level + 1}"
+        bodies: list[list[Constraint]] = [[find(f"{below}+", "a", "b")]]
+        if kind == "recursive patterns":
+            bodies = [[find(below, "a", "b")], [find(own, "a", "c"), find(below, "c", "b")]]
+        found.append(pattern(f"{own}(a : Cell, b : Cell)", *bodies))
+    return found
+
+
+@pytest.mark.parametrize("kind", ["closures", "recursive patterns"])
+def test_what_is_nested_deeper_than_the_stack_is_an_error(kind: str) -> None:
+    model, patterns = chain(4), library(*nested(calls.MOST_NESTED + 1, kind))
+    matcher, views = CompiledMatcher(model, patterns), ViewMatcher(model, patterns)
+    deepest, too_deep = f"p{calls.MOST_NESTED}", f"p{calls.MOST_NESTED + 1}"
+    assert matcher.rows(deepest, (0, FREE)) == [(0, 1), (0, 2), (0, 3)]
+    assert matcher.count(deepest, (FREE, FREE)) == 6
+    message = f"`{too_deep}` cannot be evaluated: 101 closures and recursive patterns stand inside each other"
+    for question in (
+        lambda: matcher.rows(too_deep, (0, FREE)),
+        lambda: matcher.exists(too_deep, (FREE, FREE)),
+        lambda: matcher.prepare(too_deep, (0,)),
+        lambda: matcher.why_not(too_deep, {0: 0}),
+        lambda: views.watch(too_deep),
+        lambda: views.count(too_deep, (FREE, FREE)),
+    ):
+        with pytest.raises(EvaluationError, match=message):
+            question()
+    views.watch_later(too_deep, deepest)
+    assert views.watched == (deepest,)
+    assert views.count(deepest, (FREE, FREE)) == 6
