@@ -19,6 +19,8 @@ _MISREAD = frozenset(
     {"number-too-large", "stray-character", "touching-words", "unterminated-string", "unterminated-text"}
 )
 """Mistakes in the spelling of one token."""
+_UNEXPECTED = frozenset({"missing-token", "unexpected-token", "unexpected-end", "unescaped-keyword"})
+"""Mistakes in the order of tokens."""
 
 
 def unread_names(parsed: Parsed) -> frozenset[str]:
@@ -30,15 +32,18 @@ def unread_names(parsed: Parsed) -> frozenset[str]:
 
 
 def without_misread(found: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Leaves out what is said about a number, a string or a sign that could not be read as it stands."""
+    """Leaves out what is said about a number, a string or a sign that could not be read as it stands.
+
+    The same goes for what is said about a part of one line in which something is unexpected.
+    """
     diagnostics = list(found)
     misread: dict[str, list[Span]] = {}
     for one in diagnostics:
-        if one.span and one.code in _MISREAD:
+        if one.span and one.code in _MISREAD | _UNEXPECTED:
             misread.setdefault(one.span.source.name, []).append(one.span)
 
     def follows(one: Diagnostic) -> bool:
-        if one.span is None or one.code in _MISREAD | _TO_THE_END or "\n" in one.span.text:
+        if one.span is None or one.code in _MISREAD | _UNEXPECTED | _TO_THE_END or "\n" in one.span.text:
             return False
         spans = misread.get(one.span.source.name, ())
         return any(span.start < one.span.end and one.span.start < span.end for span in spans)

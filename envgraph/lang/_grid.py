@@ -66,12 +66,12 @@ def read_grid(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel | None, re
         return GridText(name, [], 0, 0, axes)
     legend, given = _legend(parsed, parts.get("legend"), metamodel, report)
     lines = list(_lines(parsed, tokens(parts["rows"].children)[0], keep_blanks=" " in legend))
-    _check_lengths(lines, report)
+    usual = _check_lengths(lines, report)
     # Without the metamodel, whose glyphs the letters are, nothing is known of any of them.
     lost: Container[str] = (
         parsed.lost if given else () if metamodel else {*"".join(one.text for one in lines)}
     )
-    cells = _cells(lines, legend, lost, given, report)
+    cells = _cells(lines, legend, lost, given, usual, report)
     return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
 
 
@@ -152,7 +152,8 @@ def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
         yield _Line(row[indent:], parsed.source.span(start + indent, start + len(row)))
 
 
-def _check_lengths(lines: Sequence[_Line], report: Report) -> None:
+def _check_lengths(lines: Sequence[_Line], report: Report) -> int:
+    """Reports rows of another length than the others have, and returns that."""
     lengths = Counter(len(line.text) for line in lines)
     usual = next((line for line in lines if 2 * lengths[len(line.text)] > len(lines)), None)
     model = usual or next(iter(lines), None)
@@ -167,6 +168,7 @@ def _check_lengths(lines: Sequence[_Line], report: Report) -> None:
                     "unequal-rows", message, line.where, "all rows have the same length", notes=(note,)
                 )
             )
+    return len(model.text) if model else 0
 
 
 def _count(text: str) -> str:
@@ -178,8 +180,10 @@ def _cells(
     legend: Mapping[str, Entry],
     lost: Container[str],
     given: bool,
+    usual: int,
     report: Report,
 ) -> list[Cell]:
+    """The cells; in a row of another length than usual a letter more is no mistake of its own."""
     cells: list[Cell] = []
     unknown: set[str] = set()
     for row, line in enumerate(lines):
@@ -187,7 +191,7 @@ def _cells(
             start = line.where.start + column
             where = line.where.source.span(start, start + 1)
             entry = legend.get(letter)
-            if entry is None and letter not in unknown and letter not in lost:
+            if entry is None and letter not in unknown and letter not in lost and len(line.text) == usual:
                 unknown.add(letter)
                 report(_unknown_letter(letter, where, legend, given))
             cells.append(Cell(column, row, letter, where, entry))

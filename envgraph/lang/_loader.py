@@ -424,6 +424,7 @@ class _Loader:
             sources=self.sources,
         )
         found: list[Diagnostic] = []
+        unread = {_file(one) for one in self.diagnostics if one.severity is Severity.ERROR}
         if not self._others():  # else nobody knows which of them the names are of
             imports = self._wrong_imports(lost)
             checked = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
@@ -432,12 +433,16 @@ class _Loader:
             cut = {_file(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
             broken = {_file(one) for one in self.diagnostics} & set(self.xml) | cut
             found += [one for one in checked if one.code != "no-metamodel" or _file(one) not in broken]
-            unread = {_file(one) for one in self.diagnostics if one.severity is Severity.ERROR}
             found = [one for one in found if one.code not in _ABSENT or _file(one) not in unread]
             for spec in self.families:
                 if spec.path in self.unclear:
                     continue
-                found += without_consequences(check_family(spec, workspace, self.components), lost)
+                named = {
+                    "no-single-model": str(spec.model),
+                    "no-single-environment": str(spec.environment or ""),
+                }
+                wrong = without_consequences(check_family(spec, workspace, self.components), lost)
+                found += [one for one in wrong if named.get(one.code) not in unread]
         found = [self._about_ecore(one) if one.code == "no-metamodel" else one for one in found]
         found += self._conformance(models)
         self.diagnostics.extend(

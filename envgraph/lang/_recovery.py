@@ -469,12 +469,24 @@ class Recovery:
         """What may come next, in plain words."""
         return expectation(self._grammar, self._stack.states if states is None else states)
 
+    def _replaced(self, missing: Lexeme) -> bool:
+        """Whether a character that means nothing stands where a sign is missing: then that is what to write for it."""
+        for place, one in enumerate(self._lexical):
+            if one.code != "stray-character" or one.span is None or one.span.start < missing.start:
+                continue
+            if not self._source.text[missing.start : one.span.start].strip():
+                self._lexical[place] = replace(one, hint=f"write `{missing.value}`")
+                return True
+        return False
+
     def _report(
         self, code: str, message: str, lexeme: Lexeme, hint: str | None, notes: tuple[Note, ...] = ()
     ) -> None:
         span = self._stack.span(lexeme)
         # A misspelt token has been reported already; that it does not fit is its consequence.
         before = self._source.span(self._stack.previous_end, lexeme.end)
+        if code == "missing-token" and self._replaced(lexeme):
+            return
         swallowed = lexeme.kind == END and any(one.code in _ENDLESS for one in self._lexical)
         if not swallowed and not overlapping(self._lexical, before):
             self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes))

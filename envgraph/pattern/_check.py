@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Severity, did_you_mean, has_errors, sort_diagnostics, with_article
+from envgraph.errors import (
+    Diagnostic,
+    Severity,
+    Span,
+    did_you_mean,
+    has_errors,
+    sort_diagnostics,
+    with_article,
+)
 from envgraph.metamodel import Value
 from envgraph.pattern._analysis import Analysis, calls_of
 from envgraph.pattern._binding import Binding
@@ -96,8 +106,8 @@ class _PatternCheck:
             for number, body in enumerate(self._pattern.bodies)
             if body.constraints and not too_long(body)
         ]
-        for body in bodies:
-            found.extend(body.problems())
+        inside = [problem for body in bodies for problem in body.problems()]
+        found.extend(_in_all_bodies(inside, len(self._pattern.bodies)))
         if not has_errors(found):
             for parameter in self._pattern.parameters:
                 found.extend(self._parameter_type(parameter, bodies))
@@ -148,6 +158,23 @@ class _PatternCheck:
             message = f"no type declared for `{parameter.name}`, inferred `{type_text(above[0])}`"
             hint = f"write `{parameter.name} : {type_text(above[0])}`"
             yield Diagnostic("undeclared-type", message, span, hint, Severity.WARNING)
+
+
+def _in_all_bodies(problems: Sequence[Diagnostic], bodies: int) -> Iterator[Diagnostic]:
+    """Says once that a parameter is in none of several bodies."""
+    missed = Counter(one.span for one in problems if one.code == "unreferenced-parameter" and one.span)
+    told: set[Span] = set()
+    for one in problems:
+        if (
+            bodies < 2
+            or one.span is None
+            or missed[one.span] < bodies
+            or one.code != "unreferenced-parameter"
+        ):
+            yield one
+        elif one.span not in told:
+            told.add(one.span)
+            yield replace(one, message=one.message.rpartition(" in body ")[0])
 
 
 class _BodyCheck:
