@@ -148,8 +148,9 @@ class _Search:
             return found, False
         if len(self.rows) >= self.limit:
             raise EvaluationError(
-                f"environment `{self.simulator.behaviour.name}` has more than {self.limit} states: "
-                "raise the limit, or step on the live engine (`live=True`)"
+                f"environment `{self.simulator.behaviour.name}` has more than {self.limit} states",
+                self.simulator.behaviour.span,
+                "raise the limit, or step on the live engine (`live=True`)",
             )
         self.number[key] = len(self.rows)
         self.rows.append(None)

@@ -339,9 +339,9 @@ class Events:
             self._matcher.deliver()
             if fired == limit and any(True for _ in self.pending()):
                 names = ", ".join(f"`{name}`" for name in dict.fromkeys(last))
-                raise EvaluationError(
-                    f"event rules do not come to rest: {limit} firings, the last ones of {names}"
-                )
+                message = f"event rules do not come to rest: {limit} firings, the last ones of {names}"
+                hint = "what a rule does must end what it waits for; else set `step_limit` of the engine"
+                raise EvaluationError(message, hint=hint)
             activation = self._next()
             if activation is None:
                 return

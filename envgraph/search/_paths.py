@@ -89,7 +89,8 @@ class PathComplexity:
         starts, goals = tuple(model.extent(self.start)), tuple(model.extent(self.goal))
         network = _network(links, starts, goals)
         if network is None:
-            raise EvaluationError(f"path_complexity: the links along {', '.join(self.along)} form a cycle")
+            message = f"path_complexity: the links along {', '.join(self.along)} form a cycle"
+            raise EvaluationError(message, hint="name references that lead one way, or take `shortest_path`")
         steps, every = network
         free = count_paths(len(model.store.classes), steps, starts, goals, set(model.extent(self.avoid)))
         share = free / every if every else 0.0
