@@ -310,6 +310,8 @@ class History:
     @property
     def depth(self) -> int:
         """How many savepoints are open."""
+        if self._store.torn:
+            self._store.recover()
         return len(self._stack)
 
     # --- loading

@@ -176,11 +176,11 @@ class Model:
                 store.put(node, attribute, initial)
             if object_name is not None:
                 store.rename(node, object_name)
+            return node
         except BaseException:
             store.torn.append((self._unmake, (node, number, following)))
             store.recover()
             raise
-        return node
 
     def _unmake(self, node: int, cls: int, following: int) -> None:
         """Finish an interrupted `new_at`: there is no such object."""

@@ -16,6 +16,7 @@ from envgraph.graph import Model
 from envgraph.match import Matcher
 from envgraph.metamodel import Metamodel, Reference
 from envgraph.rewrite._conflicts import Conflicts, Contradiction, Fresh, told
+from envgraph.rewrite._finish import finisher
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._notices import Report
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
@@ -67,32 +68,35 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
     changes = [*writer.unlink(body), *writer.delete(body)]
     changes += [Line(writer.keep(kept, body))] if kept else []
     changes += [line for phase in PHASES[3:] for line in getattr(writer, phase)(body)]
-    lines = writer.compute(body)
+    computed = writer.compute(body)
+    writer.namespace.update(
+        torn=model.store.torn,
+        recover=model.store.recover,
+        refusals=REFUSALS,
+        refused=lambda error: refusal(plan, error, model),
+        BaseException=BaseException,
+    )
+    lines = [*computed, *changes]
+    several = len(changes) > 1
     if kept or _needs_savepoint(body, model.metamodel):
-        writer.namespace.update(
-            savepoint=model.savepoint,
-            release=model.release,
-            torn=model.store.torn,
-            take_back=model.take_back,
-            recover=model.store.recover,
-            BaseException=BaseException,
-        )
-        lines += [Line("mark = savepoint()"), Line("try:"), *(line.inside for line in changes)]
-        lines += [
-            Line(" release(mark)"),
-            Line("except BaseException:"),
-            Line(" torn.append((take_back, (mark,)))"),
-            Line(" recover()"),
-            Line(" raise"),
-        ]
-    else:
-        lines += changes
+        several = False
+        writer.namespace.update(savepoint=model.savepoint, release=model.release, take_back=model.take_back)
+        lines = [*computed, Line("mark = savepoint()"), Line("try:"), *(line.inside for line in changes)]
+        lines += [Line(" release(mark)"), Line("except BaseException:"), *_interrupted("take_back, (mark,)")]
     lines.append(Line(f"return {writer.slots(tuple(range(body.slots)))}"))
     unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
-    writer.namespace.update(refusals=REFUSALS, refused=lambda error: refusal(plan, error, model))
     caught = [Line("except refusals as error:"), Line(" raise refused(error) from None")]
+    if several:
+        caught += [Line("except BaseException as error:"), *_interrupted("finish, (error, {})")]
     whole = [Line(unpack), Line("try:"), *(line.inside for line in lines), *caught]
+    if several:
+        writer.namespace["finish"] = finisher(whole, 2 + len(computed), changes, writer.namespace)
     return _function("do_apply", "row", whole, writer.namespace)
+
+
+def _interrupted(step: str) -> list[Line]:
+    """What a handler does with an interruption: see `Store.torn`."""
+    return [Line(f" torn.append(({step}))"), Line(" recover()"), Line(" raise")]
 
 
 def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:

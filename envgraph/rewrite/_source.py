@@ -224,7 +224,7 @@ class Writer:
 
     def assign(self, plan: BlockPlan) -> list[Line]:
         """Values and targets that are set."""
-        return [Line(self._assign(change), change) for change in plan.sets]
+        return [line for change in plan.sets for line in self._assigned(change)]
 
     # --- parts
 
@@ -278,18 +278,23 @@ class Writer:
             made += f"\n else: _again({self.constant(op)}, {source}, {target})"
         return f"if {target} is not None:\n {made}"
 
-    def _assign(self, op: Assign) -> str:
+    def _assigned(self, op: Assign) -> list[Line]:
+        if not isinstance(op, Increase):
+            return [Line(self._assign(op), op)]
+        # Two steps: to set a value once more changes nothing.
+        node, attribute = self.slot(op.object), self.constant(op.attribute)
+        function = "_add" if op.operator == "+=" else "_subtract"
+        old = f"_need(value({node}, {attribute}), {self.constant(str(op.attribute))})"
+        amount = f"_amount({self.slot(op.value)}, {attribute})"
+        new = f"t = _bounded({function}({old}, {amount}))"
+        return [Line(new, op), Line(f"set_value({node}, {attribute}, t)", op)]
+
+    def _assign(self, op: SetValue | SetTargets | ChangeTargets) -> str:
         node = self.slot(op.object)
         match op:
             case SetValue():
                 value = "None" if op.value is None else self.slot(op.value)
                 return f"set_value({node}, {self.constant(op.attribute)}, {value})"
-            case Increase():
-                attribute = self.constant(op.attribute)
-                function = "_add" if op.operator == "+=" else "_subtract"
-                old = f"_need(value({node}, {attribute}), {self.constant(str(op.attribute))})"
-                amount = f"_amount({self.slot(op.value)}, {attribute})"
-                return f"set_value({node}, {attribute}, _bounded({function}({old}, {amount})))"
             case SetTargets():
                 return self._set_targets(op)
             case ChangeTargets():

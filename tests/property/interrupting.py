@@ -27,12 +27,15 @@ def _ours(frame: FrameType) -> bool:
 
 @cache
 def _sheltered(code: CodeType) -> frozenset[int]:
-    """Instructions from the beginning of handlers up to their first call: nobody looks for signals there."""
+    """Where nobody looks for signals: from the beginning of a handler up to its first call, and where a function ends.
+
+    Nor does anybody when a function in Python has returned.
+    """
     found: set[int] = set()
     inside = False
     for instruction in get_instructions(code):
         inside |= instruction.opname == "PUSH_EXC_INFO"
-        if inside:
+        if inside or instruction.opname in ("RETURN_VALUE", "JUMP_FORWARD", "NOP"):
             found.add(instruction.offset)
         inside &= not instruction.opname.startswith("CALL")
     return frozenset(found)
@@ -48,6 +51,7 @@ class Trip:
     def __init__(self, instruction: int, call: int | None = None) -> None:
         self._instruction = instruction
         self._call = call
+        self._back = False
         self.passed = 0
         self.calls = 0
         self.tripped = False
@@ -76,7 +80,12 @@ class Trip:
         return self._instructions
 
     def _instructions(self, frame: FrameType, event: str, argument: Any) -> Any:
-        if event == "opcode" and frame.f_lasti not in _sheltered(frame.f_code):
+        if event == "return":
+            self._back = True
+        elif event == "opcode":
+            back, self._back = self._back, False
+            if back or frame.f_lasti in _sheltered(frame.f_code):
+                return self._instructions
             self.passed += 1
             if self.passed == self._instruction:
                 self.tripped = True

@@ -18,7 +18,7 @@ from tests.unit.match.people import METAMODEL
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
 
 NIGHTLY = settings().max_examples > 100
-ONCE, TWICE = (800, 200) if NIGHTLY else (10, 3)
+ONCE, TWICE = (800, 200) if NIGHTLY else (6, 2)
 """Instructions at which a scenario is interrupted, and of these how many interruptions are followed by another."""
 
 PATTERNS = (
