@@ -13,13 +13,11 @@ from envgraph.pattern import (
     Alap,
     Atomic,
     Call,
-    Check,
     Choice,
     Constant,
+    Constraint,
     Expression,
     If,
-    Negation,
-    PatternCall,
     Repeat,
     Sequence,
     Step,
@@ -54,21 +52,17 @@ def _call(reading: Reading, tree: Tree[Token]) -> Call:
             condition
             for where in trees(tree.children, "where")
             for part in trees(where.children)
-            if (condition := _asked(reading, part, "where")) is not None
+            if (condition := _asked(reading, part)) is not None
         ),
     )
 
 
-def _asked(reading: Reading, tree: Tree[Token], word: str) -> PatternCall | Negation | Check | None:
-    """A condition that can be asked; else it is reported."""
+def _asked(reading: Reading, tree: Tree[Token]) -> Constraint | None:
+    """A condition that can be read; else it is reported."""
     condition = condition_of(reading, tree)
-    if isinstance(condition, PatternCall | Negation | Check):
-        return condition
-    if condition is not None:
-        hint = "write `find` and a pattern, or `check` and an expression"
-        reading.error("wrong-condition", f"`{word}` asks `find`, `neg find` or `check`", tree, hint)
-    reading.gap(tree)
-    return None
+    if condition is None:
+        reading.gap(tree)
+    return condition
 
 
 def _choice(reading: Reading, tree: Tree[Token]) -> Choice:
@@ -112,7 +106,7 @@ def _try(reading: Reading, tree: Tree[Token]) -> Try:
 def _if(reading: Reading, tree: Tree[Token]) -> If | Sequence:
     """Without a condition that can be asked only the first branch is left; the file is refused anyway."""
     asked, then, *otherwise = trees(tree.children)
-    condition = _asked(reading, asked, "if")
+    condition = _asked(reading, asked)
     body = block_of(reading, then)
     if condition is None:
         return body

@@ -10,7 +10,7 @@ from typing import Literal
 
 from envgraph.errors import Span
 from envgraph.metamodel import Annotation
-from envgraph.pattern._queries import Check, Constraint, Negation, Parameter, PatternCall
+from envgraph.pattern._queries import Constraint, Parameter
 from envgraph.pattern._terms import Expression, Variable
 
 
@@ -225,7 +225,7 @@ class Call:
     first: bool = False
     limit: int | None = None
     by: Expression | None = None
-    where: tuple[PatternCall | Negation | Check, ...] = ()
+    where: tuple[Constraint, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,9 +276,9 @@ class Try:
 
 @dataclass(frozen=True, slots=True)
 class If:
-    """`if find p(x) { .. } else { .. }`, also with `neg find` or `check`."""
+    """`if find p(x) { .. } else { .. }`, also with any other constraint of a pattern."""
 
-    condition: PatternCall | Negation | Check
+    condition: Constraint
     then: Step
     otherwise: Step | None = None
     span: Span | None = field(default=None, compare=False, repr=False)

@@ -17,10 +17,10 @@ from envgraph.pattern import (
     Atomic,
     Binary,
     Call,
-    Check,
     Choice,
     Conditional,
     Constant,
+    Constraint,
     EnumLiteral,
     Evaluation,
     Expression,
@@ -49,7 +49,7 @@ _EXPRESSIONS: Final = (
     *(Unary, Binary, Conditional),
 )
 
-Condition = PatternCall | Negation | Check
+Condition = Constraint
 
 Given = Expression | Value | EllipsisType
 """An argument of a call: a parameter of the unit, an expression, a plain value, or `...` for any."""

@@ -15,6 +15,7 @@ from envgraph.pattern import (
     Call,
     Check,
     Choice,
+    Constraint,
     Expression,
     If,
     Library,
@@ -22,8 +23,6 @@ from envgraph.pattern import (
     ObjectType,
     Parameter,
     Pattern,
-    PatternCall,
-    Relation,
     Repeat,
     StaticType,
     Step,
@@ -355,9 +354,7 @@ class _Checker:
 
     # --- conditions
 
-    def _condition(
-        self, step: Step, place: int, condition: PatternCall | Negation | Check, scope: Scope
-    ) -> None:
+    def _condition(self, step: Step, place: int, condition: Constraint, scope: Scope) -> None:
         unknown = list(self._unknown(condition, scope))
         for variable in unknown:
             hint = did_you_mean(variable.name, scope) or "write `_` for any"
@@ -371,18 +368,18 @@ class _Checker:
             )
             self.result.problems.extend(problems)
             return
-        relation: Relation = condition.relation if isinstance(condition, Negation) else condition
+        relation = condition.relation if isinstance(condition, Negation) else condition
         lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
         problems = [p for p in left_problems(self.library, lowered.pattern) if p.severity is Severity.ERROR]
         self.result.problems.extend(problems)
         self.result.conditions[id(step), place] = lowered
 
-    def _unknown(self, condition: PatternCall | Negation | Check, scope: Scope) -> Iterator[Variable]:
+    def _unknown(self, condition: Constraint, scope: Scope) -> Iterator[Variable]:
         for variable in mentioned(condition):
             if is_named(variable.name) and variable.name not in scope:
                 yield variable
 
-    def _pattern(self, relation: Relation, negated: bool, scope: Scope, span: Span | None) -> Condition:
+    def _pattern(self, relation: Constraint, negated: bool, scope: Scope, span: Span | None) -> Condition:
         """Negation is left to the caller: then an argument need not be bound by anything else."""
         used = tuple(dict.fromkeys(v.name for v in mentioned(relation) if is_named(v.name)))
         parameters = tuple(_parameter(name, scope[name]) for name in used)

@@ -23,10 +23,9 @@ from envgraph.pattern import (
     Check,
     Choice,
     Constant,
+    Constraint,
     Expression,
     If,
-    Negation,
-    PatternCall,
     Repeat,
     Step,
     Try,
@@ -606,9 +605,7 @@ class UnitSource:
     def _holds(self, step: If, scope: Scope) -> str:
         return self._condition(step, 0, step.condition, scope)
 
-    def _condition(
-        self, step: Step, number: int, condition: PatternCall | Negation | Check, scope: Scope
-    ) -> str:
+    def _condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> str:
         """Source that is true if a condition holds."""
         if isinstance(condition, Check):
             asked = condition.expression

@@ -146,5 +146,7 @@ class Writer:
     def _condition(self, nodes: list[str]) -> str:
         one = self._random.choice(nodes)
         conditions = [f"find big({one})", f"neg find big({one})", f"find linked({one}, _)", "find big(_)"]
+        other = self._random.choice(nodes)
+        conditions += [f"{one} == {other}", f"{one} != {other}", f"Special({one})", f"neg Special({one})"]
         conditions += [f"check {one}.n > 1", f"check {one}.next.n < 3", f"neg find linked(_, {one})"]
         return self._random.choice(conditions)

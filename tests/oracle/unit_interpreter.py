@@ -19,6 +19,8 @@ from envgraph.pattern import (
     Call,
     Check,
     Choice,
+    Comparison,
+    Constraint,
     Expression,
     If,
     Negation,
@@ -26,6 +28,7 @@ from envgraph.pattern import (
     Repeat,
     Step,
     Try,
+    TypeConstraint,
     Unit,
     Variable,
     evaluate,
@@ -250,12 +253,19 @@ class Interpreter:
 
     # --- conditions and chance
 
-    def _holds(self, condition: PatternCall | Negation | Check, names: Names) -> bool:
+    def _holds(self, condition: Constraint, names: Names) -> bool:
         if isinstance(condition, Check):
             return holds(condition.expression, names, self._read)
         if isinstance(condition, Negation):
-            assert isinstance(condition.relation, PatternCall)
             return not self._holds(condition.relation, names)
+        if isinstance(condition, Comparison):
+            left, right = (int(names[side.name]) for side in (condition.left, condition.right))  # type: ignore[union-attr]
+            alive = self.engine.model.alive(left) and self.engine.model.alive(right)
+            return alive and (left == right) is (condition.operator == "==")
+        if isinstance(condition, TypeConstraint):
+            node = int(names[condition.term.name])  # type: ignore[union-attr]
+            return self.engine.model.alive(node) and self.engine.model.class_of(node) == condition.type
+        assert isinstance(condition, PatternCall)
         _, parameters = self.engine.parameters_of(condition.pattern)
         bound = {
             parameter: names[argument.name]

@@ -223,12 +223,7 @@ RULES = st.builds(
 )
 
 ARGUMENTS = st.lists(EXPRESSIONS, max_size=2).map(tuple)
-TESTS = st.one_of(
-    st.builds(PatternCall, QUALIFIED, st.lists(VARIABLES, max_size=2).map(tuple)),
-    st.builds(Negation, RELATIONS),
-    st.builds(Check, EXPRESSIONS),
-)
-WHERE = st.lists(TESTS, max_size=2).map(tuple)
+WHERE = st.lists(CONDITIONS, max_size=2).map(tuple)
 CALLS = st.one_of(
     st.builds(Call, QUALIFIED, ARGUMENTS, st.booleans(), where=WHERE),
     st.builds(Call, QUALIFIED, ARGUMENTS, first=st.just(True), where=WHERE),
@@ -248,7 +243,7 @@ def steps(inner: st.SearchStrategy) -> st.SearchStrategy:
             lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 3), st.integers(0, 3), inner
         ),
         st.builds(Try, inner, st.none() | inner),
-        st.builds(If, TESTS, inner, st.none() | inner),
+        st.builds(If, CONDITIONS, inner, st.none() | inner),
     )
 
 

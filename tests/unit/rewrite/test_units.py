@@ -383,6 +383,15 @@ def test_atomic_is_all_or_nothing() -> None:
         ("find above(a, limit)", 1),
         ("check a.n < limit", 2),
         ("check limit == 0 && !a.done", 1),
+        ("Item(a)", 1),
+        ("Special(a)", 2),
+        ("Item.n(a, limit)", 1),
+        ("Item.links(a, _)", 2),
+        ("Item.next*(a, a)", 1),
+        ("limit == 0", 1),
+        ("limit != 0", 2),
+        ("limit == eval(a.n + 1)", 2),
+        ("limit == count find linked(a, _)", 1),
     ],
 )
 def test_if_asks_a_pattern_or_an_expression(condition: str, expected: int) -> None:
@@ -396,6 +405,22 @@ def test_if_asks_a_pattern_or_an_expression(condition: str, expected: int) -> No
     )
     made.run("u", a=0, limit=0)
     assert n(made) == expected
+
+
+def test_matches_are_chosen_by_comparing_objects() -> None:
+    made = engine(
+        f"{RULES} unit u(b : Item) {{ mark(_, 7) where a == b; all mark(_, 5) where a != b; }}",
+        model=chain(3),
+    )
+    assert made.run("u", b=1)
+    assert [node.n for node in made.model.nodes("Item")] == [5, 7, 5]
+
+
+def test_conditions_of_units_have_their_mistakes() -> None:
+    found = problems(
+        RULES + "unit u(a : Item, b : Box) { if a == b { up; } if Itm(a) { up; } if x == a { up; } }"
+    )
+    assert [one.code for one in found] == ["type-conflict", "unknown-type", "unknown-variable"]
 
 
 def test_if_without_a_branch_to_run_succeeds() -> None:
