@@ -28,8 +28,10 @@ from envgraph.match._plan import (
 )
 from envgraph.match._planner import Planner, determined
 from envgraph.match._sharing import (
+    Alike,
     Ends,
     alike_by,
+    alike_starts,
     join_of,
     mentioned,
     only_search,
@@ -107,8 +109,28 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         sink = sieved_sink(mode, outputs) if sieved else view_sink(mode, view.distinct, outputs)
         Translation(planner, module, conjunction, block, given).body(body.plan, sink)
     block.raw(frame.tail)
-    module.function("view", list(given.values()), block)
+    counts = mode is Mode.COUNT and key.outputs
+    alike = alike_starts(planner, key, key.bound) if counts else None
+    module.function("view" if alike is None else "direct", list(given.values()), block)
+    if alike is not None:
+        outer = Block()
+        outer.raw([f"return {_counted(module, alike, key)}"])
+        module.function("view", list(given.values()), outer)
     return module.source("view")
+
+
+def _counted(module: Module, alike: Alike, key: ViewKey) -> str:
+    """The number of rows that `direct` counts, where that is the same for all starts that reach the same."""
+    start = f"v{alike.start}"
+    others = _tuple([f"v{position}" for position in key.bound if position != alike.start])
+    parts = [start, "direct", _tuple([f"v{position}" for position in key.bound]), others]
+    if alike.ends is not None:
+        ends = alike.ends
+        tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, "count", None)
+        parts += [module.name(tallied), others]
+    question = Reach.ALIKE if alike.forward else Reach.ALIKE_BACK
+    star = alike.closure.closure is Closure.STAR
+    return f"{module.name(Closed(alike.closure.step, star, question))}({', '.join(parts)})"
 
 
 def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:

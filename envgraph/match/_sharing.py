@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from envgraph.match._options import Unplannable, call_key
@@ -148,7 +148,7 @@ class Alike:
     """An aggregate that has one value for all starts from which a closure reaches the same.
 
     Attributes:
-        start: the variable of the aggregate's relation.
+        start: the variable of the aggregate's relation, or the position of a view.
         closure: the closure in the pattern that is called.
         forward: whether the start is its source.
         ends: what it may reach, if that can be found without the closure.
@@ -171,15 +171,24 @@ def alike_by(planner: Planner, goal: AggregateAtom, known: frozenset[int]) -> Al
     view = planner.view(key)
     if goal.function == "count" and only_search(view):
         return None  # there is a function for that
-    for position, variable in enumerate(relation.arguments):
-        if variable in known and relation.arguments.count(variable) == 1:
-            found = {_search_from(body.conjunction, position) for body in view.bodies}
-            if len(found) == 1 and (one := found.pop()) is not None:
-                step, closure, forward = one
-                others = tuple(place for place in key.bound if place != position)
-                ends = Ends(key.pattern, position, others, key.outputs)
-                plain = len(free) == len(set(free)) and plans_of_ends(planner, ends) is not None
-                return Alike(variable, ClosureAtom(step, closure, 0, 1), forward, ends if plain else None)
+    single = [place for place in key.bound if relation.arguments.count(relation.arguments[place]) == 1]
+    found = alike_starts(planner, key, single)
+    if found is None:
+        return None
+    ends = found.ends if len(free) == len(set(free)) else None
+    return replace(found, start=relation.arguments[found.start], ends=ends)
+
+
+def alike_starts(planner: Planner, key: ViewKey, positions: Sequence[int]) -> Alike | None:
+    """A position, of some, on whose value the rows of a view depend only through what a closure reaches."""
+    for position in positions:
+        found = {_search_from(body.conjunction, position) for body in planner.view(key).bodies}
+        if len(found) == 1 and (one := found.pop()) is not None:
+            step, closure, forward = one
+            others = tuple(place for place in key.bound if place != position)
+            ends = Ends(key.pattern, position, others, key.outputs)
+            plain = plans_of_ends(planner, ends) is not None
+            return Alike(position, ClosureAtom(step, closure, 0, 1), forward, ends if plain else None)
     return None
 
 

@@ -200,6 +200,36 @@ def test_aggregates_of_what_is_reached_without_a_way_back_share_their_work(
         assert rows[cell] == expected([1 + c % 7 for c in below])
 
 
+def test_counts_that_are_asked_one_by_one_share_their_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    corners = pattern("corners(a : Cell, b : Cell)", [find("step+", "a", "b"), find("corner", "b")])
+    model = grid(30, 30)
+    with model.loading():
+        for cell in range(0, 900, 3):
+            model.set_value(cell, CELLS.attributes[0], 1)
+    south_east = pattern(
+        "step(a : Cell, b : Cell)", [path("Cell.east", "a", "b")], [path("Cell.south", "a", "b")]
+    )
+    matcher = CompiledMatcher(model, library(south_east, CORNER, corners))
+    searched = 0
+
+    def search(steps: object, forward: bool, question: object) -> object:
+        found = original(steps, forward, question)
+
+        def counted(*arguments: object) -> object:
+            nonlocal searched
+            searched += 1
+            return found(*arguments)
+
+        return counted
+
+    original = compiled._Steps._search
+    monkeypatch.setattr(compiled._Steps, "_search", search)
+    for cell in range(900):
+        below = [c for c in range(cell + 1, 900) if c % 30 >= cell % 30]
+        assert matcher.count("corners", (cell, FREE)) == sum(c % 3 == 0 for c in below)
+    assert searched <= 200
+
+
 def test_reached_objects_come_nearest_first() -> None:
     matcher = CompiledMatcher(
         chain(6), library(REACHES, pattern("step(a : Cell, b : Cell)", [path("Cell.east", "a", "b")]))
