@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from envgraph.match._matcher import Row
 from envgraph.match.views._network import Network
+from envgraph.match.views._operators import unrecorded
 
 if TYPE_CHECKING:
     from envgraph.match._compiled import CompiledMatcher
@@ -17,14 +18,16 @@ def whole_pattern(matcher: CompiledMatcher, pattern: str) -> Callable[[], list[R
 
     The rows are remembered for as long as the model does not change. The list must not be changed.
     """
+    store = matcher.model.store
     network = Network(
-        matcher.model.store,
+        store,
         matcher.library,
         matcher.calls,
         lambda source: matcher.build(source, network.held),
         lambda name: matcher.prepare(name, ()),
     )
-    view = network.recursive(pattern)
+    with unrecorded(store):  # its relations are no part of any version
+        view = network.recursive(pattern)
     if view is None:
         return None
     held = view.rows
@@ -33,10 +36,10 @@ def whole_pattern(matcher: CompiledMatcher, pattern: str) -> Callable[[], list[R
 
     def rows() -> list[Row]:
         nonlocal answer, revision
-        if revision != matcher.model.store.revision:
+        if revision != store.revision:
             network.refill()
             answer = sorted(held)
-            revision = matcher.model.store.revision
+            revision = store.revision
         return answer
 
     return rows

@@ -6,7 +6,8 @@ While the functions of its consumers run, a changed tuple is present: it comes, 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from envgraph.graph import Store
@@ -198,10 +199,16 @@ class View(Rows):
 
 def fill_unrecorded(operator: Operator) -> None:
     """Compute a relation that nobody has asked before: nothing leads back to what it held."""
-    store = operator.store
+    with unrecorded(operator.store):
+        operator.fill()
+
+
+@contextmanager
+def unrecorded(store: Store) -> Iterator[None]:
+    """Nothing that is done in the block can be taken back."""
     recording, store.recording = store.recording, False
     try:
-        operator.fill()
+        yield
     finally:
         store.recording = recording
 

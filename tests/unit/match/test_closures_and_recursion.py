@@ -433,3 +433,24 @@ def test_what_is_nested_deeper_than_the_stack_is_an_error(kind: str) -> None:
     views.watch_later(too_deep, deepest)
     assert views.watched == (deepest,)
     assert views.count(deepest, (FREE, FREE)) == 6
+
+
+def test_a_recursive_pattern_that_is_asked_while_a_version_is_held_changes_nothing() -> None:
+    model = grid(3, 3)
+    step = pattern(
+        "step(a : Cell, b : Cell)", *([path(f"Cell.{way}", "a", "b")] for way in ("east", "south"))
+    )
+    far = pattern(
+        "far(a : Cell, b : Cell)",
+        [find("step", "a", "b")],
+        [find("far", "a", "c"), find("step", "c", "b"), find("many", "c", "_")],
+    )
+    many = pattern(
+        "many(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", fold("count", find("step", "a", "_")))]
+    )
+    version = model.commit()
+    matcher = CompiledMatcher(model, library(step, many, far))
+    assert matcher.count("far", (FREE, FREE)) == 27
+    assert not model.store.journal
+    model.checkout(version)
+    assert matcher.count("far", (FREE, FREE)) == 27
