@@ -6,7 +6,7 @@ from typing import Final
 
 from envgraph.lang._format_tokens import Tokens
 
-_SIGNED: Final = frozenset({"unary", "constant", "number", "bound", "annotation_number", "index"})
+_SIGNED: Final = frozenset({"unary", "constant", "positive", "number", "bound", "annotation_number", "index"})
 """Where `-` or `!` belongs to what comes after it."""
 
 _ARROWS: Final = frozenset({"forward", "backward", "half_arrow", "unnamed"})
@@ -32,7 +32,7 @@ def spaced(tokens: Tokens, index: int) -> bool:
         return False
     if owner == "closure" or left == "#":
         return False
-    if left in ("-", "!") and owner in _SIGNED:
+    if left in ("-", "!", "+") and owner in _SIGNED:
         return False
     if owner in _ARROWS and (following in _ARROWS or following == "closure"):
         return False

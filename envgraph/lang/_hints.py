@@ -13,7 +13,7 @@ VALUE_WORDS = frozenset(
 """Keywords that a value may start with; they start statements too, so they say little about where one begins."""
 
 _VALUES = frozenset(
-    ["a name", "a string", "a whole number", "a number", "`_`", "`#`", "`-`", "`!`", "`(`", "`::`"]
+    ["a name", "a string", "a whole number", "a number", "`_`", "`#`", "`+`", "`-`", "`!`", "`(`", "`::`"]
     + [f"`{word}`" for word in VALUE_WORDS]
 )
 _OPERATORS = frozenset(

@@ -247,6 +247,13 @@ def _constant(reading: Reading, tree: Tree[Token]) -> Term:
     return literal_of(reading, literal, next(iter(tokens(tree.children)), None))
 
 
+def _positive(reading: Reading, tree: Tree[Token]) -> Constant:
+    literal = trees(tree.children)[0]
+    if literal.data != "number":
+        reading.error("unexpected-sign", "only a number takes a sign", tree, "leave the `+` out")
+    return literal_of(reading, literal)
+
+
 def _hash(reading: Reading, tree: Tree[Token]) -> Hash:
     name = next((str(token) for token in tokens(tree.children)), None)
     return Hash(reading.span(tree), name)
@@ -276,6 +283,7 @@ _TERMS: Mapping[str, Callable[[Reading, Tree[Token]], Term]] = {
     "enum_literal": enum_literal_of,
     "aliased_literal": enum_literal_of,
     "constant": _constant,
+    "positive": _positive,
     "hash": _hash,
     "evaluation": _evaluation,
     "unwind": _unwind,
