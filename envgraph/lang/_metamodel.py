@@ -259,6 +259,7 @@ class _Reader:
         return str(literal)
 
     def _wrong_default(self, tree: Tree[Token], type_: AttributeType, name: str, hint: str | None) -> None:
+        hint = hint or "write a value of that type, or no default"
         self._error("wrong-type", f"default of `{name}` is not of type `{type_name(type_)}`", tree, hint)
 
     def _reference(self, tree: Tree[Token]) -> Reference:

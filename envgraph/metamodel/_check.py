@@ -307,11 +307,12 @@ def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
     for name in cls.key:
         if not isinstance(known.get(name), Attribute):
             attributes = [key for key, feature in known.items() if isinstance(feature, Attribute)]
+            hint = "a key has attributes only: leave it out" if name in known else f"declare it: `int {name}`"
             yield Diagnostic(
                 "unknown-attribute",
                 f"`@key` names `{name}`, which is no attribute of `{cls.name}`",
                 place(cls, f"key {name}"),
-                did_you_mean(name, attributes) or _listed(attributes),
+                did_you_mean(name, attributes) or _listed(attributes) or hint,
             )
 
 

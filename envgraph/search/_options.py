@@ -75,7 +75,9 @@ class Options:
         return name in self.spec.options
 
     def finish(self) -> None:
-        """Note every option that was not asked for."""
+        """Note every option that was not asked for; an unknown one may be what was meant by one that is missing."""
+        if not self._asked.issuperset(self.spec.options):
+            self.problems = [problem for problem in self.problems if problem.code != "missing-key"]
         for name in self.spec.options:
             if name not in self._asked:
                 known = ", ".join(f"`{one}`" for one in sorted(self._asked)) or "no options: leave it out"

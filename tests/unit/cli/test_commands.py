@@ -490,6 +490,29 @@ def test_apply_tells_why_a_unit_failed(envgraph: Envgraph) -> None:
     assert len(lines) > 1 and lines[0].startswith("1: maze.moveRight(")
 
 
+def test_what_fails_while_a_rule_is_applied_is_shown_in_its_text(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    Path("more.rules").write_text(
+        'import "maze/maze.metamodel"\n'
+        "rule halve { lhs { robot : Robot -at-> tile; } modify { set tile.x = 1 / (tile.x - tile.x); } }\n"
+        "rule vanish { lhs { robot : Robot -at-> tile; } modify { delete tile; } }\n"
+        "unit twice(robot : Robot) { halve; }\n"
+    )
+    for call in (("halve",), ("twice", "-w", "robot=robot")):
+        result = envgraph("apply", "maze/maze.model", "more.rules", *call)
+        assert result.code == 1
+        assert result.err.splitlines() == [
+            "more.rules:2:70: rule `halve` cannot be applied: division by zero",
+            " 2 | rule halve { lhs { robot : Robot -at-> tile; } modify { set tile.x = 1 / (tile.x - tile.x); } }",
+            "   |" + " " * 70 + "^" * 21,
+            "hint: write `check (tile.x - tile.x) != 0;` on the left side",
+        ]
+    result = envgraph("apply", "maze/maze.model", "more.rules", "vanish")
+    assert result.code == 1
+    assert "more.rules:3:65: rule `vanish` cannot be applied" in result.err
+    assert "hint: delete these links as well, or write `@semantics(spo)`" in result.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -146,7 +146,7 @@ def cls(name, *features, **more):
             [cls("A", Reference("r", "A"), key=("r",))],
             "unknown-attribute",
             "`@key` names `r`, which is no attribute of `A`",
-            None,
+            "a key has attributes only: leave it out",
         ),
         (
             [cls("A", Attribute("x", INT), key=("x", "x"))],
