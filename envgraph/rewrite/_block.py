@@ -32,6 +32,7 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite._assign import AssignmentReader
 from envgraph.rewrite._conflicts import Conflicts, Contradiction
+from envgraph.rewrite._homeless import homeless
 from envgraph.rewrite._left import LoweredBlock
 from envgraph.rewrite._plan import (
     Absorb,
@@ -610,6 +611,7 @@ class BlockBuilder:
         for name in dict.fromkeys(self._own_retyped):
             lost = next((arrow for arrow in self.sight.arrows if self._is_lost(arrow, name)), None)
             if lost is None:
+                self._check_homeless(name)
                 continue
             text = f"{lost.source} -{lost.reference.name}-> {lost.target}"
             new = with_article(self.sight.retyped[name])
@@ -621,6 +623,22 @@ class BlockBuilder:
                 "never-applicable", whole, self._spans.get(name), hint, Severity.WARNING, notes
             )
             self.sight.problems.append(found)
+
+    def _check_homeless(self, name: str) -> None:
+        """Warn where a link to the container is in the way, which the left side does not ask for."""
+        before, after, metamodel = self.sight.before(name), self.sight.retyped[name], self.sight.metamodel
+        if any(move.node == self.sight.slot(name) for move in self._moves):
+            return
+        for arrow in self.sight.unlinked.values():
+            opposite = metamodel.opposite(arrow.reference)
+            upwards = arrow.source == name and opposite is not None and opposite.containment
+            if upwards or (arrow.target == name and arrow.reference.containment):
+                return
+        if before and homeless(metamodel.concrete(before), after, metamodel):
+            old, new = with_article(before), with_article(after)
+            message = f"nothing that contains {old} can contain {new}: no `{name}` in a container becomes one"
+            hint = f"write `move {name} to ..`, or delete the link to its container"
+            self.sight.warn("homeless", message, self._spans.get(name), hint)
 
     def _is_lost(self, arrow: ResolvedEdge, name: str) -> bool:
         """Whether the new class of an object cannot have a link, which nothing takes away before."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import permutations
 
-from envgraph.errors import Diagnostic, Span, has_errors
+from envgraph.errors import Diagnostic, Severity, Span, has_errors, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, LeftSide, Modification, Retype, Rule, TypeConstraint, Variable
 from envgraph.rewrite._derive_operators import Derived, check_operators, operators
 from envgraph.rewrite._header import check_annotations, check_weight
+from envgraph.rewrite._homeless import homeless
 
 ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
 
@@ -34,7 +35,27 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
         problems.append(
             Diagnostic("too-few-classes", message, derivation.span, "write `retype among { A, B }`")
         )
+    if not has_errors(problems):
+        problems += _check_containers(derivation, metamodel)
     return problems
+
+
+def _check_containers(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
+    """Warn once of each class where a container is in the way, to it or from it."""
+    for position, name in enumerate(derivation.classes):
+        ways = (
+            (one, two)
+            for other in derivation.classes[:position]
+            for one, two in ((other, name), (name, other))
+        )
+        for before, after in ways:
+            if homeless([before], after, metamodel):
+                old, new = with_article(before), with_article(after)
+                message = f"nothing that contains {old} can contain {new}: none in a container becomes one"
+                hint = f"leave `{name}` out, or write a rule that moves the object"
+                span = _class_span(derivation, position)
+                yield Diagnostic("homeless", message, span, hint, Severity.WARNING)
+                break
 
 
 def _check_classes(derivation: Derivation, metamodel: Metamodel) -> Iterator[Diagnostic]:
