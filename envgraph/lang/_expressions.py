@@ -264,7 +264,9 @@ def _group(reading: Reading, tree: Tree[Token]) -> Expression:
 def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation:
     feature = tokens(tree.children)[0]
     owner = expression_of(reading, trees(tree.children)[0])
-    if isinstance(owner, Variable) and owner.name in reading.java:
+    if isinstance(owner, Variable) and (
+        owner.name in reading.java or (owner.name in _JAVA_CLASSES and feature.isupper())
+    ):
         _no_java(reading, owner.name, trees(tree.children)[0], tree)
     return Navigation(owner, str(feature), reading.span(tree), feature_span=reading.span(feature))
 

@@ -213,7 +213,9 @@ class ExpressionChecker:
         span = node.feature_span or node.span
         if not isinstance(owner, ObjectType):
             message = f"{with_article(type_text(owner))} has no features"
-            self._at("unknown-feature", message, span, "leave the feature out: only objects have features")
+            is_function = owner is Scalar.STRING and node.feature in FUNCTIONS
+            advice = f"write `.{node.feature}()` for the function" if is_function else "leave the feature out"
+            self._at("unknown-feature", message, span, f"{advice}: only objects have features")
             return None
         feature = self.metamodel.feature(owner.cls, node.feature)
         if feature is None:

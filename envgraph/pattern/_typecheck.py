@@ -95,7 +95,7 @@ class TypeCheck:
             return Diagnostic("type-conflict", message, link.span, hint, notes=both)
         if fact.origin == "call":
             message = f"{fact.what} takes {later_type} here, and `{name}` is {earlier_type}"
-            hint = hint or f"write the name of {later_type}, or change the type of `{name}`"
+            hint = hint or f"write a variable that stands for {later_type}, or change the type of `{name}`"
             return Diagnostic("argument-type", message, fact.span, hint, notes=notes)
         if earlier.span == fact.span:
             other = f"`{type_text(fact.type)}` because of {fact.what}"

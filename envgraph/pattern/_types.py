@@ -91,7 +91,7 @@ def value_hint(type_: StaticType, found: StaticType | None = None) -> str:
     'write a number, such as `1.5`; `.. ? 1 : 0` makes one of a bool'
     """
     if isinstance(type_, ObjectType):
-        return f"write the name of {with_article(type_.cls)}"
+        return f"write a variable that stands for {with_article(type_.cls)}"
     if isinstance(type_, EnumType):
         shown = [f"`{type_.name}::{literal}`" for literal in type_.literals[:_LITERALS]]
         if len(type_.literals) > _LITERALS:

@@ -559,7 +559,7 @@ MISTAKES = [
     ("unit u(a : Item) { mark(a, _); }", "wrong-arity", "_", "write a value instead of `_`"),
     ("unit u(a : Item) { mark(b, 1); }", "unknown-variable", "b", "there is `a`"),
     ('unit u(a : Item) { mark(a, "x"); }', "wrong-type", '"x"', "write a whole number, such as `3`"),
-    ("unit u(a : Box) { mark(a, 1); }", "wrong-type", "a", "write the name of an `Item`"),
+    ("unit u(a : Box) { mark(a, 1); }", "wrong-type", "a", "write a variable that stands for an `Item`"),
     ("unit v { up; } unit u { all v; }", "wrong-kind", "v", "leave `all` out"),
     (
         "unit v(a : Item) { mark(a, 1); } unit u { v; }",
