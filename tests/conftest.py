@@ -1,6 +1,7 @@
 """Hypothesis profiles: `default` repeats the same examples, `nightly` looks for new ones."""
 
 import gc
+import signal
 from datetime import timedelta
 
 from hypothesis import HealthCheck, settings
@@ -18,6 +19,12 @@ settings.register_profile(
 )
 # An explicit --hypothesis-profile is loaded after this.
 settings.load_profile("default")
+
+
+def pytest_configure() -> None:
+    """Ctrl-C can be tested in a job of the background too, where shells have it ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_finish() -> None:
