@@ -285,6 +285,7 @@ class ViewMatcher:
         """Bring all views up to date: a savepoint or version follows."""
         if self._broken is None:
             self._bring_up()
+            self._plan_anew()  # not after it: the order of the rows has to be the same then
         elif not self._counted_anew():
             self._broken = min(self._broken, self.model.depth)
             self._spoilt |= not self._broken
@@ -549,9 +550,13 @@ class ViewMatcher:
             self._watch_wanted()
         if pattern not in self._views or not self._up_to_date():
             return None
-        if self.model.store.next_id > self._outgrown and self.model.idle:
-            self._rebuild(self._views)  # what was planned for a small model is slow in a large one
+        self._plan_anew()
         return self._views[pattern]
+
+    def _plan_anew(self) -> None:
+        """What was planned for a small model is slow in a large one: build it once more, if nobody can go back."""
+        if self.model.store.next_id > self._outgrown and self._views and self.model.idle:
+            self._rebuild(self._views)
 
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> Sequence[Row]:
         """All matches that agree with the arguments."""

@@ -89,6 +89,23 @@ def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
     views.check_integrity()
 
 
+def test_a_model_that_has_grown_is_planned_for_before_a_savepoint_and_not_after_the_rollback(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_matcher, "LEAST", 3)
+    model = Model(METAMODEL)
+    views = watched(model, library())
+    chain(model, 30)
+    model.node(0).knows.clear()
+    model.node(0).knows.append(model.node(1))  # last in the order of the links, first in that of the objects
+    savepoint, network = model.savepoint(), views._network
+    before = list(views.rows("two", FREE2))
+    model.rollback(savepoint)
+    assert views.rows("two", FREE2) == before
+    assert views._network is network
+    views.check_integrity()
+
+
 def test_watching_is_refused_where_the_past_does_not_know_of_it() -> None:
     model = Model(METAMODEL)
     views = ViewMatcher(model, library())
