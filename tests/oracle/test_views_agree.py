@@ -7,9 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from envgraph.graph import _integrity, _store
-from envgraph.match.views import _matcher, _sets
-from tests.oracle.views_walk import Walk
+from tests.oracle.views_walk import EAGER, Walk
 from tests.oracle.worlds import Dice
 
 pytestmark = pytest.mark.slow
@@ -129,15 +127,13 @@ class Views(RuleBasedStateMachine):
             self.walk.close()
 
 
-class CrowdedViews(Views):
-    """The same where three are a crowd, and three more objects make a model large: what else happens seldom."""
+class EagerViews(Views):
+    """The same where what else happens seldom, or in large models alone, happens at once."""
 
     def before(self) -> None:
         self.patch = pytest.MonkeyPatch()
-        for module in (_store, _integrity, _sets):
-            self.patch.setattr(module, "CROWD", 2)
-        self.patch.setattr(_matcher, "GROWTH", 1)
-        self.patch.setattr(_matcher, "LEAST", 2)
+        for module, name, value in EAGER:
+            self.patch.setattr(module, name, value)
 
     def teardown(self) -> None:
         super().teardown()
@@ -148,5 +144,5 @@ class CrowdedViews(Views):
 # Few steps, each with much to compare: an example takes about 60 ms, most of it for planning and generated code.
 TestViews = Views.TestCase
 TestViews.settings = settings(max_examples=4 * EXAMPLES, stateful_step_count=10)
-TestCrowdedViews = CrowdedViews.TestCase
-TestCrowdedViews.settings = settings(max_examples=EXAMPLES, stateful_step_count=10)
+TestEagerViews = EagerViews.TestCase
+TestEagerViews.settings = settings(max_examples=EXAMPLES, stateful_step_count=10)

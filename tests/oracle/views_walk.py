@@ -2,7 +2,7 @@
 
     python -m tests.oracle.views_walk 0 1000            # 1,000 walks against the naive matcher
     python -m tests.oracle.views_walk 0 1000 --size 6   # larger worlds, against the compiled matcher
-    python -m tests.oracle.views_walk 0 1000 --crowd 2  # three are a crowd
+    python -m tests.oracle.views_walk 0 1000 --eager    # what else happens seldom, or in large models, happens at once
 
 A walk and its number belong together: the same number gives the same walk. Failures are printed with their number.
 """
@@ -17,12 +17,29 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
+from types import ModuleType
 
 from envgraph.errors import TransactionError
 from envgraph.graph import Savepoint, Version, _integrity, _store
 from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher, ViewMatcher
-from envgraph.match.views import Subscription, _sets
+from envgraph.match.views import Subscription, _agreeing, _delta, _folds, _matcher, _reach, _sets
 from tests.oracle.worlds import Dice, edit, random_world
+
+EAGER: tuple[tuple[ModuleType, str, object], ...] = (
+    *((module, "CROWD", 2) for module in (_store, _integrity, _sets)),
+    (_sets, "LONG", 4),
+    # Three more objects make a model large, two tuples a group; one start shares what it reaches.
+    (_matcher, "GROWTH", 1),
+    (_matcher, "LEAST", 2),
+    (_matcher, "FEW", 1),
+    (_folds, "LARGE", 1),
+    (_reach, "FEW", 0),
+    # Rows are looked up in views, whatever a search would cost.
+    (_delta, "DEAR", -1.0),
+    (_agreeing, "EXPENSIVE", 0.0),
+    (_agreeing, "READ", 0.5),
+)
+"""What happens seldom, or in large models alone, happens at once: modules with other limits."""
 
 Row = tuple[object, ...]
 Order = dict[str, list[Row]]
@@ -106,6 +123,7 @@ class Walk:
             ]
             assert sorted(self.views.rows(name, arguments)) == sorted(agreeing)
             assert self.views.exists(name, arguments)
+            assert self.views.count(name, arguments) == len(agreeing)
 
     def _assert_back(self, before: Order) -> None:
         """The watched patterns list their rows in the order that they had then."""
@@ -279,7 +297,7 @@ class Walk:
 def step(walk: Walk, dice: Dice, size: int = 1) -> None:
     """One random step of a walk; edits are the most frequent."""
     pattern = dice.one(list(walk.sizes))
-    match dice.number(0, 24):
+    match dice.number(0, 25):
         case 0 | 1 | 2 | 3 | 4 | 5:
             walk.edit(dice, dice.number(1, 4 * size))
         case 6 | 7:
@@ -312,6 +330,8 @@ def step(walk: Walk, dice: Dice, size: int = 1) -> None:
             walk.unlisten(pattern)
         case 24:
             walk.deliver()
+        case 25:
+            walk.ask(dice)
 
 
 def stroll(seed: int, size: int = 1, naive: bool = True) -> None:
@@ -335,11 +355,11 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("last", type=int)
     parser.add_argument("--size", type=int, default=1, help="times as many objects, links and edits")
     parser.add_argument("--compiled", action="store_true", help="compare with the compiled matcher only")
-    parser.add_argument("--crowd", type=int, help="how many a crowd is more than, instead of 32")
+    parser.add_argument("--eager", action="store_true", help="what happens seldom happens at once")
     options = parser.parse_args(arguments)
-    if options.crowd:
-        for module in (_store, _integrity, _sets):
-            module.CROWD = options.crowd  # type: ignore[attr-defined]
+    if options.eager:
+        for module, name, value in EAGER:
+            setattr(module, name, value)
     failed: Counter[tuple[str, str, int]] = Counter()
     for seed in range(options.first, options.last):
         try:
