@@ -35,7 +35,7 @@ test: $(VENV)/.test
 	$(BIN)/python -m pytest
 
 nightly: $(VENV)/.test
-	$(BIN)/python -m pytest --hypothesis-profile=nightly --dist=worksteal
+	$(BIN)/python -m pytest --hypothesis-profile=nightly
 
 bench: $(VENV)/.bench
 	$(BIN)/python -m benchmarks

@@ -13,7 +13,7 @@ settings.register_profile(
     derandomize=False,
     max_examples=5_000,
     stateful_step_count=200,
-    deadline=timedelta(seconds=60),
+    deadline=timedelta(minutes=10),  # of a machine that may have other things to do
     suppress_health_check=[HealthCheck.too_slow],
     print_blob=True,
 )
