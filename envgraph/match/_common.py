@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 from envgraph.graph import IndexedSet
 
-MOST_LOOKED_AT: Final = 32
-"""Ends that are looked at one by one: as many as are kept in a tuple."""
-
 
 def common(ends: IndexedSet[int], *others: Sequence[int]) -> list[int]:
-    """Those of many ends that are among the fewest others, in their order.
+    """Those of crowded ends that are among the fewest others, in their order.
 
     It takes as many steps as there are in the smaller one: so a search for triangles does not go through a hub for each
     of its neighbours (the joins of Ngo, Porat, Ré and Rudra 2012 rest on that).

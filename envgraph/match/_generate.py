@@ -12,7 +12,6 @@ from functools import partial
 from itertools import takewhile
 from typing import Final
 
-from envgraph.match._common import MOST_LOOKED_AT
 from envgraph.match._options import call_key
 from envgraph.match._plan import (
     Absence,
@@ -468,7 +467,7 @@ class Translation:
         goal = step.goal
         assert isinstance(goal, LinkAtom)
         name = self._module.fresh("e")
-        short = f"len({name} := {self._ends(goal)}) <= {MOST_LOOKED_AT}"
+        short = f"({name} := {self._ends(goal)}).__class__ is tuple"  # the others are crowded
         common = self._module.name(Builtin("common"))
         self._each(step.binds, f"{name} if {short} else {common}({name}, {', '.join(others)})")
 
