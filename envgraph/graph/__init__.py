@@ -14,6 +14,7 @@
 """
 
 from envgraph.graph._conformance import Violation, check_conformance
+from envgraph.graph._ensured import as_context, ensured
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Shelf, Version
 from envgraph.graph._isomorphism import Shapes
@@ -50,7 +51,9 @@ __all__ = [
     "Version",
     "Violation",
     "arrange_targets",
+    "as_context",
     "check_conformance",
+    "ensured",
     "from_networkx",
     "make_sure",
     "model_from_json",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import Literal, Unpack
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from typing import Any, Literal, Unpack
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph import _refusals as refusals
 from envgraph.graph._canonical import canonical_hash
+from envgraph.graph._ensured import as_context, ensured
 from envgraph.graph._facts import Listener
 from envgraph.graph._hashing import condense
 from envgraph.graph._history import History, Savepoint, Shelf, Version
@@ -620,27 +621,37 @@ class Model:
     def unwind(self, depth: int = 0) -> None:
         """Roll back until only so many savepoints are open.
 
-        Ctrl-C at the very end of a `with` block may keep Python from calling what ends the transaction, and what
-        `savepoint` returns may reach nobody. Then a savepoint stays open that only this closes.
+        Ctrl-C may come before what `savepoint` returns has reached anybody. Then only this closes it.
         """
         self._history.unwind(depth)
 
-    @contextmanager
-    def transaction(self) -> Iterator[Savepoint]:
+    def transaction(self) -> AbstractContextManager[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it."""
-        history, store = self._history, self.store
+        return as_context(self._transaction())
+
+    def _transaction(self) -> Generator[Any, Any, None]:
+        """The steps of an `ensured` context manager, written out because transactions are many."""
+        history, torn = self._history, self.store.torn
         depth = history.depth
         try:
             savepoint = history.savepoint()
             yield savepoint
-            history.release(savepoint)
+            yield 1
+            problem = yield 0
+            if problem is None:
+                history.release(savepoint)
+            else:
+                torn.append((history.unwound, (depth,)))
+                self.store.recover()
         except BaseException:
             # Nothing to do if a listener raises: the transaction has ended by then.
-            store.torn.append((history.unwound, (depth,)))
-            store.recover()
+            torn.append((history.unwound, (depth,)))
+            self.store.recover()
             raise
+        while True:
+            yield 0
 
-    @contextmanager
+    @ensured
     def _all_or_nothing(self) -> Iterator[None]:
         if self._history.loading:
             yield
@@ -648,7 +659,7 @@ class Model:
             with self.transaction():
                 yield
 
-    @contextmanager
+    @ensured
     def loading(self) -> Iterator[None]:
         """Build a model without a journal and without telling listeners of each change.
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from random import Random
 from typing import TYPE_CHECKING, Any, Literal, NoReturn, cast
@@ -13,7 +13,7 @@ from envgraph.errors import (
     InvalidArgument,
     RuleError,
 )
-from envgraph.graph import Model, Node, Savepoint, Version
+from envgraph.graph import Model, Node, Savepoint, Version, as_context, ensured
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.metamodel import Value
 from envgraph.pattern import ObjectType
@@ -276,14 +276,21 @@ class Engine(Recordings):
         if self._events is not None:
             return self._events.held()
         matcher = self.matcher
-        return self._telling(matcher) if isinstance(matcher, ViewMatcher) and matcher.heard else None
+        if isinstance(matcher, ViewMatcher) and matcher.heard:
+            return as_context(self._telling(matcher))
+        return None
 
-    @contextmanager
-    def _telling(self, matcher: ViewMatcher) -> Iterator[None]:
-        """Listeners are told at the end: by the model if there was a transaction, but many rules need none."""
+    def _telling(self, matcher: ViewMatcher) -> Generator[Any, Any, None]:
+        """Listeners are told at the end: by the model if there was a transaction, but many rules need none.
+
+        The steps of an `ensured` context manager, written out.
+        """
         yield
-        if not self.model.in_transaction:
+        yield 1
+        if (yield 0) is None and not self.model.in_transaction:
             matcher.deliver()
+        while True:
+            yield 0
 
     def check_integrity(self) -> None:
         """Assert that model and views hold what a computation from scratch finds; for tests."""
@@ -708,7 +715,7 @@ class Engine(Recordings):
         _, pattern, free = self._question(predicate, {})
         return lambda: self.matcher.exists(pattern, free)
 
-    @contextmanager
+    @ensured
     def lent(self, rng: Randomness) -> Iterator[Trace]:
         """Inside the block random choices are made by another generator, and what is applied is only noted here."""
         recorders, own, trace = self._recorders, self._rng, Trace(start=self.model.state_hash())
@@ -718,7 +725,7 @@ class Engine(Recordings):
         finally:
             self._recorders, self._rng = recorders, own
 
-    @contextmanager
+    @ensured
     def _aside(self) -> Iterator[None]:
         """Nothing notices the block, which leaves the model as it was: listeners, event rules, recordings, `rng`."""
         recorders, rng = self._recorders, self._rng
@@ -733,9 +740,13 @@ class Engine(Recordings):
 
     # --- transactions and versions
 
-    @contextmanager
-    def transaction(self) -> Iterator[Savepoint]:
+    def transaction(self) -> AbstractContextManager[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it. Transactions nest."""
+        plain = not self._recorders and self._holding() is None
+        return self.model.transaction() if plain else self._transaction()
+
+    @ensured
+    def _transaction(self) -> Iterator[Savepoint]:
         lengths = [(recorder, len(recorder)) for recorder in self._recorders]
         with self._holding() or _NOTHING:
             try:

@@ -23,12 +23,12 @@ the conflict set: the other version has been settled when it was made.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from heapq import heappop, heappush
 from itertools import count, islice
 from typing import TYPE_CHECKING, overload
 
 from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.graph import ensured
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.pattern import Pattern
 from envgraph.rewrite._jobs import BoundJob, Event
@@ -360,7 +360,7 @@ class Events:
             error.add_note(f"raised by event rule `{rule.name}`, {activation!r}")
             raise
 
-    @contextmanager
+    @ensured
     def held(self) -> Iterator[None]:
         """Fire nothing inside the block; settle at its end, if it ends well."""
         self._held += 1
@@ -370,7 +370,7 @@ class Events:
             self._held -= 1
         self.run()
 
-    @contextmanager
+    @ensured
     def muted(self) -> Iterator[None]:
         """What changes inside the block activates nothing, and empties the conflict set."""
         self.run()
@@ -381,7 +381,7 @@ class Events:
             self._muted = False
             self.clear()
 
-    @contextmanager
+    @ensured
     def asleep(self) -> Iterator[None]:
         """Nothing fires inside the block, and what is pending stays so: it ends in the state in which it began."""
         self._held += 1

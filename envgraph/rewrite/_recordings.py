@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from typing import Literal
 
-from envgraph.graph import Model
+from envgraph.graph import Model, ensured
 from envgraph.rewrite._definitions import Definitions
 from envgraph.rewrite._match import Firing
 from envgraph.rewrite._trace import Trace
@@ -19,7 +18,7 @@ class Recordings(Definitions):
         super().__init__(model, matcher)
         self._recorders: list[Trace] = []
 
-    @contextmanager
+    @ensured
     def recording(self) -> Iterator[Trace]:
         """What is applied inside, in order, for `replay`; `trace_to_text` writes it.
 
@@ -35,7 +34,7 @@ class Recordings(Definitions):
             yield trace
         trace.close(self.model.state_hash())
 
-    @contextmanager
+    @ensured
     def _listing(self, trace: Trace) -> Iterator[Trace]:
         """What is applied inside is added to a trace."""
         self._recorders = [*self._recorders, trace]
@@ -45,7 +44,7 @@ class Recordings(Definitions):
             # By identity: traces are lists, and two of the same contents are equal.
             self._recorders = [other for other in self._recorders if other is not trace]
 
-    @contextmanager
+    @ensured
     def _unrecorded(self) -> Iterator[None]:
         """What is applied inside is part of what is being applied."""
         recorders = self._recorders

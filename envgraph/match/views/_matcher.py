@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from gc import collect
 from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
-from envgraph.graph import Model, make_sure
+from envgraph.graph import Model, ensured, make_sure
 from envgraph.match._calls import MOST_NESTED, check_nesting
 from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Row, check_arguments
@@ -529,14 +528,14 @@ class ViewMatcher:
         for log in logs:
             log.clear()
 
-    @contextmanager
+    @ensured
     def unheard(self) -> Iterator[None]:
         """Nobody is told what happens in the block, at whose end the state must be the one at its start."""
         self.settle()
         logs = {pattern: view.rows.log for pattern, view in self._views.items()}
-        for view in self._views.values():
-            view.rows.log = None
         try:
+            for view in self._views.values():
+                view.rows.log = None
             yield
         finally:
             for pattern, log in logs.items():
