@@ -22,7 +22,7 @@ from types import ModuleType
 from envgraph.errors import TransactionError
 from envgraph.graph import Savepoint, Version, _integrity, _store
 from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher, ViewMatcher
-from envgraph.match.views import Subscription, _agreeing, _delta, _folds, _matcher, _reach, _sets
+from envgraph.match.views import Subscription, _agreeing, _delta, _folds, _joins, _matcher, _reach, _sets
 from tests.oracle.worlds import Dice, edit, random_world
 
 EAGER: tuple[tuple[ModuleType, str, object], ...] = (
@@ -38,6 +38,11 @@ EAGER: tuple[tuple[ModuleType, str, object], ...] = (
     (_delta, "DEAR", -1.0),
     (_agreeing, "EXPENSIVE", 0.0),
     (_agreeing, "READ", 0.5),
+    # Every attribute that stands beside something else is looked up by its value.
+    (_joins, "MANY", -1.0),
+    (_joins, "DIFFERENT", 0),
+    (_joins, "_met_elsewhere", lambda body, _: len(body.goals) > 1),
+    (_joins, "_told_apart", lambda *_: range(100)),
 )
 """What happens seldom, or in large models alone, happens at once: modules with other limits."""
 

@@ -31,6 +31,7 @@ from envgraph.match.views._delta import (
     occurrences,
 )
 from envgraph.match.views._folds import Fold
+from envgraph.match.views._joins import all_values, joined_by_value, values_of, with_values
 from envgraph.match.views._operators import Evaluated, Operator, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
@@ -195,7 +196,17 @@ class Growth:
         if len(body.goals) > MOST_GOALS:
             raise NotIncremental
         body = self._with_apart(body, f"{name}/{number}/apart")
-        return replace(body, goals=tuple(self._goals(body, f"{name}/{number}")))
+        return self._with_values(replace(body, goals=tuple(self._goals(body, f"{name}/{number}"))))
+
+    def _with_values(self, body: Conjunction) -> Conjunction:
+        """The body with views of the values by which it joins."""
+        attributes = joined_by_value(self.store, self._planner, body)
+        for goal in body.goals:
+            if isinstance(goal, AttributeAtom) and goal.attribute.index in attributes:
+                name = values_of(goal)
+                if name not in self.operators:
+                    self._define(name, [all_values(body, goal)])
+        return with_values(body, attributes) if attributes else body
 
     def _with_apart(self, body: Conjunction, place: str) -> Conjunction:
         """The body with what hangs together with no parameter as views of their own: there it is, or it is not.

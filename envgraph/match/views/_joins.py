@@ -1,0 +1,116 @@
+"""Joins by value: where a search would look through many objects for a value there is a view of the values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from envgraph.graph import Store
+from envgraph.match._options import Unplannable
+from envgraph.match._plan import Condition, Conjunction, Kind, Plan, variables
+from envgraph.match.views._delta import Role, occurrences
+from envgraph.match.views._planning import ViewPlanner
+from envgraph.pattern import AggregateAtom, AttributeAtom, CallAtom, ObjectType, UnequalAtom
+
+MANY: Final = 100.0
+"""Objects that are looked through, from which on their values are worth a view."""
+SAMPLE: Final = 512
+"""Objects whose values tell how many different ones there are."""
+DIFFERENT: Final = 8
+"""Different values from which on it helps to know one of them."""
+
+
+def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> frozenset[int]:
+    """Attributes of a body, by index, by whose values many objects would be told apart one by one.
+
+    Args:
+        store: for a look at the values.
+        planner: orders goals.
+        body: goals over relations of the network.
+    """
+    possible = {
+        goal.attribute.index
+        for goal in body.goals
+        if isinstance(goal, AttributeAtom)
+        and _met_elsewhere(body, goal)
+        and planner.sizes.extent(goal.attribute.owner) > MANY
+        and _telling(store, goal)
+    }
+    if not possible:
+        return frozenset()
+    fixed = {number for number, _ in body.constants}
+    found: set[int] = set()  # for membership alone
+    for known, others in _searches(body):
+        try:
+            plan = planner.plan(body, [body.goals[number] for number in others], frozenset(known))
+        except Unplannable:
+            continue
+        found.update(_told_apart(plan, known | fixed))
+    return frozenset(found & possible)
+
+
+def with_values(body: Conjunction, attributes: frozenset[int]) -> Conjunction:
+    """The body with calls of the views of these attributes."""
+    goals = tuple(
+        CallAtom(values_of(goal), (goal.object, goal.value))
+        if isinstance(goal, AttributeAtom) and goal.attribute.index in attributes
+        else goal
+        for goal in body.goals
+    )
+    return Conjunction(body.types, body.constants, body.parameters, goals)
+
+
+def values_of(goal: AttributeAtom) -> str:
+    """Name of the view of an attribute's values."""
+    return f"{goal.attribute}/values"
+
+
+def all_values(body: Conjunction, goal: AttributeAtom) -> Conjunction:
+    """The body of that view: objects and values."""
+    types = (ObjectType(goal.attribute.owner), body.types[goal.value])
+    return Conjunction(types, (), (0, 1), (AttributeAtom(goal.attribute, 0, 1),))
+
+
+def _met_elsewhere(body: Conjunction, goal: AttributeAtom) -> bool:
+    """Whether another goal may give its value."""
+    return any(
+        goal.value in variables(other)
+        for other in body.goals
+        if other is not goal and not isinstance(other, UnequalAtom | Condition)
+    )
+
+
+def _telling(store: Store, goal: AttributeAtom) -> bool:
+    """Whether objects differ in an attribute."""
+    column = store.values[goal.attribute.index][:SAMPLE]
+    return len({value for value in column if value is not None}) >= DIFFERENT
+
+
+def _searches(body: Conjunction) -> Iterator[tuple[set[int], list[int]]]:
+    """What is known when a search begins, and the goals that it has to meet: for all matches, and for each change."""
+    everything = list(range(len(body.goals)))
+    yield set(), everything
+    for place in occurrences(body):
+        known = {v for v in place.columns if v is not None}
+        goal = body.goals[place.goal]
+        if place.role is Role.NUMBER and isinstance(goal, AggregateAtom):
+            known.add(goal.result)
+        yield known, [number for number in everything if number != place.goal]
+
+
+def _told_apart(plan: Plan, known: set[int]) -> Iterator[int]:
+    """Attributes that test objects of a long loop for a value that was known before it."""
+    rows, before = 1.0, set(known)
+    looped: dict[int, set[int]] = {}
+    for step in plan.steps:
+        if step.kind is Kind.LOOP and step.rows > MANY * rows:
+            looped.update((variable, before.copy()) for variable in step.binds)
+        goal = step.goal
+        if (
+            isinstance(goal, AttributeAtom)
+            and step.kind is Kind.TEST
+            and goal.value in looped.get(goal.object, ())
+        ):
+            yield goal.attribute.index
+        rows = max(step.rows, 1e-9)
+        before.update(step.binds)
