@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from envgraph.errors import Diagnostic, Severity, Span
 from envgraph.lang._parsing import Parsed
@@ -19,6 +20,9 @@ _MISREAD = frozenset(
     {"number-too-large", "stray-character", "touching-words", "unterminated-string", "unterminated-text"}
 )
 """Mistakes in the spelling of one token."""
+_ROWS = frozenset({"stray-character", "unterminated-text"})
+_MOST_LINES = 3
+"""Characters that mean nothing in more lines, one below the other, are the rows of a text."""
 _UNEXPECTED = frozenset({"missing-token", "unexpected-token", "unexpected-end", "unescaped-keyword"})
 """Mistakes in the order of tokens."""
 
@@ -48,7 +52,38 @@ def without_misread(found: Iterable[Diagnostic]) -> list[Diagnostic]:
         spans = misread.get(one.span.source.name, ())
         return any(span.start < one.span.end and one.span.start < span.end for span in spans)
 
-    return [one for one in diagnostics if not follows(one)] if misread else diagnostics
+    if not misread:
+        return diagnostics
+    return list(_without_rows([one for one in diagnostics if not follows(one)]))
+
+
+def _without_rows(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
+    """Tells once of the rows of a text that was not opened as one."""
+    rows = sorted(
+        (one for one in diagnostics if one.span and one.code in _ROWS),
+        key=lambda one: (one.span.source.name, one.span.start) if one.span else ("", 0),
+    )
+    first: dict[Diagnostic, Diagnostic] = {}
+    lines: dict[Diagnostic, set[int]] = {}
+    previous: Diagnostic | None = None
+    for one in rows:
+        begin = first[previous] if previous is not None and _next_line(previous, one) else one
+        first[one] = begin
+        lines.setdefault(begin, set()).add(one.span.line if one.span else 0)
+        previous = one
+    for one in diagnostics:
+        head = first.get(one)
+        if head is None or len(lines[head]) <= _MOST_LINES:
+            yield one
+        elif one is head:
+            yield replace(one, hint='a text of several lines stands between `"""` and `"""`')
+
+
+def _next_line(one: Diagnostic, other: Diagnostic) -> bool:
+    """Whether the second place is on the line of the first, or on the next one."""
+    if one.span is None or other.span is None or one.span.source is not other.span.source:
+        return False
+    return other.span.line - one.span.line <= 1
 
 
 def without_echoes(

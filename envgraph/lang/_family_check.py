@@ -122,6 +122,7 @@ class _Checker:
             return
         hint = did_you_mean(name, known) or self._elsewhere(name, what)
         hint = hint or name_hint(name, [one for one in known if "." not in one])
+        hint = hint or f'none of the files has a {what}: name the one with it in `imports = [".."]`'
         yield Diagnostic(f"unknown-{what}", f"unknown {what} `{name}`", span, hint)
 
     def _elsewhere(self, name: str, what: str) -> str | None:
