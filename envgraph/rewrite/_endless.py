@@ -17,13 +17,19 @@ def endless(units: Sequence[CheckedUnit]) -> Iterator[Diagnostic]:
     when no more are found never succeeds.
     """
     left = {checked.unit.qualified_name: checked for checked in units}
-    while found := [name for name, one in left.items() if _succeeds(one.unit.body, one, left)]:
-        for name in found:
+    callers: dict[str, list[str]] = {name: [] for name in left}
+    for name, one in left.items():
+        for callee, _ in _calls(one.unit.body, one, left):
+            callers[callee].append(name)
+    waiting = list(left)
+    for name in waiting:
+        if name in left and _succeeds(left[name].unit.body, left[name], left):
             del left[name]
+            waiting += callers[name]
     calls = {name: list(_calls(one.unit.body, one, left)) for name, one in left.items()}
     told: set[str] = set()
     for name in left:
-        path = _circle(name, calls)
+        path = [] if name in told else _circle(name, calls)
         if path and told.isdisjoint(path):
             told.update(path)
             yield _warning(name, path, calls)
@@ -61,14 +67,17 @@ def _calls(step: Step, checked: CheckedUnit, left: Collection[str]) -> Iterator[
 
 def _circle(start: str, calls: Mapping[str, Sequence[tuple[str, Call]]]) -> list[str]:
     """The shortest way from a unit back to it: the units on it; empty if there is none."""
-    paths = {start: [start]}
+    before = {start: ""}
     waiting = [start]
     for name in waiting:
         for callee, _ in calls[name]:
             if callee == start:
-                return paths[name]
-            if callee not in paths:
-                paths[callee] = [*paths[name], callee]
+                path = [name]
+                while path[-1] != start:
+                    path.append(before[path[-1]])
+                return path[::-1]
+            if callee not in before:
+                before[callee] = name
                 waiting.append(callee)
     return []
 

@@ -634,3 +634,9 @@ def test_calls_that_are_not_written_out_do_the_same() -> None:
     assert refused.run("u")
     # The first item is linked; the next one goes.
     assert refused.model.alive(0) and len(refused.model) == 2 + 300 - 1
+
+
+def test_a_long_circle_of_calls_is_told_once() -> None:
+    units = "".join(f"unit u{number} {{ up; u{(number + 1) % 300}; }}\n" for number in range(300))
+    (found,) = problems(RULES + units)
+    assert found.message == "`u0` always calls itself through `u1` and others, so that it never succeeds"
