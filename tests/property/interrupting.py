@@ -29,15 +29,23 @@ def _ours(frame: FrameType) -> bool:
 def _sheltered(code: CodeType) -> frozenset[int]:
     """Where nobody looks for signals: from the beginning of a handler up to its first call, and where a function ends.
 
-    Nor does anybody when a function in Python has returned.
+    Nor does anybody between the end of a `with` block and the call that follows, or when a function in Python has
+    returned.
     """
     found: set[int] = set()
-    inside = False
+    inside, nones = False, list[int]()
     for instruction in get_instructions(code):
-        inside |= instruction.opname == "PUSH_EXC_INFO"
-        if inside or instruction.opname in ("RETURN_VALUE", "JUMP_FORWARD", "NOP"):
+        name = instruction.opname
+        inside |= name == "PUSH_EXC_INFO"
+        if inside or name in ("RETURN_VALUE", "JUMP_FORWARD", "NOP", "SWAP"):
             found.add(instruction.offset)
-        inside &= not instruction.opname.startswith("CALL")
+        inside &= not name.startswith("CALL")
+        if name == "LOAD_CONST" and instruction.argval is None:
+            nones.append(instruction.offset)
+        elif len(nones) >= 3 and name in ("PRECALL", "CALL"):
+            found.update([*nones, instruction.offset])
+        else:
+            nones = []
     return frozenset(found)
 
 

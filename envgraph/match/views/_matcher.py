@@ -505,10 +505,14 @@ class ViewMatcher:
 
     def _note(self, restored: bool) -> list[str]:
         """Note who is to be told what, and empty the logs; returns the patterns that have changed."""
-        rows = {each.pattern: self._views[each.pattern].rows for each in self._subscriptions}
-        logs = [each.log for each in rows.values() if each.log]
-        if not logs:
+        views = self._views
+        for each in self._subscriptions:
+            if views[each.pattern].rows.log:
+                break
+        else:
             return []
+        rows = {each.pattern: views[each.pattern].rows for each in self._subscriptions}
+        logs = [each.log for each in rows.values() if each.log]
         changes = _net_changes(rows)
         news = list(self._news)
         for each in self._subscriptions:
