@@ -90,13 +90,17 @@ class Fold(Operator):
     def process(self) -> None:
         dirty = self._dirty.copy()
         self._dirty.clear()
+        values, counted = self.values, self.column is None
         for key, changes in dirty.items():
-            old, new = self.values.get(key, self.empty), self._followed(key, changes)
+            old = values.get(key, self.empty)
+            new = len(self._rows(key)) if counted else self._followed(key, changes)
             if old == new:
                 continue
             if old is not None and self.removing is not None:
                 self.removing(*key, old)
-            self._put(self.values, key, old, new)
+            if self.store.recording:
+                self.store.journal.extend((values, key, old, SET))
+            values[key] = new
             if new is not None and self.added is not None:
                 self.added(*key, new)
 
@@ -115,9 +119,10 @@ class Fold(Operator):
         return aggregate(self.function, [row[column] for row in rows])
 
     def _followed(self, key: Row, changes: Sequence[Change]) -> Any:
-        """The value of a group after some of its tuples have changed, which are known if there is a column."""
+        """The value of a group after some of its tuples have changed, in a column."""
+        assert self.column is not None
         running, rows = self._running.get(key), self._rows(key)
-        if self.column is None or (running is None and len(rows) <= LARGE):
+        if running is None and len(rows) <= LARGE:
             return self._computed(key)
         if running is None:
             kind = Totals if self.function in ("sum", "avg") else Extremes

@@ -376,7 +376,7 @@ class ViewMatcher:
             if self._broken <= self.model.depth:
                 return
             self._hear_again()
-        self._network.forget()
+        self._network.rolled_back()
         for view in self._views.values():
             if view.rows.log is not None:
                 view.rows.log.shorten()

@@ -103,6 +103,17 @@ class Network:
             operator.forget()
         self._settled = self._store.revision
 
+    def rolled_back(self) -> None:
+        """The state has been replaced, once, by one that the operators hold already: what is pending is void."""
+        if self._settled != self._store.revision - 1:
+            self.forget()
+            return
+        for (
+            operator
+        ) in self._wiring.evaluated:  # nothing is pending: there was no change since the last turns
+            operator.forget()
+        self._settled = self._store.revision
+
     def refill(self) -> None:
         """Compute everything anew, unrecorded."""
         self.forget()

@@ -16,7 +16,7 @@ from envgraph.match.views._delta import Delta, Occurrence, occurrences, own_posi
 from envgraph.match.views._folds import Fold
 from envgraph.match.views._fusion import fused_source
 from envgraph.match.views._growth import Build, Definition, Growth, Key
-from envgraph.match.views._operators import Hook, Operator, View
+from envgraph.match.views._operators import Evaluated, Hook, Operator, View
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Member
@@ -34,6 +34,7 @@ class Wiring:
     Attributes:
         deltas: what they find.
         turns: the operators that take turns; the others are changed in place.
+        evaluated: those of them that go by the revision of the store.
 
     Args:
         store: what tells of changes.
@@ -46,6 +47,7 @@ class Wiring:
         self.store = store
         self.deltas: list[Delta] = []
         self.turns: list[Operator] = []
+        self.evaluated: list[Evaluated] = []
         self._growth = growth
         self._planner = planner
         self._build = build
@@ -88,6 +90,7 @@ class Wiring:
             for operator in self._growth.operators.values()
             if not isinstance(operator, View) or operator.name in self._queued
         ]
+        self.evaluated = [operator for operator in self.turns if isinstance(operator, Evaluated)]
 
     def _make(self, operator: Operator) -> None:
         if isinstance(operator, View):
