@@ -146,3 +146,20 @@ TestViews = Views.TestCase
 TestViews.settings = settings(max_examples=4 * EXAMPLES, stateful_step_count=10)
 TestEagerViews = EagerViews.TestCase
 TestEagerViews.settings = settings(max_examples=EXAMPLES, stateful_step_count=10)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 8])
+def test_listeners_are_told_in_the_order_of_rows_when_a_model_has_outgrown_its_plan(seed: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name, value in EAGER:
+            patch.setattr(module, name, value)
+        walk = Walk(seed, watch=100)
+        for name in walk.sizes:
+            walk.listen(name)
+        walk.open()
+        walk.edit(Dice(1), 5)
+        walk.check()
+        walk.release()  # each listener compares with what is listed then
+        walk.check()
+        assert sum(told.calls for each in walk.told.values() for told in each)
+        walk.close()

@@ -467,6 +467,8 @@ class ViewMatcher:
         than others.
         """
         if self._up_to_date():
+            if not self._telling:
+                self._plan_anew()  # not when a listener asks: it has been told rows in their order by then
             self._tell(restored=False)
 
     def _tell(self, restored: bool) -> None:
