@@ -10,12 +10,13 @@ from envgraph.match._options import Unplannable
 from envgraph.match._plan import Condition, Conjunction, Kind, Plan, variables
 from envgraph.match.views._delta import Role, occurrences
 from envgraph.match.views._planning import ViewPlanner
+from envgraph.metamodel import Metamodel, Value
 from envgraph.pattern import AggregateAtom, AttributeAtom, CallAtom, ObjectType, UnequalAtom
 
 MANY: Final = 100.0
 """Objects that are looked through, from which on their values are worth a view."""
 SAMPLE: Final = 512
-"""Objects whose values tell how many different ones there are."""
+"""Objects of a class whose values tell how many different ones there are."""
 DIFFERENT: Final = 8
 """Different values from which on it helps to know one of them."""
 
@@ -34,7 +35,7 @@ def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> fr
         if isinstance(goal, AttributeAtom)
         and _met_elsewhere(body, goal)
         and planner.sizes.extent(goal.attribute.owner) > MANY
-        and _telling(store, goal)
+        and _telling(store, planner.library.metamodel, goal)
     }
     if not possible:
         return frozenset()
@@ -80,10 +81,14 @@ def _met_elsewhere(body: Conjunction, goal: AttributeAtom) -> bool:
     )
 
 
-def _telling(store: Store, goal: AttributeAtom) -> bool:
+def _telling(store: Store, metamodel: Metamodel, goal: AttributeAtom) -> bool:
     """Whether objects differ in an attribute."""
-    column = store.values[goal.attribute.index][:SAMPLE]
-    return len({value for value in column if value is not None}) >= DIFFERENT
+    column = store.values[goal.attribute.index]
+    different: set[Value] = set()  # for its size alone
+    for cls, extent in zip(metamodel.class_list, store.extents, strict=True):
+        if metamodel.is_a(cls.name, goal.attribute.owner):
+            different.update(value for node in extent[:SAMPLE] if (value := column[node]) is not None)
+    return len(different) >= DIFFERENT
 
 
 def _searches(body: Conjunction) -> Iterator[tuple[set[int], list[int]]]:

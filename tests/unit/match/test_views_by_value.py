@@ -109,6 +109,17 @@ def test_a_change_of_a_value_looks_at_those_that_share_it() -> None:
     assert "(rows 1" in plan
 
 
+def test_objects_of_other_classes_say_nothing_about_the_values() -> None:
+    model = Model(TOWN)
+    for _ in range(600):
+        model.create("Flat")
+    for number in range(150):
+        model.create("Person", name=f"p{number}")
+    views = ViewMatcher(model, queries("same"))
+    views.watch("same")
+    assert value_views(views) == ["Person.name"]
+
+
 @pytest.mark.parametrize("name", ["peer", "home", "grown"])
 def test_values_that_are_not_looked_for_have_no_view(name: str) -> None:
     views = ViewMatcher(town(150), queries(name))
