@@ -116,6 +116,24 @@ SHARED = {
 }
 
 
+def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
+    """The arguments of every search along the steps of a closure from now on."""
+    searches: list[tuple[object, ...]] = []
+    original = compiled._Steps._search
+
+    def search(steps: compiled._Steps, forward: bool, question: object) -> object:
+        found = original(steps, forward, question)
+
+        def counted(*arguments: object) -> object:
+            searches.append(arguments)
+            return found(*arguments)
+
+        return counted
+
+    monkeypatch.setattr(compiled._Steps, "_search", search)
+    return searches
+
+
 @pytest.mark.parametrize("asked", SHARED.values(), ids=SHARED)
 def test_many_questions_about_a_closure_take_little_more_than_one_search(
     asked: Pattern, monkeypatch: pytest.MonkeyPatch
@@ -127,23 +145,10 @@ def test_many_questions_about_a_closure_take_little_more_than_one_search(
             model.link(cell, to, 7 * cell % 1_600)  # type: ignore[arg-type]
     corners = pattern("corners(a : Cell, b : Cell)", [find("step+", "a", "b"), find("corner", "b")])
     matcher = CompiledMatcher(model, library(STEP, REACHES, CORNER, corners, asked))
-    searched = 0
-
-    def search(steps: object, forward: bool, question: object) -> object:
-        found = original(steps, forward, question)
-
-        def counted(*arguments: object) -> object:
-            nonlocal searched
-            searched += 1
-            return found(*arguments)
-
-        return counted
-
-    original = compiled._Steps._search
-    monkeypatch.setattr(compiled._Steps, "_search", search)
+    searches = counted_searches(monkeypatch)
     matcher.count("asked", (FREE,) * len(asked.parameters))
     most = 1_600 if asked is SHARED["from any of several"] else 20  # searches that find nothing more
-    assert searched <= most
+    assert len(searches) <= most
 
 
 ACYCLIC = {
@@ -179,22 +184,9 @@ def test_aggregates_of_what_is_reached_without_a_way_back_share_their_work(
             pattern("asked(a : Cell, n : int)", [is_a("Cell", "a"), equal("n", asked)]),
         ),
     )
-    searched = 0
-
-    def search(steps: object, forward: bool, question: object) -> object:
-        found = original(steps, forward, question)
-
-        def counted(*arguments: object) -> object:
-            nonlocal searched
-            searched += 1
-            return found(*arguments)
-
-        return counted
-
-    original = compiled._Steps._search
-    monkeypatch.setattr(compiled._Steps, "_search", search)
+    searches = counted_searches(monkeypatch)
     rows = dict(matcher.rows("asked", (FREE, FREE)))
-    assert searched <= 200  # those that reach little are searched for
+    assert len(searches) <= 200  # those that reach little are searched for
     for cell in (0, 450, 451, 800):
         below = [c for c in range(cell + 1, 900) if c % 30 >= cell % 30]
         assert rows[cell] == expected([1 + c % 7 for c in below])
@@ -210,24 +202,11 @@ def test_counts_that_are_asked_one_by_one_share_their_work(monkeypatch: pytest.M
         "step(a : Cell, b : Cell)", [path("Cell.east", "a", "b")], [path("Cell.south", "a", "b")]
     )
     matcher = CompiledMatcher(model, library(south_east, CORNER, corners))
-    searched = 0
-
-    def search(steps: object, forward: bool, question: object) -> object:
-        found = original(steps, forward, question)
-
-        def counted(*arguments: object) -> object:
-            nonlocal searched
-            searched += 1
-            return found(*arguments)
-
-        return counted
-
-    original = compiled._Steps._search
-    monkeypatch.setattr(compiled._Steps, "_search", search)
+    searches = counted_searches(monkeypatch)
     for cell in range(900):
         below = [c for c in range(cell + 1, 900) if c % 30 >= cell % 30]
         assert matcher.count("corners", (cell, FREE)) == sum(c % 3 == 0 for c in below)
-    assert searched <= 200
+    assert len(searches) <= 200
 
 
 def test_reached_objects_come_nearest_first() -> None:
