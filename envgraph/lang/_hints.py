@@ -56,6 +56,12 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
         return f"an arrow starts at an object: write `x -{word}-> ..`"
     if before[0] == "metamodel" and before[1] in keywords and "metamodel" in keywords:
         return f"the metamodel has no name: write `metamodel name` before `{before[1]}`"
+    if before[0] == "," and lexemes[index - 4].value == "=" and lexemes[index - 3].kind == "NAME":
+        expected = expectation(grammar, states)
+        if expected == "expected `=`":
+            return (
+                f"{expected}; several objects stand in brackets: `[{lexemes[index - 3].value}, {before[1]}]`"
+            )
     if "neg" not in keywords:
         return None
     home = "query" if "rule" in keywords else "rules"
