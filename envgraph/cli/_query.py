@@ -32,7 +32,7 @@ def print_matches(
     """Print the matches of a pattern."""
     engine = open_engine(model, queries, metamodels)
     bound = _bound(engine, _pattern_types(engine, pattern), where)
-    matches = engine.matches(pattern, **bound)
+    matches = engine.matches(pattern, bound=bound)
     if format is OutputFormat.JSON:
         print_json([{name: _plain(match[name]) for name in match.names} for match in matches])
         return
@@ -151,9 +151,9 @@ def _check_given(engine: Engine, rule: str, bound: Mapping[str, Any]) -> None:
 def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[str], RunResult | None]:
     """What one application did, a line a step, and the result of a unit that failed."""
     if engine.signature(rule).kind == "unit":
-        result = engine.run(rule, **bound)
+        result = engine.run(rule, bound=bound)
         return [_traced(engine, firing) for firing in result.firings], None if result else result
-    application = engine.apply(rule, **bound)
+    application = engine.apply(rule, bound=bound)
     return [] if application is None else [_told(engine, application)], None
 
 

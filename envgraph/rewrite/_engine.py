@@ -29,6 +29,7 @@ from envgraph.rewrite._listening import (
     told_updates,
 )
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
+from envgraph.rewrite._questions import bindings
 from envgraph.rewrite._recordings import Recordings
 from envgraph.rewrite._run import (
     REFUSALS,
@@ -304,11 +305,13 @@ class Engine(Recordings):
         self,
         rule: str,
         match: Match | None = None,
+        /,
         *,
         choose: Choose = "random",
         where: Where | None = None,
         by: By | None = None,
-        **arguments: object,
+        bound: Mapping[str, object] | None = None,
+        **values: object,
     ) -> Application | None:
         """Apply a rule at a match, or at one that is chosen among those that agree with the arguments.
 
@@ -323,7 +326,7 @@ class Engine(Recordings):
                 bound to the variables of the same names; or for which an expression or a function of the match is true.
             by: an expression over the variables of the match, or a function of it: the match with the largest value is
                 taken, the first of several.
-            **arguments: values of variables of the match; objects as `Node`s or ids.
+            bound, **values: values of variables of the match, as in `matches`.
 
         Returns:
             What was done; None if there is no match.
@@ -332,6 +335,7 @@ class Engine(Recordings):
             InvalidArgument: an unknown rule or variable, a match of something else, or a choice that is none.
             RuleError: the match is none any more, or the rule cannot be applied there. The model is as before.
         """
+        arguments = bindings(bound, values)
         if choose != "random" or where is not None or by is not None:
             if match is not None or (by is not None and choose != "random"):
                 raise InvalidArgument("one of `match`, `choose` and `by` says where the rule is applied")
@@ -346,11 +350,13 @@ class Engine(Recordings):
     def apply_all(
         self,
         rule: str,
+        /,
         *,
         where: Where | None = None,
         by: By | None = None,
         top: int | None = None,
-        **arguments: object,
+        bound: Mapping[str, object] | None = None,
+        **values: object,
     ) -> list[Application]:
         """Apply a rule at each of the matches of now that still is one when its turn comes and is not refused.
 
@@ -359,7 +365,7 @@ class Engine(Recordings):
             where: only at these matches; see `apply`.
             by: the largest value first, ties as the matches come; see `apply`.
             top: only at so many of the first; with `by`.
-            **arguments: values of variables of the match; objects as `Node`s or ids.
+            bound, **values: values of variables of the match, as in `matches`.
 
         Returns:
             What was done, in order.
@@ -370,7 +376,7 @@ class Engine(Recordings):
         """
         with self._holding() or _NOTHING:
             runner = self.prepare(rule)
-            rows = runner.rows_known(self.ids(runner.shape, arguments))
+            rows = runner.rows_known(self.ids(runner.shape, bindings(bound, values)))
             rows = select(self, runner, rows, where, by, top)
             self._notice()
             done: list[Application] = []
@@ -456,8 +462,12 @@ class Engine(Recordings):
             raise InvalidArgument(f"{match!r} is no match of `{runner.name}`")
         return match.row
 
-    def run(self, unit: str, **arguments: object) -> RunResult:
+    def run(self, unit: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> RunResult:
         """Run a unit; a rule or a group counts as a unit that calls it.
+
+        Args:
+            unit: its name.
+            bound, **values: values of its parameters, as in `matches`.
 
         Returns:
             What was done; it is true if the run succeeded. A unit that fails keeps what it did before, unless it is
@@ -468,7 +478,7 @@ class Engine(Recordings):
             RuleError: the matches of a `forall` are in conflict. The model is as before.
             EvaluationError: the step limit was reached, or a value could not be computed. The model is as before.
         """
-        qualified = self._directory.resolve(unit)
+        qualified, arguments = self._directory.resolve(unit), bindings(bound, values)
         if self._events is None:
             with self._holding() or _NOTHING:
                 return self._run_result(qualified, arguments)

@@ -73,7 +73,7 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
 
     def do(match: Match, _: Match | None) -> object:
         arguments: dict[str, object] = {variable: match.row[place] for variable, place in places}
-        result = engine.run(qualified, **arguments)
+        result = engine.run(qualified, bound=arguments)
         if result.refusal is not None:  # nobody looks at the result
             raise result.refusal
         return result

@@ -64,39 +64,46 @@ class Questions:
 
     # --- matches
 
-    def matches(self, name: str, **bound: object) -> list[Match]:
+    def matches(
+        self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object
+    ) -> list[Match]:
         """All matches of a pattern, or of the left side of a rule, that agree with the bound variables.
 
         The order is a function of the model's version.
 
         Args:
             name: of the pattern or rule.
-            **bound: values of variables; objects as `Node`s or ids.
+            bound: values of variables; objects as `Node`s or ids.
+            **values: the same, where the name of the variable is none of Python's.
 
         Raises:
-            InvalidArgument: an unknown name or variable.
+            InvalidArgument: an unknown name or variable, or one with two values.
             TypeMismatch: a value of the wrong type.
         """
-        shape, pattern, arguments = self._question(name, bound)
+        shape, pattern, arguments = self._question(name, bindings(bound, values))
         return [Match(self.model, shape, row) for row in self.matcher.rows(pattern, arguments)]
 
-    def first(self, name: str, **bound: object) -> Match | None:
+    def first(
+        self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object
+    ) -> Match | None:
         """The first of `matches`, or None."""
-        shape, pattern, arguments = self._question(name, bound)
+        shape, pattern, arguments = self._question(name, bindings(bound, values))
         row = self.matcher.first(pattern, arguments)
         return None if row is None else Match(self.model, shape, row)
 
-    def exists(self, name: str, **bound: object) -> bool:
+    def exists(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> bool:
         """Whether there is a match."""
-        _, pattern, arguments = self._question(name, bound)
+        _, pattern, arguments = self._question(name, bindings(bound, values))
         return self.matcher.exists(pattern, arguments)
 
-    def count(self, name: str, **bound: object) -> int:
+    def count(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> int:
         """The number of matches."""
-        _, pattern, arguments = self._question(name, bound)
+        _, pattern, arguments = self._question(name, bindings(bound, values))
         return self.matcher.count(pattern, arguments)
 
-    def explain(self, name: str, *bound: str, **values: object) -> str:
+    def explain(
+        self, name: str, /, *variables: str, bound: Mapping[str, object] | None = None, **values: object
+    ) -> str:
         """How matches are found, or, for a watched pattern, how they are kept current.
 
         The plan has estimated rows; for no bound variables, and for given values, it is run, and has actual rows too.
@@ -104,8 +111,8 @@ class Questions:
 
         Args:
             name: of the pattern or rule.
-            *bound: variables that have a value.
-            **values: variables with their values; objects as `Node`s or ids.
+            *variables: those that have a value.
+            bound, **values: variables with their values, as in `matches`.
 
         Raises:
             InvalidArgument: an unknown name or variable, variables with and without values, or a matcher that has no
@@ -115,20 +122,20 @@ class Questions:
         shape, pattern = self._asked(name)
         if not isinstance(self.matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher tries everything, and has no plans")
-        if bound and values:
+        known = self._positions(shape, bindings(bound, values))
+        if variables and known:
             raise InvalidArgument("give names of variables, or values for them, not both")
-        given = self._positions(shape, values)
-        positions = tuple(sorted(given)) or tuple(sorted(shape.position(variable) for variable in bound))
-        return self.matcher.explain(pattern, positions, [given[position] for position in sorted(given)])
+        positions = tuple(sorted(known)) or tuple(sorted(shape.position(variable) for variable in variables))
+        return self.matcher.explain(pattern, positions, [known[position] for position in sorted(known)])
 
-    def why_not(self, name: str, **bound: object) -> WhyNot:
+    def why_not(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> WhyNot:
         """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.
 
         A rule that has a match is tried there, and taken back: `refusal` of the result says why it cannot be applied.
 
         Args:
             name: of the pattern or rule.
-            **bound: values of variables; objects as `Node`s or ids.
+            bound, **values: values of variables, as in `matches`.
 
         Returns:
             What `print` shows as text; or the match that there is.
@@ -140,11 +147,11 @@ class Questions:
         shape, pattern = self._asked(name)
         if not isinstance(self.matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher tries everything, and has no plans")
-        given = self._positions(shape, bound)
-        for position, value in given.items():
+        known = self._positions(shape, bindings(bound, values))
+        for position, value in known.items():
             if shape.is_object(position) and not self.model.alive(cast("int", value)):
                 raise InvalidArgument(f"`{shape.names[position]}` is object {value}, which there is not")
-        found = self.matcher.why_not(pattern, given)
+        found = self.matcher.why_not(pattern, known)
         runner, refusal = self._rules.get(shape.definition), None
         if found.match is not None and isinstance(runner, GraphRule):
             refusal = self._tried(runner, tuple(found.match[name] for name in shape.names))
@@ -277,3 +284,22 @@ class Questions:
         else:
             wanted = f"`{type_name(type_)}`"
         raise TypeMismatch(f"`{shape.names[position]}` of `{shape.definition}` takes {wanted}, not {value!r}")
+
+
+def bindings(bound: Mapping[str, object] | None, values: dict[str, object]) -> Mapping[str, object]:
+    """The values of variables from both ways in which people say them: a mapping, and keywords.
+
+    Raises:
+        InvalidArgument: `bound` is no mapping from names, or a variable is in both.
+    """
+    if bound is None:
+        return values
+    if not isinstance(bound, Mapping) or not all(isinstance(name, str) for name in bound):
+        raise InvalidArgument(
+            f"`bound` is a mapping from variables to their values, not {bound!r}; "
+            "a variable of that name is given as `bound={'bound': ..}`"
+        )
+    twice = next((name for name in bound if name in values), None)
+    if twice is not None:
+        raise InvalidArgument(f"`{twice}` is given twice: in `bound`, and by itself")
+    return {**bound, **values}

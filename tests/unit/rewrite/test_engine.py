@@ -40,6 +40,63 @@ def test_a_simple_name_of_two_definitions_is_ambiguous() -> None:
     assert made.run("u")  # a unit means the rule of its own package
 
 
+CLASHING = ("name", "rule", "match", "by", "where", "choose", "top", "unit", "self", "bound", "values")
+"""Names of variables that are also names of Python's, in the verbs or in any method."""
+
+
+@pytest.mark.parametrize("watched", [False, True])
+@pytest.mark.parametrize("name", CLASHING)
+def test_a_variable_of_any_name_is_bound_by_a_mapping(name: str, watched: bool) -> None:
+    made = engine(
+        f"rule r({name} : Item) {{ lhs {{ {name}; }} modify {{ set {name}.n += 1; }} }}"
+        f" unit u({name} : Item) {{ r({name}); }}",
+        f"pattern p({name} : Item) {{ Item({name}); }}",
+        model=chain(3),
+    )
+    if watched:
+        made.watch("p", "r")
+    item = made.model.nodes("Item")[1]
+    bound = {name: item}
+    for asked in ("p", "r"):
+        assert made.matches(asked, bound=bound) == [made.first(asked, bound=bound)]
+        assert made.exists(asked, bound=bound) and made.count(asked, bound=bound) == 1
+        assert made.why_not(asked, bound=bound).match == {name: item.id}
+        assert f", given {name}\n" in made.explain(asked, bound=bound)
+    before = item.n
+    done = [
+        made.apply("r", bound=bound),
+        made.apply("r", choose="first", bound=bound),
+        *made.apply_all("r", bound=bound),
+    ]
+    assert [one.match[name] for one in done if one is not None] == [item] * 3
+    assert made.run("u", bound=bound).succeeded and made.run("r", bound=bound).succeeded
+    assert item.n == before + 5
+
+
+def test_a_variable_called_like_an_argument_by_position_is_a_keyword_too() -> None:
+    made = engine(
+        "rule r(self : Item, name : int) { lhs { check name == self.n; } modify { set self.n += 1; } }",
+        model=chain(3),
+    )
+    item = made.model.nodes("Item")[1]
+    assert made.count("r", self=item, name=item.n) == 1
+    done = made.apply("r", self=item, name=item.n)
+    assert done is not None and done.match["self"] == item
+
+
+def test_what_is_bound_twice_or_is_no_mapping_is_refused() -> None:
+    made = engine("rule r { lhs { x : Item; } }", model=chain(1))
+    item = made.model.nodes("Item")[0]
+    with pytest.raises(InvalidArgument, match="`x` is given twice: in `bound`, and by itself"):
+        made.matches("r", bound={"x": item}, x=item)
+    with pytest.raises(
+        InvalidArgument, match="`bound` is a mapping from variables to their values, not <Item"
+    ):
+        made.count("r", bound=item)  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match="`r` has no variable `y`"):
+        made.apply("r", bound={"y": item})
+
+
 def test_unknown_names_get_a_suggestion() -> None:
     made = engine("rule spread { lhs { } } unit u { spread; }", NEXT)
     with pytest.raises(InvalidArgument, match="unknown pattern or rule `folowing`: did you mean `following`"):
