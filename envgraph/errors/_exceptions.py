@@ -87,6 +87,11 @@ class RuleError(_PlacedError):
         self.reason = reason
         self.details = tuple(details)
 
+    def everywhere(self, where: str) -> RuleError:
+        """The last refusal of several, saying so: `where` is what the rule was refused at."""
+        message = f"{self.message}; it is refused at {where}"
+        return _rule_error(message, self.rule, self.reason, self.details, self.span, self.hint)
+
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """The error as a diagnostic; empty without a place."""

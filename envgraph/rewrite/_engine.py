@@ -32,7 +32,6 @@ from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._questions import bindings
 from envgraph.rewrite._recordings import Recordings
 from envgraph.rewrite._run import (
-    REFUSALS,
     STEP_LIMIT,
     UNSET,
     Environment,
@@ -40,8 +39,9 @@ from envgraph.rewrite._run import (
     apply_one_of,
     draw_weighted,
     fire_one,
+    fire_one_of,
 )
-from envgraph.rewrite._runner import NO_ARGUMENTS, PythonRule, Randomness, RuleRunner, draw
+from envgraph.rewrite._runner import NO_ARGUMENTS, REFUSALS, PythonRule, Randomness, RuleRunner, draw
 from envgraph.rewrite._selection import By, Choose, Where, choose_one, select
 from envgraph.rewrite._trace import Trace
 from envgraph.rewrite._units import RunResult, UnitProgram
@@ -315,7 +315,9 @@ class Engine(Recordings):
     ) -> Application | None:
         """Apply a rule at a match, or at one that is chosen among those that agree with the arguments.
 
-        Of a group (a derivation), a rule is drawn by weight among those that match.
+        Where the model refuses the rule at the match that was drawn, another one is drawn of the rest; "first" and `by`
+        go on to the next. Of a group (a derivation), a rule is drawn by weight among those that match, and likewise
+        another one if it is refused at all of them.
 
         Args:
             rule: its name.
@@ -333,7 +335,8 @@ class Engine(Recordings):
 
         Raises:
             InvalidArgument: an unknown rule or variable, a match of something else, or a choice that is none.
-            RuleError: the match is none any more, or the rule cannot be applied there. The model is as before.
+            RuleError: the match is none any more, or the rule is refused there; else it is refused at every match. The
+                model is as before.
         """
         arguments = bindings(bound, values)
         if choose != "random" or where is not None or by is not None:
@@ -401,14 +404,41 @@ class Engine(Recordings):
     ) -> Application | None:
         runner = self.prepare(rule)
         rows = runner.rows_known(self.ids(runner.shape, arguments))
-        rows = select(self, runner, rows, where, by, None if by is None else 1)
-        row = choose_one(self, runner, rows, choose, lambda count: draw(self.rng, count))
+        rows = select(self, runner, rows, where, by, None)
+        row = choose_one(self, runner, rows, choose if by is None else "first", self._pick)
         if row is None:
             return None
         self._notice()
-        result = runner.fire(row)
+        try:
+            result = runner.fire(row)
+        except RuleError as error:
+            if callable(choose):
+                raise
+            drawn = choose == "random" and by is None
+            row, result = self._fire_elsewhere(runner, rows, row, error, drawn)
         self._record([Firing(runner.name, row)])
         return runner.application(row, result)
+
+    def _pick(self, count: int) -> int:
+        return draw(self.rng, count)
+
+    def _fire_elsewhere(
+        self, runner: RuleRunner, rows: Sequence[Row], row: Row, error: RuleError, drawn: bool = True
+    ) -> tuple[Row, Sequence[Any]]:
+        """A rule was refused at one of the rows: apply it at another one, drawn, or the next of them.
+
+        Raises:
+            RuleError: it is refused at all of them.
+        """
+        number = rows.index(row)
+        try:
+            if drawn:
+                return runner.fire_another(rows, number, error, self._pick)
+            return runner.fire_next(list(rows[number + 1 :]), error)
+        except RuleError as last:
+            if len(rows) == 1 or last.reason not in REFUSALS:
+                raise
+            raise last.everywhere(f"each of the {len(rows)} matches") from None
 
     def _apply(self, rule: str, match: Match | None, arguments: Mapping[str, object]) -> Application | None:
         runner = self._named.get(rule)
@@ -429,7 +459,10 @@ class Engine(Recordings):
             found = runner.pick_known(self.rng, known)
             if found is None:
                 return None
-            row, result = found, runner.fire(found)
+            try:
+                row, result = found, runner.fire(found)
+            except RuleError as error:
+                row, result = self._fire_elsewhere(runner, runner.rows_known(known), found, error)
         if self._recorders:
             self._record([Firing(runner.name, row)])
         return runner.application(row, result)
@@ -443,14 +476,16 @@ class Engine(Recordings):
             if match.definition not in self._groups[group]:
                 raise InvalidArgument(f"{match!r} is no match of a rule of `{group}`")
             return self.apply(match.definition, match)
-        chosen = self.choose((group,))
-        if chosen is None:
-            return None
-        runner = self._rules[chosen[0]]
         self._notice()
-        result = runner.fire(chosen[1])
-        self._record([Firing(*chosen)])
-        return runner.application(chosen[1], result)
+        run = self._new_run()
+        found = fire_one_of(run, [self._rules[member] for member in self._groups[group]])
+        if found is None:
+            if run.refusal is not None:
+                raise run.refusal.everywhere(f"each match of a rule of `{group}`")
+            return None
+        runner, row, result = found
+        self._record([Firing(runner.name, row)])
+        return runner.application(row, result)
 
     def _row_of(self, runner: RuleRunner, match: Match) -> Row:
         if match.model is not self.model:
@@ -508,7 +543,7 @@ class Engine(Recordings):
         Args:
             strict: a refusal by the model that nothing goes on from is raised, and everything is taken back.
         """
-        run = Run(self.model, self.rng if rng is None else rng, self.step_limit, self.step_limit)
+        run = self._new_run(rng)
         with self.model.transaction():
             try:
                 outcome, outputs = self._start(run, name, arguments)
@@ -520,6 +555,9 @@ class Engine(Recordings):
             if strict and outcome is None and run.refusal is not None:
                 raise run.refusal
         return run, outcome, outputs
+
+    def _new_run(self, rng: Randomness | None = None) -> Run:
+        return Run(self.model, self.rng if rng is None else rng, self.step_limit, self.step_limit)
 
     def _start(
         self, run: Run, name: str, arguments: Mapping[str, object]

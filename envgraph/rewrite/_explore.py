@@ -16,8 +16,7 @@ from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._exploration import Ending, Exploration, Firings, Record, State
 from envgraph.rewrite._interrupts import deferred
 from envgraph.rewrite._match import Firing, Row, Shape
-from envgraph.rewrite._run import REFUSALS
-from envgraph.rewrite._runner import RuleRunner
+from envgraph.rewrite._runner import REFUSALS, RuleRunner
 from envgraph.rewrite._walks import SavepointWalk, VersionWalk, Walk
 
 if TYPE_CHECKING:

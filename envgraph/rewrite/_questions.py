@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from itertools import islice
 from typing import Literal, cast
 from weakref import ref
 
-from envgraph.errors import EnvgraphError, EvaluationError, InvalidArgument, RuleError, TypeMismatch
+from envgraph.errors import InvalidArgument, TypeMismatch
 from envgraph.graph import Model, Node
 from envgraph.match import FREE, Matcher, NaiveMatcher, ViewMatcher, WhyNot
 from envgraph.metamodel import Scalar, Value, accepts, type_name
@@ -65,7 +66,13 @@ class Questions:
     # --- matches
 
     def matches(
-        self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object
+        self,
+        name: str,
+        /,
+        *,
+        applicable: bool = False,
+        bound: Mapping[str, object] | None = None,
+        **values: object,
     ) -> list[Match]:
         """All matches of a pattern, or of the left side of a rule, that agree with the bound variables.
 
@@ -73,33 +80,77 @@ class Questions:
 
         Args:
             name: of the pattern or rule.
+            applicable: only those matches of a rule at which the model does not refuse it (a dangling link, a full
+                reference ...). The rule is tried at each of them, and taken back; nobody notices, but the function of
+                a Python rule is called.
             bound: values of variables; objects as `Node`s or ids.
             **values: the same, where the name of the variable is none of Python's.
 
         Raises:
-            InvalidArgument: an unknown name or variable, or one with two values.
+            InvalidArgument: an unknown name or variable, or one with two values; `applicable` of a pattern.
             TypeMismatch: a value of the wrong type.
+            RuleError, EvaluationError: the rule fails where it is tried, and it is no refusal.
         """
         shape, pattern, arguments = self._question(name, bindings(bound, values))
-        return [Match(self.model, shape, row) for row in self.matcher.rows(pattern, arguments)]
+        rows = self.matcher.rows(pattern, arguments)
+        if applicable:
+            rows = self._applicable(name, shape, rows, len(rows))
+        return [Match(self.model, shape, row) for row in rows]
 
     def first(
-        self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object
+        self,
+        name: str,
+        /,
+        *,
+        applicable: bool = False,
+        bound: Mapping[str, object] | None = None,
+        **values: object,
     ) -> Match | None:
         """The first of `matches`, or None."""
         shape, pattern, arguments = self._question(name, bindings(bound, values))
-        row = self.matcher.first(pattern, arguments)
+        if applicable:
+            row = next(iter(self._applicable(name, shape, self.matcher.rows(pattern, arguments), 1)), None)
+        else:
+            row = self.matcher.first(pattern, arguments)
         return None if row is None else Match(self.model, shape, row)
 
-    def exists(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> bool:
-        """Whether there is a match."""
+    def exists(
+        self,
+        name: str,
+        /,
+        *,
+        applicable: bool = False,
+        bound: Mapping[str, object] | None = None,
+        **values: object,
+    ) -> bool:
+        """Whether there is one of `matches`."""
+        if applicable:
+            return self.first(name, applicable=True, bound=bound, **values) is not None
         _, pattern, arguments = self._question(name, bindings(bound, values))
         return self.matcher.exists(pattern, arguments)
 
-    def count(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> int:
-        """The number of matches."""
+    def count(
+        self,
+        name: str,
+        /,
+        *,
+        applicable: bool = False,
+        bound: Mapping[str, object] | None = None,
+        **values: object,
+    ) -> int:
+        """The number of `matches`."""
+        if applicable:
+            return len(self.matches(name, applicable=True, bound=bound, **values))
         _, pattern, arguments = self._question(name, bindings(bound, values))
         return self.matcher.count(pattern, arguments)
+
+    def _applicable(self, name: str, shape: Shape, rows: Sequence[Row], most: int) -> list[Row]:
+        """The first matches at which a rule is not refused."""
+        runner = self._rules.get(shape.definition)
+        if runner is None:
+            raise InvalidArgument(f"`{name}` is a pattern: only rules are applied")
+        with self._aside():
+            return list(islice(filter(runner.is_applicable, list(rows)), most))
 
     def explain(
         self, name: str, /, *variables: str, bound: Mapping[str, object] | None = None, **values: object
@@ -154,20 +205,9 @@ class Questions:
         found = self.matcher.why_not(pattern, known)
         runner, refusal = self._rules.get(shape.definition), None
         if found.match is not None and isinstance(runner, GraphRule):
-            refusal = self._tried(runner, tuple(found.match[name] for name in shape.names))
+            with self._aside():
+                refusal = runner.refusal_at(tuple(found.match[name] for name in shape.names))
         return replace(found, pattern=shape.definition, show=self.model.describe, refusal=refusal)
-
-    def _tried(self, rule: GraphRule, row: Row) -> EnvgraphError | None:
-        """Why a rule cannot be applied at a match; the model stays as it is, and nobody notices."""
-        with self._aside():
-            savepoint = self.model.savepoint()
-            try:
-                rule.fire(row)
-            except (RuleError, EvaluationError) as error:
-                return error
-            finally:
-                self.model.rollback(savepoint)
-        return None
 
     def _aside(self) -> AbstractContextManager[None]:
         """The block leaves the model as it was, and nothing may notice it."""

@@ -15,18 +15,13 @@ from envgraph.graph import Model, Savepoint
 from envgraph.metamodel import Value
 from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Firing, Row
-from envgraph.rewrite._runner import Randomness, RuleRunner, draw
+from envgraph.rewrite._runner import REFUSALS, Randomness, RuleRunner, draw, others
 
 STEP_LIMIT: Final = 100_000
 """How many calls and rounds one run may take, unless told otherwise."""
 
 MOST_LEVELS: Final = 200
 """How deep the steps of a run may nest, those of called units included; Python's own stack ends beyond it."""
-
-REFUSALS: Final = frozenset(
-    {"containment", "dangling", "full", "identification", "lost-link", "missing-link", "multiplicity"}
-)
-"""Reasons for which a step fails; any other `RuleError` ends the run."""
 
 Environment = dict[str, Value]
 
@@ -163,36 +158,24 @@ def fire_another(
     run: Run, rule: RuleRunner, rows: Sequence[Row], number: int, error: RuleError
 ) -> tuple[Row, Sequence[Any]] | None:
     """The row of this number was refused: apply the rule at one of the others, drawn uniformly."""
-    left = rows
-    while True:
-        note_refusal(run, error)
-        left = [*left[:number], *left[number + 1 :]]
-        if not left:
-            return None
-        number = run.pick(len(left)) if len(left) > 1 else 0
-        try:
-            result = rule.fire(left[number])
-        except RuleError as other:
-            error = other
-            continue
-        run.refusal = None
-        return left[number], result
+    return _go_on(run, rule, others(rows, number, run.pick), error)
 
 
 def fire_next(
     run: Run, rule: RuleRunner, rows: Sequence[Row], number: int, error: RuleError
 ) -> tuple[Row, Sequence[Any]] | None:
     """The first row was refused: apply the rule at the next one that is not."""
-    note_refusal(run, error)
-    for row in list(rows)[number + 1 :]:
-        try:
-            result = rule.fire(row)
-        except RuleError as other:
-            note_refusal(run, other)
-            continue
-        run.refusal = None
-        return row, result
-    return None
+    return _go_on(run, rule, list(rows)[number + 1 :], error)
+
+
+def _go_on(
+    run: Run, rule: RuleRunner, rows: Iterable[Row], error: RuleError
+) -> tuple[Row, Sequence[Any]] | None:
+    try:
+        return rule.fire_next(rows, error)
+    except RuleError as refused:
+        note_refusal(run, refused)
+        return None
 
 
 def call_rule(
@@ -238,20 +221,29 @@ def fire_every(run: Run, rule: RuleRunner, rows: Iterable[Row], site: Site) -> b
     return changed
 
 
-def apply_one_of(run: Run, rules: Sequence[RuleRunner], site: Site | None = None) -> bool | None:
+def fire_one_of(run: Run, rules: Sequence[RuleRunner]) -> tuple[RuleRunner, Row, Sequence[Any]] | None:
     """Draw a rule by weight among those that match, and apply it at one of its matches; go on if that is refused."""
-    run.count(site)
-    run.refusal = None
     left = [rule for rule in rules if rule.exists()]
     while left:
         rule = left[draw_weighted(run.rng, [rule.weight for rule in left])]
         found = fire_one(run, rule, rule.live_rows())
         if found is not None:
-            run.put(rule)
-            run.put(found[0])
-            return True
+            return rule, *found
         left = [other for other in left if other is not rule]
     return None
+
+
+def apply_one_of(run: Run, rules: Sequence[RuleRunner], site: Site | None = None) -> bool | None:
+    """`fire_one_of` as a step."""
+    run.count(site)
+    run.refusal = None
+    found = fire_one_of(run, rules)
+    if found is None:
+        return None
+    run.refusal = None
+    run.put(found[0])
+    run.put(found[1])
+    return True
 
 
 def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: Site) -> bool | None:

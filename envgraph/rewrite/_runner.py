@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from inspect import Parameter as Argument
 from inspect import signature
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
-from envgraph.errors import InvalidArgument, RuleError, did_you_mean
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError, did_you_mean
 from envgraph.graph import Model, Node
 from envgraph.match import FREE, Matcher
 from envgraph.metamodel import Value
@@ -19,6 +19,11 @@ from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
 from envgraph.rewrite._notices import Report
 from envgraph.rewrite._plan import RulePlan
+
+REFUSALS: Final = frozenset(
+    {"containment", "dangling", "full", "identification", "lost-link", "missing-link", "multiplicity"}
+)
+"""Reasons for which a rule is not applicable at a match; any other `RuleError` is a mistake, and is raised."""
 
 
 class Randomness(Protocol):
@@ -33,6 +38,13 @@ def draw(rng: Randomness, count: int) -> int:
     if count <= 1:
         return 0
     return rng.choose(count) if isinstance(rng, Branches) else int(rng.random() * count)
+
+
+def others(rows: Sequence[Row], number: int, pick: Callable[[int], int]) -> Iterator[Row]:
+    """The rows but the one of this number, drawn one after the other."""
+    left = [*rows[:number], *rows[number + 1 :]]
+    while left:
+        yield left.pop(pick(len(left)) if len(left) > 1 else 0)
 
 
 Find = Callable[..., Sequence[Row]]
@@ -165,19 +177,24 @@ class RuleRunner(ABC):
     def once(self, rng: Randomness) -> Row | None:
         """Apply the rule at one of its matches, equally likely: the fast path of loops, unchecked and unrecorded.
 
-        Watch the rule (`Engine.watch`) and this takes the time of the change, whatever the number of matches.
+        If it is refused there, at another one. Watch the rule (`Engine.watch`) and this takes the time of the change,
+        whatever the number of matches.
 
         Returns:
             The match; None if there is none.
 
         Raises:
-            RuleError: the rule is refused there; the model is as before.
+            RuleError: the rule is refused at each match; the model is as before.
         """
         rows = (self._live or self.reader())()
         if not rows:
             return None
-        row = rows[int(rng.random() * len(rows))] if len(rows) > 1 else rows[0]
-        self.fire(row)
+        number = int(rng.random() * len(rows)) if len(rows) > 1 else 0
+        row = rows[number]
+        try:
+            self.fire(row)
+        except RuleError as error:
+            return self.fire_another(rows, number, error, lambda count: draw(rng, count))[0]
         return row
 
     def _arguments(self, arguments: Mapping[str, object]) -> tuple[object, ...]:
@@ -203,6 +220,53 @@ class RuleRunner(ABC):
         Raises:
             RuleError: the rule is refused; the model is as before.
         """
+
+    def fire_next(self, rows: Iterable[Row], error: RuleError) -> tuple[Row, Sequence[Any]]:
+        """A row was refused with an error: apply the rule at the first of these rows at which it is applicable.
+
+        Raises:
+            RuleError: the last refusal, if there is none; or what is no refusal.
+        """
+        if error.reason not in REFUSALS:
+            raise error
+        for row in rows:
+            try:
+                return row, self.fire(row)
+            except RuleError as other:
+                if other.reason not in REFUSALS:
+                    raise
+                error = other
+        raise error
+
+    def fire_another(
+        self, rows: Sequence[Row], number: int, error: RuleError, pick: Callable[[int], int]
+    ) -> tuple[Row, Sequence[Any]]:
+        """The row of this number was refused: as `fire_next` with the others, drawn uniformly."""
+        return self.fire_next(others(rows, number, pick), error)
+
+    def refusal_at(self, row: Row) -> RuleError | EvaluationError | None:
+        """Why the rule cannot be applied at a match; it is tried, and taken back."""
+        try:
+            with self.model.transaction():
+                self.fire(row)
+                raise _Tried
+        except _Tried:
+            return None
+        except (RuleError, EvaluationError) as error:
+            return error
+
+    def is_applicable(self, row: Row) -> bool:
+        """Whether the rule can be applied at a match.
+
+        Raises:
+            RuleError, EvaluationError: something other than a refusal; see `REFUSALS`.
+        """
+        error = self.refusal_at(row)
+        if error is None:
+            return True
+        if isinstance(error, RuleError) and error.reason in REFUSALS:
+            return False
+        raise error
 
     def apply_row(self, row: Row) -> Firing:
         """Apply the rule at a row that is known to be a match: the fast path of searches.
@@ -230,6 +294,10 @@ class RuleRunner(ABC):
     def application(self, row: Row, result: Sequence[Any]) -> Application:
         """What people see of an application."""
         return Application(self.name, Match(self.model, self.shape, row), {}, {})
+
+
+class _Tried(Exception):
+    """Ends a trial that was successful."""
 
 
 def _reordered(find: Find, order: Sequence[int]) -> Find:
@@ -303,9 +371,15 @@ class ExactClassRule(GraphRule):
 
     def once(self, rng: Randomness) -> Row | None:
         """Apply the rule at one of its matches."""
-        row = self.pick(rng)
-        if row is not None:
+        extent = self.model.exact_extent(self._cls)
+        if not extent:
+            return None
+        number = draw(rng, len(extent))
+        row = (extent[number],)
+        try:
             self.fire(row)
+        except RuleError as error:
+            return self.fire_another(self.all_rows(), number, error, lambda count: draw(rng, count))[0]
         return row
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
