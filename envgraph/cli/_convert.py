@@ -7,6 +7,7 @@ from pathlib import Path
 
 import envgraph.lang
 from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.files import replace_file
 from envgraph.graph import Model, model_to_json, model_to_xmi
 from envgraph.metamodel import metamodel_to_ecore
 
@@ -22,8 +23,7 @@ def convert_file(file: str, output: Path, metamodels: list[str] | None) -> None:
         text = _metamodel(file, metamodels)
     else:
         text = model_text(read_model(file, metamodels), output)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(text, "utf-8")
+    replace_file(output, text)
     print(f"wrote {output}")
 
 

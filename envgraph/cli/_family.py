@@ -9,6 +9,7 @@ from typing import Any
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table, progress_bar
 from envgraph.env import scene_svg, scene_text
 from envgraph.errors import Diagnostic, InvalidArgument, Severity, Source, did_you_mean
+from envgraph.files import replace_file
 from envgraph.search import (
     Domain,
     Family,
@@ -120,8 +121,7 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
     if output is None:
         sys.stdout.write(text)
         return
-    output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(text, encoding="utf-8")
+    replace_file(output, text)
     print(f"wrote {output}")
 
 

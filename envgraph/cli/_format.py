@@ -7,6 +7,7 @@ from pathlib import Path
 
 from envgraph.cli._output import print_diagnostics
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source
+from envgraph.files import replace_file
 
 STDIN = "-"
 
@@ -34,7 +35,7 @@ def format_files(files: list[str], *, check: bool, stdout: bool, language: str |
         elif text != formatted:
             changed += 1
             if not check:
-                Path(name).write_bytes(formatted.encode())
+                replace_file(Path(name), formatted)
             print(f"{'would format' if check else 'formatted'} {name}")
     print_diagnostics(diagnostics)
     failed = bool(diagnostics)

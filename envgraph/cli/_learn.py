@@ -12,6 +12,7 @@ from envgraph import __version__
 from envgraph.cli._family import run_directory
 from envgraph.cli._output import OutputFormat, print_json, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.files import replace_file
 from envgraph.learn import (
     Curriculum,
     Experiment,
@@ -73,10 +74,11 @@ def _stages(members: list[FamilyMember], settings: TrainingSettings, workers: in
 def _write(trained: Trained, base: Path) -> None:
     """Replace the results of a budget."""
     directory = base / str(trained.steps)
-    shutil.rmtree(directory, ignore_errors=True)
     write_csv(trained.experiment, directory)
     if trained.stages is not None:
         write_csv(trained.stages, directory / STAGES)
+    else:
+        shutil.rmtree(directory / STAGES, ignore_errors=True)
 
 
 def write_report(run: str, directory: Path, output: Path | None, format: OutputFormat) -> None:
@@ -92,8 +94,7 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
         family, history=history, trained=trained, facts=_facts(family, trained, searched=len(history) > 1)
     )
     path = output or base / "report.html"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(render_html(page), encoding="utf-8")
+    replace_file(path, render_html(page))
     table = stage_table(family, trained)
     if format is OutputFormat.JSON:
         rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]

@@ -9,6 +9,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from envgraph.errors import InvalidArgument
+from envgraph.files import replacing
 from envgraph.lang import bundled_domain
 
 _KINDS = ("metamodel", "model", "query", "rules", "environment")
@@ -62,6 +63,6 @@ def _write(texts: Mapping[Path, str]) -> list[Path]:
         if path.exists():
             raise InvalidArgument(f"{path} exists already; nothing was written")
     for path, text in texts.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        with replacing(path, overwrite=False) as draft:
+            draft.write_text(text, encoding="utf-8")
     return list(texts)

@@ -10,6 +10,7 @@ import envgraph.lang
 from envgraph.cli._convert import metamodel_paths, model_text
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table
 from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, listed, name_hint, with_article
+from envgraph.files import replace_file
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
@@ -77,8 +78,7 @@ def _warn(diagnostics: Iterable[Diagnostic]) -> None:
 
 def write_model(engine: Engine, output: Path, format: OutputFormat) -> None:
     """Write the model of an engine, and say so to people."""
-    output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(model_text(engine.model, output), "utf-8")
+    replace_file(output, model_text(engine.model, output))
     if format is OutputFormat.TEXT:
         print(f"wrote {output}")
 
@@ -112,8 +112,7 @@ def apply_rule(
             if failed is not None or not lines:
                 break
     if trace is not None:
-        trace.parent.mkdir(parents=True, exist_ok=True)
-        trace.write_text(trace_to_text(engine, recorded), "utf-8")
+        replace_file(trace, trace_to_text(engine, recorded))
     if format is OutputFormat.JSON:
         failure = failed.reason if failed is not None else None
         told = {"rule": rule, "applications": done, "failure": failure, "model": model_to_json(engine.model)}

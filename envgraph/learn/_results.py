@@ -10,6 +10,7 @@ from statistics import fmean
 from typing import TypeVar
 
 from envgraph.errors import EnvgraphError, InvalidArgument
+from envgraph.files import replacing
 from envgraph.learn._curricula import Kind
 from envgraph.learn._intervals import mean_interval, wilson_interval
 from envgraph.learn._training import Curve
@@ -174,7 +175,7 @@ def _curve_rows(run: RunResult) -> Iterable[tuple[object, ...]]:
 
 
 def _write(path: Path, columns: Sequence[str], rows: Iterable[tuple[object, ...]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(rows)

@@ -7,7 +7,6 @@ whole generation. Nothing in the store is code: traces, measures and models are 
 from __future__ import annotations
 
 import json
-import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from envgraph.errors import EnvgraphError, InvalidArgument
+from envgraph.files import replacing
 from envgraph.lang import Bundle
 from envgraph.metamodel import Value
 
@@ -106,23 +106,26 @@ class RunStore:
         Raises:
             InvalidArgument: the file exists.
         """
-        if path.exists():
-            raise InvalidArgument(f"{path} exists already")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Made under another name, so that a kill at this moment leaves no store that is half made.
-        draft = path.with_name(f"{path.name}.{os.getpid()}")
-        draft.unlink(missing_ok=True)
-        store = cls(sqlite3.connect(draft, isolation_level=None), draft)
-        with store._transaction() as db:
+        try:
+            with replacing(path, overwrite=False) as draft:
+                store = cls(sqlite3.connect(draft, isolation_level=None), path)
+                try:
+                    store._fill(settings, sources)
+                finally:
+                    store.close()
+        except FileExistsError:
+            raise InvalidArgument(f"{path} exists already") from None
+        return cls(_connect(path), path)
+
+    def _fill(self, settings: Mapping[str, Any], sources: Mapping[str, str]) -> None:
+        self._db.execute("PRAGMA journal_mode = MEMORY")  # nobody goes on with a draft
+        with self._transaction() as db:
             for statement in _SCHEMA.split(";\n"):
                 if statement.strip():
                     db.execute(statement)
             rows = {"format": FORMAT, **settings}.items()
             db.executemany("INSERT INTO setting VALUES (?, ?)", [(k, dump_json(v)) for k, v in rows])
             db.executemany("INSERT INTO source VALUES (?, ?)", list(sources.items()))
-        store.close()
-        _publish(draft, path)
-        return cls(_connect(path), path)
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -285,16 +288,6 @@ class RunStore:
             self._db.execute("COMMIT")
         except sqlite3.DatabaseError as error:  # a full disk, another process, a file that was changed
             raise InvalidArgument(f"{self.path} cannot be written: {error}") from error
-
-
-def _publish(draft: Path, path: Path) -> None:
-    """Give a finished store its name, unless another process was faster."""
-    try:
-        os.link(draft, path)  # unlike a renaming, this fails when there is such a file
-    except FileExistsError:
-        raise InvalidArgument(f"{path} exists already") from None
-    finally:
-        draft.unlink()
 
 
 def _connect(path: Path) -> sqlite3.Connection:

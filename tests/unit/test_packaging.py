@@ -154,3 +154,19 @@ def installed(name: str) -> bool:
     except PackageNotFoundError:
         return False
     return True
+
+
+def test_nothing_lies_about_at_the_top_level() -> None:
+    git = ("git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard")
+    top = {line.split("/")[0] for line in run(*git, cwd=ROOT).splitlines()}
+    folders = {".ci", "benchmarks", "docs", "envgraph", "grammars", "rules", "tests"}
+    files = {
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "LICENSE",
+        "Makefile",
+        "README.md",
+        "constraints.txt",
+        "pyproject.toml",
+    }
+    assert top <= folders | files | {".gitignore", ".gitattributes"}

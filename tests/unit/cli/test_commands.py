@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -539,3 +540,41 @@ def test_a_wrong_argument_is_answered_with_what_to_write(
     result = envgraph("apply", "maze/maze.model", *arguments)
     assert result.code == 1
     assert message in result.err
+
+
+@pytest.mark.parametrize(
+    ("target", "command"),
+    [
+        ("maze/maze.query", ("format", "maze/maze.query")),
+        ("out.xmi", ("convert", "maze/maze.model", "out.xmi")),
+        ("out.json", ("apply", "maze/maze.model", "maze/maze.rules", "terrain", "-o", "out.json")),
+        ("out.trace", ("apply", "maze/maze.model", "maze/maze.rules", "terrain", "--trace", "out.trace")),
+        ("family.json", ("export", "m", "-o", "family.json")),
+        ("page.html", ("report", "m", "-o", "page.html")),
+        ("runs/m/training/100/runs.csv", ("train", "m", "--steps", "100", "--seeds", "1")),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_a_full_disk_costs_nobody_the_file_that_was_there(
+    envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch, target: str, command: tuple[str, ...]
+) -> None:
+    ok(envgraph("new", "maze"))
+    if "m" in command:
+        ok(envgraph("generate", "maze", "--generations", 0, "--name", "m"))
+    file = Path(target)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    before = "\n\n" + file.read_text() if file.exists() else "old"
+    file.write_text(before)
+    entries = sorted(file.parent.iterdir())
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        result = envgraph(*command)
+    assert result.code == 1 and f"{target}: no space left on device" in result.err
+    assert file.read_text() == before
+    assert sorted(file.parent.iterdir()) == entries
+    ok(envgraph(*command))
+    assert file.read_text() != before

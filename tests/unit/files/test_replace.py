@@ -1,0 +1,161 @@
+"""Files are replaced whole: whatever happens, the old content or the new one is there, and nothing beside it."""
+
+import ast
+import os
+import re
+import signal
+import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from envgraph.files import replace_file, replacing
+
+PACKAGE = Path(__file__).parents[3] / "envgraph"
+
+
+def entries(directory: Path) -> list[str]:
+    return sorted(os.listdir(directory))
+
+
+def test_text_is_written_as_utf_8_with_its_own_line_ends(tmp_path: Path) -> None:
+    replace_file(tmp_path / "deep" / "a.txt", "ä\r\nb\n")
+    assert (tmp_path / "deep" / "a.txt").read_bytes() == "ä\r\nb\n".encode()
+    assert entries(tmp_path / "deep") == ["a.txt"]
+
+
+def test_an_exception_leaves_the_old_content(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt), replacing(path) as draft:
+        draft.write_text("half")
+        assert path.read_text() == "old"
+        raise KeyboardInterrupt
+    assert path.read_text() == "old"
+    assert entries(tmp_path) == ["a.txt"]
+
+
+def test_a_full_disk_leaves_the_old_content_and_names_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    code = (
+        "import resource, sys; from pathlib import Path; from envgraph.files import replace_file\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "try: replace_file(Path(sys.argv[1]), 'x' * 5000)\n"
+        "except OSError as error: print(error.filename, error.strerror)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{path} File too large\n"
+    assert path.read_text() == "old"
+    assert entries(tmp_path) == ["a.txt"]
+
+
+def test_a_draft_of_a_killed_process_is_removed_by_the_next_writer(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    code = (
+        "import sys; from pathlib import Path; from envgraph.files import replacing\n"
+        "with replacing(Path(sys.argv[1])) as draft:\n"
+        "    draft.write_text('half'); print(flush=True); sys.stdin.read()"
+    )
+    writer = subprocess.Popen(
+        [sys.executable, "-c", code, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert writer.stdout is not None and writer.stdin is not None
+    writer.stdout.readline()
+    replace_file(path, "second")  # the first one is still at it: its draft stays
+    assert len(entries(tmp_path)) == 2
+    writer.send_signal(signal.SIGKILL)
+    writer.wait()
+    writer.stdin.close()
+    writer.stdout.close()
+    assert path.read_text() == "second"
+    replace_file(path, "third")
+    assert entries(tmp_path) == ["a.txt"]
+    assert path.read_text() == "third"
+
+
+def test_permissions_stay_and_new_files_get_the_usual_ones(tmp_path: Path) -> None:
+    usual, script = tmp_path / "usual", tmp_path / "script"
+    usual.write_text("")
+    script.write_text("")
+    script.chmod(0o750)
+    replace_file(script, "x")
+    replace_file(tmp_path / "new", "x")
+    assert stat.S_IMODE(script.stat().st_mode) == 0o750
+    assert (tmp_path / "new").stat().st_mode == usual.stat().st_mode
+
+
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
+    (tmp_path / "real.txt").write_text("old")
+    (tmp_path / "link.txt").symlink_to("real.txt")
+    replace_file(tmp_path / "link.txt", "new")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "real.txt").read_text() == "new"
+
+
+def test_what_is_no_regular_file_is_written_to(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    found: list[str] = []
+    reader = threading.Thread(target=lambda: found.append(pipe.read_text()))
+    reader.start()
+    replace_file(pipe, "new")
+    reader.join()
+    assert found == ["new"]
+    assert entries(tmp_path) == ["pipe"]
+    with pytest.raises(OSError, match="'/dev/full'"):
+        replace_file(Path("/dev/full"), "x")
+    with pytest.raises(IsADirectoryError) as info:
+        replace_file(tmp_path, "x")
+    assert info.value.filename == str(tmp_path)
+
+
+def test_what_is_not_to_be_overwritten_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    with replacing(path, overwrite=False) as draft:
+        draft.write_text("mine")
+    with pytest.raises(FileExistsError), replacing(path, overwrite=False):
+        pass
+    other = tmp_path / "b.txt"
+    with pytest.raises(FileExistsError) as info, replacing(other, overwrite=False):
+        other.write_text("of somebody faster")
+    assert info.value.filename == str(other)
+    assert other.read_text() == "of somebody faster"
+    assert entries(tmp_path) == ["a.txt", "b.txt"]
+
+
+@pytest.mark.parametrize("name", ["a.txt", "[a]*.txt", "ä b"])
+def test_drafts_of_other_files_stay(tmp_path: Path, name: str) -> None:
+    for other in (".other.draft-00000000", f".{name}.draft-0000000", f".{name}.draft-00000000x"):
+        (tmp_path / other).write_text("")
+    (tmp_path / f".{name}.draft-0123abcd").write_text("")
+    replace_file(tmp_path / name, "x")
+    assert len(entries(tmp_path)) == 4
+
+
+def test_no_module_writes_a_file_but_as_a_draft() -> None:
+    calls = [
+        (module, node)
+        for module in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+    ]
+    writing = [(module, ast.unparse(call)) for module, call in calls if writes(call)]
+    assert len(writing) > 3
+    strangers = [
+        (module, call) for module, call in writing if "devnull" not in call and not call.startswith("draft.")
+    ]
+    assert not strangers
+
+
+def writes(call: ast.Call) -> bool:
+    """Whether this writes a file: `p.write_text(..)`, `open(p, "w")`, `p.open("ab")`."""
+    name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    modes = [arg.value for arg in call.args if isinstance(arg, ast.Constant)]
+    return name in ("write_text", "write_bytes") or (
+        name == "open" and any(re.fullmatch("[wax]b?[+]?", str(mode)) for mode in modes)
+    )
