@@ -8,8 +8,9 @@ from typing import Any
 
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table, progress_bar
 from envgraph.env import scene_svg, scene_text
-from envgraph.errors import Diagnostic, InvalidArgument, Severity, Source, did_you_mean
+from envgraph.errors import Diagnostic, InvalidArgument, Severity, did_you_mean
 from envgraph.files import replace_file
+from envgraph.lang import DiskFiles, read_source
 from envgraph.search import (
     Domain,
     Family,
@@ -127,10 +128,7 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
 
 def import_family(file: Path, domain: str, name: str | None, directory: Path, format: OutputFormat) -> None:
     """Read a ga4cl file into a run, and print it."""
-    try:
-        source = Source(str(file), file.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise InvalidArgument(f"{file} is not UTF-8: {error.reason} at byte {error.start}") from error
+    source = read_source(DiskFiles(), str(file))
     path = _run_path(directory, name or file.stem)
     family, warnings = import_ga4cl(source, domain, path)
     print_diagnostics(warnings)

@@ -18,10 +18,12 @@ from envgraph.errors._exceptions import (
     TransactionError,
     TypeMismatch,
 )
+from envgraph.errors._limits import RAISE_LIMIT, limit
 from envgraph.errors._source import Source, Span
 from envgraph.errors._suggest import did_you_mean, listed, name_hint, with_article
 
 __all__ = [
+    "RAISE_LIMIT",
     "Diagnostic",
     "DiagnosticError",
     "EnvgraphError",
@@ -39,6 +41,7 @@ __all__ = [
     "TypeMismatch",
     "did_you_mean",
     "has_errors",
+    "limit",
     "listed",
     "name_hint",
     "sort_diagnostics",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import posixpath
+import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn, Protocol
+from typing import BinaryIO, NoReturn, Protocol
 
-from envgraph.errors import Diagnostic, LoadError, Source, did_you_mean, listed
+from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, did_you_mean, limit, listed
 from envgraph.lang._xml import xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
@@ -20,9 +22,35 @@ LARGEST_QUERIES = 4 * 1024 * 1024
 
 _XML = ("ecore", "xmi")
 _MODELS = ("xmi", "json", "trace")
-_LARGEST = dict.fromkeys(_MODELS, LARGEST_MODEL) | dict.fromkeys(
-    ("query", "vql", "rules", "environment"), LARGEST_QUERIES
-)
+_DIVIDED = ("query", "vql", "rules", "environment")
+_LARGEST = dict.fromkeys(_MODELS, LARGEST_MODEL) | dict.fromkeys(_DIVIDED, LARGEST_QUERIES)
+
+
+_SPECIAL = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def open_input(path: str | os.PathLike[str]) -> BinaryIO:
+    """Opens a file to read from it; everything that reads what a person has named goes this way.
+
+    Raises:
+        OSError: there is no such file, or it is none: a directory, a pipe (which may never end), a device.
+        ValueError: this cannot be the name of a file.
+    """
+    # Without O_NONBLOCK a pipe would be waited for: somebody has to open its other end.
+    file = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    kind = stat.S_IFMT(os.fstat(file).st_mode)
+    if kind != stat.S_IFREG:
+        os.close(file)
+        if kind == stat.S_IFDIR:
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
+        message = f"this is {_SPECIAL.get(kind, 'something else')}, not a file"
+        raise OSError(errno.EINVAL, message, os.fspath(path))
+    return os.fdopen(file, "rb")
 
 
 class Files(Protocol):
@@ -63,7 +91,7 @@ class DiskFiles:
 
     def read(self, name: str, most: int = LARGEST_FILE) -> bytes:
         """See `Files`."""
-        with open(name, "rb") as file:
+        with open_input(name) as file:
             return file.read(most + 1)
 
     def is_directory(self, name: str) -> bool:
@@ -146,12 +174,12 @@ def read_source(files: Files, name: str) -> Source:
     """The text of a file.
 
     Raises:
-        LoadError: the file is missing, a directory, unreadable, larger than 16 MB (a model as XMI or JSON, a trace:
-            256 MB; queries, rules and environments: 4 MB), or not UTF-8 (XML: not what it declares). The diagnostic is
-            at the start of the file.
+        LoadError: the file is missing, a directory or another thing that is no file, unreadable, larger than 16 MB (a
+            model as XMI or JSON, a trace: 256 MB; queries, rules and environments: 4 MB), or not UTF-8 (XML: not what
+            it declares). The diagnostic is at the start of the file.
     """
     extension = name.rpartition(".")[2]
-    most = _LARGEST.get(extension, LARGEST_FILE)
+    most = limit(_LARGEST.get(extension, LARGEST_FILE))
     try:
         if files.is_directory(name):
             raise IsADirectoryError
@@ -167,8 +195,8 @@ def read_source(files: Files, name: str) -> Source:
     except (OSError, ValueError) as error:
         _refuse(name, "unreadable-file", f"the file cannot be read: {_reason(error)}", None)
     if len(data) > most:
-        hint = "divide it: files can import each other" if most == LARGEST_QUERIES else None
-        _refuse(name, "file-too-large", f"the file has more than {most // 2**20} MB", hint)
+        divide = "divide it: files can import each other; " if extension in _DIVIDED else ""
+        _refuse(name, "file-too-large", f"the file has more than {most / 2**20:g} MB", divide + RAISE_LIMIT)
     if extension in _XML:
         return xml_source(name, data)
     try:

@@ -10,7 +10,7 @@ from envgraph.errors import Note, Span, did_you_mean, with_article
 from envgraph.lang._ecore_types import too_large, value_of
 from envgraph.lang._imports import near_uri
 from envgraph.lang._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
-from envgraph.lang._xml import MOST_OPEN, XMI, XSI, Handlers, Reader, Stop, namespaces
+from envgraph.lang._xml import XMI, XSI, Handlers, Reader, Stop, namespaces
 from envgraph.metamodel import Attribute, EnumType, Package, Reference, Scalar, simple_name, type_name
 
 XMI_SPACES = re.compile(r"http://(www\.omg\.org|schema\.omg\.org/spec)/(spec/)?XMI(/\d+(\.\d+)*)?")
@@ -59,10 +59,7 @@ class TagReader:
             self._reading.diagnostics.append(problem)
 
     def _open_only(self, tag: str, _: dict[str, str]) -> None:
-        xml = self._xml
-        xml.open.append((tag, xml.at))
-        if len(xml.open) > MOST_OPEN:
-            xml.too_deep()
+        self._xml.begin(tag)
 
     def _close_only(self, _: str) -> None:
         self._xml.open.pop()
@@ -85,11 +82,7 @@ class TagReader:
             raise Stop
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        xml = self._xml
-        at = xml.at
-        xml.open.append((tag, at))
-        if len(xml.open) > MOST_OPEN:
-            xml.too_deep()
+        at = self._xml.begin(tag)
         for key in attributes:
             if key[:5] == "xmlns":
                 self._declare(attributes)

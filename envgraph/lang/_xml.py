@@ -15,7 +15,7 @@ from itertools import accumulate
 from typing import Final, NoReturn
 from xml.parsers import expat
 
-from envgraph.errors import Diagnostic, LoadError, Note, Source, Span
+from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Note, Source, Span, limit
 
 XSI = "http://www.w3.org/2001/XMLSchema-instance"
 XMI = "http://www.omg.org/XMI"
@@ -176,8 +176,10 @@ class XmlPlaces:
         return self._words
 
 
-MOST_OPEN: Final = 100_000
+_MOST_OPEN: Final = 100_000
 """Tags inside each other above which a file is not read."""
+_MOST_TAGS: Final = 100_000
+"""Tags in a file above which no tree is made of it; UML's own metamodel has 10,000."""
 
 
 class Stop(Exception):
@@ -197,12 +199,13 @@ class Reader:
     """One reading of one text.
 
     Attributes:
-        open: the tags that are open, with the byte at which each begins; kept by the handlers' owner.
+        open: the tags that are open, with the byte at which each begins.
     """
 
     def __init__(self, places: XmlPlaces) -> None:
         self.places = places
         self.open: list[tuple[str, int]] = []
+        self._most_open = limit(_MOST_OPEN)
         self._parser = expat.ParserCreate("utf-8")
         self._parser.buffer_text = True
 
@@ -232,11 +235,18 @@ class Reader:
             pass
         return None
 
-    def too_deep(self) -> NoReturn:
-        """The innermost open tag is one too many."""
-        tag = self.places.tag(self.open[-1][1])
-        message = f"the tags are nested more than {MOST_OPEN:,} deep"
-        raise LoadError([Diagnostic("too-deep", message, tag, "close some of the tags before this one")])
+    def begin(self, tag: str) -> int:
+        """Notes a tag that is open now; the byte at which it begins. Handlers call it for each."""
+        byte = self._parser.CurrentByteIndex
+        self.open.append((tag, byte))
+        if len(self.open) > self._most_open:
+            self.refuse("too-deep", f"the tags are nested more than {self._most_open:,} deep")
+        return byte
+
+    def refuse(self, code: str, message: str) -> NoReturn:
+        """A limit is passed at the innermost open tag."""
+        place = self.places.tag(self.open[-1][1])
+        raise LoadError([Diagnostic(code, message, place, RAISE_LIMIT)])
 
     def _refuse_doctype(self, *_: object) -> NoReturn:
         text = self.places.source.text
@@ -343,16 +353,19 @@ def read_tree(places: XmlPlaces) -> tuple[Element | None, Diagnostic | None]:
     reader = Reader(places)
     roots: list[Element] = []
     path: list[Element] = []
+    count, most = 0, limit(_MOST_TAGS)
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        byte = reader.begin(tag)
+        count += 1
+        if count > most:
+            reader.refuse("too-many-tags", f"the file has more than {most:,} tags")
         scope = path[-1].scope if path else {"xml": "http://www.w3.org/XML/1998/namespace"}
         own = namespaces(attributes)
-        element = Element(tag, reader.at, attributes, {**scope, **own} if own else scope)
+        element = Element(tag, byte, attributes, {**scope, **own} if own else scope)
         (path[-1].children if path else roots).append(element)
         path.append(element)
-        reader.open.append((tag, element.byte))
-        if len(path) > MOST_OPEN:
-            reader.too_deep()
 
     def end(_: str) -> None:
         path.pop()

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from io import TextIOWrapper
 from pathlib import Path
 from statistics import fmean
 from typing import TypeVar
 
 from envgraph.errors import EnvgraphError, InvalidArgument
-from envgraph.files import replacing
+from envgraph.files import open_input, replacing
 from envgraph.learn._curricula import Kind
 from envgraph.learn._intervals import mean_interval, wilson_interval
 from envgraph.learn._training import Curve
@@ -186,7 +187,7 @@ def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parse
     parsed: list[Parsed] = []
     line = 1
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with TextIOWrapper(open_input(path), encoding="utf-8", newline="") as file:
             reader = csv.reader(file, strict=True)
             if tuple(next(reader, ())) != tuple(columns):
                 raise InvalidArgument(f"{path}:1: the columns must be {', '.join(columns)}")

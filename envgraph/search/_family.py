@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, explore, scene_of
-from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, LoadError, Source, did_you_mean
+from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, LoadError, did_you_mean
 from envgraph.graph import Model, model_from_json, model_to_json
-from envgraph.lang import Bundle, parse_json
+from envgraph.lang import Bundle, DiskFiles, parse_json, read_source
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._store import RunStore, dump_json
@@ -237,15 +237,7 @@ def read_family(path: Path, components: Components | None = None) -> Family:
     Raises:
         LoadError: the file is missing, or no family file.
     """
-    try:
-        source = Source(str(path), path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
-        place = Source(str(path), "").span(0, 0)
-        raise LoadError(
-            [Diagnostic("unreadable-file", f"the file cannot be read: {reason}", place)]
-        ) from error
-    value, spans = parse_json(source)
+    value, spans = parse_json(read_source(DiskFiles(), str(path)))
     try:
         return _family(value, components)
     except (KeyError, TypeError, AttributeError) as error:

@@ -71,6 +71,17 @@ def test_reading_takes_time_in_proportion_to_the_file(make: Callable[[int], Sour
     assert seconds(10_000) < 40 * max(seconds(1000), 0.02)
 
 
+def test_a_file_of_very_many_classes_is_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(LoadError) as caught:
+        parse_ecore(package(CLASS.format("C", "") * 200_000))
+    (problem,) = caught.value.diagnostics
+    assert problem.message == "the file has more than 100,000 tags"
+    assert problem.span and problem.span.line == 100_001 and "ENVGRAPH_LIMITS" in str(problem.hint)
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.0001")
+    assert codes(package(CLASS.format("A", "") + CLASS.format("B", ""))) == []
+    assert codes(package(CLASS.format("C", "") * 10)) == ["too-many-tags"]
+
+
 @pytest.mark.parametrize(
     ("make", "code"),
     [(attributes, "unknown-attribute"), (unknown, "unknown-class"), (ring, "cyclic-inheritance")],

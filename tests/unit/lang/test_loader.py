@@ -244,7 +244,20 @@ def test_texts_of_objects_may_be_longer_than_those_of_queries(directory: Path) -
         (directory / name).write_bytes(b" " * (size * 1024 * 1024 + 1))
         (error,) = load_workspace([name]).errors
         assert error.message == f"the file has more than {size} MB"
-    assert error.hint is None
+    assert error.hint == "ENVGRAPH_LIMITS=10 in the environment raises this limit, and all others, ten times"
+
+
+def test_limits_are_raised_by_the_environment(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = directory / "q.query"
+    path.write_bytes(QUERY.encode() + b" " * (4 * 1024 * 1024))
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "1.5")
+    assert not load_workspace([path]).errors
+    path.write_bytes(b" " * (7 * 1024 * 1024))
+    assert load_workspace([path]).errors[0].message == "the file has more than 6 MB"
+    for wrong in ("many", "0", "-1", "nan", "inf"):
+        monkeypatch.setenv("ENVGRAPH_LIMITS", wrong)
+        with pytest.raises(InvalidArgument, match=f"ENVGRAPH_LIMITS is `{wrong}`"):
+            load_workspace([path])
 
 
 def test_files_of_other_kinds_are_refused(directory: Path) -> None:
