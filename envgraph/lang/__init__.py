@@ -21,7 +21,7 @@ from envgraph.lang._family import (
 )
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import find_family, load_family
-from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, open_input, read_source
+from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, read_source
 from envgraph.lang._format import format_text, language_of
 from envgraph.lang._from_text import from_text
 from envgraph.lang._json import JsonPath, parse_json, parse_model
@@ -79,7 +79,6 @@ __all__ = [
     "model_from_pyecore",
     "model_to_pyecore",
     "open",
-    "open_input",
     "open_workspace",
     "parse_ecore",
     "parse_json",

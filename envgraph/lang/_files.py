@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import posixpath
-import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NoReturn, Protocol
+from typing import NoReturn, Protocol
 
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, did_you_mean, limit, listed
+from envgraph.files import open_input
 from envgraph.lang._xml import xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
@@ -24,33 +23,6 @@ _XML = ("ecore", "xmi")
 _MODELS = ("xmi", "json", "trace")
 _DIVIDED = ("query", "vql", "rules", "environment")
 _LARGEST = dict.fromkeys(_MODELS, LARGEST_MODEL) | dict.fromkeys(_DIVIDED, LARGEST_QUERIES)
-
-
-_SPECIAL = {
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-    stat.S_IFSOCK: "a socket",
-}
-
-
-def open_input(path: str | os.PathLike[str]) -> BinaryIO:
-    """Opens a file to read from it; everything that reads what a person has named goes this way.
-
-    Raises:
-        OSError: there is no such file, or it is none: a directory, a pipe (which may never end), a device.
-        ValueError: this cannot be the name of a file.
-    """
-    # Without O_NONBLOCK a pipe would be waited for: somebody has to open its other end.
-    file = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    kind = stat.S_IFMT(os.fstat(file).st_mode)
-    if kind != stat.S_IFREG:
-        os.close(file)
-        if kind == stat.S_IFDIR:
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
-        message = f"this is {_SPECIAL.get(kind, 'something else')}, not a file"
-        raise OSError(errno.EINVAL, message, os.fspath(path))
-    return os.fdopen(file, "rb")
 
 
 class Files(Protocol):
