@@ -38,12 +38,12 @@ def contained_tree(store: Store, layout: Layout, root: int) -> list[int]:
 
 
 def dangling_links(store: Store, layout: Layout, tree: Sequence[int]) -> Iterator[Link]:
-    """Links between the objects of a containment tree and others, but for the link from the container."""
+    """Links between the objects of a containment tree and others, but for its container; and loops of its root."""
     inside = set(tree)
     root = tree[0]
     for node in tree:
         for relation, source, target in links_of(store, layout, node):
-            if source in inside and target in inside:
+            if source in inside and target in inside and not source == target == root:
                 continue
             from_container = relation.contained if source == root else relation.containment
             if node != root or not from_container:

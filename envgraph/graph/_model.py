@@ -196,7 +196,8 @@ class Model:
         Args:
             node: the object.
             semantics: "dpo" refuses while other links would be left dangling: links between a deleted object and one
-                that stays, except the link from the container. "spo" deletes those too.
+                that stays, except the link from the container, and links from the object to itself. "spo" deletes
+                those too.
 
         Raises:
             RuleError: reason "dangling"; `details` has a line for each such link.

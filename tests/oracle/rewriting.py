@@ -500,7 +500,8 @@ class Application:
             self.reasons.add("containment")
         for link in [link for link in state.links if {link[1], link[2]} & set(whole)]:
             _, source, target = link
-            within = whole.get(source) == whole.get(target)
+            loop = source == target and source in roots
+            within = whole.get(source) == whole.get(target) and not loop
             holding = any(state.contains(one) and one[2] in roots for one in state.both(link))
             if self.rule.semantics == "dpo" and not within and not holding:
                 self.reasons.add("dangling")

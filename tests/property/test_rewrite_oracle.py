@@ -133,7 +133,7 @@ def rewritten(graph: Graph, rule: Sketch, found: dict[str, int], fresh: int) -> 
     links = graph.links - closed({(r, found[s], found[t]) for r, s, t in gone})
     nodes = {found[v] for v in deleted}
     dangling = {link for link in links if nodes & {link[1], link[2]}}
-    if any(s != t for _, s, t in dangling) and rule.semantics == "dpo":
+    if dangling and rule.semantics == "dpo":
         return "dangling"
     links -= dangling
     classes = {node: cls for node, cls in graph.classes.items() if node not in nodes}

@@ -176,10 +176,21 @@ def test_links_to_itself_are_deleted_once():
     tile.model.unlink(tile.id, feature(tile.model, "Tile", "right"), tile.right.id)
     tile.right = tile
     assert tile.left == tile
-    ann.delete()
+    ann.delete("spo")
     tile.delete("spo")
     model.check_integrity()
     tile.model.check_integrity()
+
+
+def test_a_link_to_itself_is_left_dangling_like_any_other():
+    model, (ann,) = people("ann")
+    model.link(ann.id, feature(model, "Person", "spouse"), ann.id)
+    with pytest.raises(RuleError) as caught:
+        ann.delete()
+    assert (caught.value.reason, len(caught.value.details)) == ("dangling", 1)
+    ann.spouse = None
+    ann.delete()
+    assert not model.nodes()
 
 
 def test_deleting_what_is_not_there_is_an_error():

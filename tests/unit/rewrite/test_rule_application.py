@@ -368,6 +368,28 @@ def test_dpo_refuses_to_leave_dangling_links_and_lists_them() -> None:
     assert "2 links would be left dangling" in str(error)
 
 
+@pytest.mark.parametrize("reference", ["links", "friends", "next", "favourite"])
+def test_a_link_to_itself_that_is_not_matched_is_left_dangling(reference: str) -> None:
+    text = f"""
+    rule cut(a : Special) {{ lhs {{ }} modify {{ delete a; }} }}
+    rule loop(a : Special) {{ lhs {{ a -{reference}-> a; }} modify {{ delete a; }} }}
+    rule whole(a : Item) {{ lhs {{ }} modify {{ delete a; }} }}
+    @semantics(spo) rule lossy(a : Special) {{ lhs {{ }} modify {{ delete a; }} }}
+    """
+    made = engine(text)
+    one = made.model.create("Special")
+    one[reference] = [one] if reference in ("links", "friends") else one
+    with pytest.raises(RuleError) as caught:
+        made.apply("cut")
+    assert (caught.value.reason, len(caught.value.details)) == ("dangling", 1)
+    for rule in ("loop", "lossy"):
+        savepoint = made.model.savepoint()
+        assert made.apply(rule) is not None and not made.model.alive(one.id)
+        made.model.rollback(savepoint)
+    made.model.create("Item", kids=[one])
+    assert made.apply("whole", a=1) is not None and len(made.model) == 0  # its parts go with their loops
+
+
 def test_spo_removes_dangling_links() -> None:
     made = engine("@semantics(spo) rule r(a : Item) { lhs { } modify { delete a; } }", model=chain(3))
     made.apply("r", a=1)
