@@ -27,6 +27,7 @@ def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
         behaviour: as written.
         engine: knows the metamodel, the patterns and the rules. Its model does not matter and nothing changes.
     """
+    behaviour = engine.library.resolved(behaviour)
     checker = _Checker(engine, [])
     checker.check(behaviour)
     return sort_diagnostics([_hinted(problem, behaviour) for problem in checker.problems])

@@ -71,6 +71,7 @@ class Simulator:
     """
 
     def __init__(self, engine: Engine, behaviour: Behaviour, keys: KeyIndex | None = None) -> None:
+        behaviour = engine.library.resolved(behaviour)
         problems = [p for p in check_behaviour(behaviour, engine) if p.severity is Severity.ERROR]
         if problems:
             raise ResolutionError(problems)

@@ -142,5 +142,38 @@ class EvaluationError(_PlacedError):
         return EvaluationError, (self.message, self.span, self.hint)
 
 
+class FunctionError(_PlacedError):
+    """A function that was registered with an engine has no code, raised an exception, or returned something else.
+
+    Unlike an `EvaluationError` it is never taken for "no value": matching, applying and running stop. An exception that
+    the function raised is the `__cause__`.
+
+    Attributes:
+        message: what is wrong, in one line, with the arguments.
+        function: name of the function.
+        span: the call; None where it was not read from a text.
+        hint: how to mend it.
+    """
+
+    def __init__(
+        self, message: str, function: str, span: Span | None = None, hint: str | None = None
+    ) -> None:
+        super().__init__(message, span, hint)
+        self.function = function
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """The error as a diagnostic; empty without a place."""
+        return self._diagnostic("function-failed")
+
+    def __str__(self) -> str:
+        found = self.diagnostics
+        return str(found[0]) if found else self.message + self._advice
+
+    def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
+        """Errors cross from worker processes; by default they would be made again from their text."""
+        return FunctionError, (self.message, self.function, self.span, self.hint)
+
+
 class InvalidArgument(EnvgraphError, ValueError):
     """An argument of a Python call is outside what its docstring allows."""

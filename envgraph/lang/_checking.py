@@ -12,13 +12,13 @@ from envgraph.lang._imports import without_consequences
 from envgraph.lang._model import ModelText
 from envgraph.lang._workspace import Workspace
 from envgraph.metamodel import Reference
-from envgraph.pattern import Derivation, Pattern, Rule, Unit
+from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
 
 _MOST = 100
 """So many of the things that a model lacks are told one by one."""
 
-Definition = Pattern | Rule | Unit | Derivation
+Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 
 
 def check(workspace: Workspace, lost: frozenset[str]) -> list[Diagnostic]:

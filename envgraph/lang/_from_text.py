@@ -14,9 +14,9 @@ from envgraph.lang._query import read_query
 from envgraph.lang._query_header import Header
 from envgraph.lang._rules import read_rules
 from envgraph.lang._type_names import TypeNames
-from envgraph.pattern import Derivation, Pattern, Rule, Unit
+from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
 
-Definition = Pattern | Rule | Unit | Derivation
+Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 
 
 def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple[Definition, ...]:
@@ -48,7 +48,7 @@ def from_text(text: str, language: str = "rules", name: str = "<text>") -> tuple
 def _read(language: str, source: Source) -> tuple[tuple[Definition, ...], tuple[Diagnostic, ...], Header]:
     if language == "query":
         query = read_query(parse("query", source), TypeNames())
-        return query.patterns, query.diagnostics, query.header
+        return query.definitions, query.diagnostics, query.header
     rules = read_rules(parse("rules", source), TypeNames())
     return rules.definitions, rules.diagnostics, rules.header
 

@@ -53,7 +53,7 @@ from envgraph.lang._workspace import Workspace
 from envgraph.lang._xmi import read_xmi, schema_paths
 from envgraph.lang._xml import as_utf8
 from envgraph.metamodel import Metamodel
-from envgraph.pattern import Derivation, Pattern, Rule, Unit
+from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
 
 _DEFINED_ELSEWHERE = {"unknown-pattern", "unknown-rule", "unknown-reference", "no-metamodel"}
@@ -212,6 +212,7 @@ class _Loader:
     """Files with definitions, which are read when it is known what the names in them mean."""
     models: list[Parsed | Source] = field(default_factory=list)
     patterns: list[Pattern] = field(default_factory=list)
+    functions: list[FunctionDeclaration] = field(default_factory=list)
     definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
     behaviours: list[Behaviour] = field(default_factory=list)
     families: list[FamilySpec] = field(default_factory=list)
@@ -366,12 +367,13 @@ class _Loader:
     ) -> None:
         """Keeps the definitions of a file."""
         file: QueryFile | RulesFile | EnvironmentFile
-        defined: Iterable[Pattern | Rule | Unit | Derivation | Behaviour]
+        defined: Iterable[Pattern | FunctionDeclaration | Rule | Unit | Derivation | Behaviour]
         match language:
             case "query":
                 file = read_query(parsed, types)
                 self.patterns.extend(file.patterns)
-                defined = file.patterns
+                self.functions.extend(file.functions)
+                defined = file.definitions
             case "rules":
                 file = read_rules(parsed, types)
                 self.definitions.extend(file.definitions)
@@ -420,6 +422,7 @@ class _Loader:
             tuple(one for one in self.definitions if isinstance(one, Derivation)),
             tuple(with_enums(one, metamodel) if metamodel else one for one in self.behaviours),
             tuple(self.families),
+            functions=tuple(self.functions),
             roots=tuple(dict.fromkeys(self.roots)),
             sources=self.sources,
         )

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 from lark import Token, Tree
 
-from envgraph.errors import Diagnostic
+from envgraph.errors import Diagnostic, Span
 from envgraph.lang._expressions import Reading, type_of, type_span_of
 from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.lang._query_conditions import conditions_of, java_type_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
 from envgraph.lang._type_names import TypeNames
-from envgraph.pattern import Body, Parameter, Pattern, Strategy
+from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Strategy
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,19 +28,31 @@ class QueryFile:
     patterns: tuple[Pattern, ...]
     diagnostics: tuple[Diagnostic, ...]
     lost: frozenset[str] = frozenset()
+    functions: tuple[FunctionDeclaration, ...] = ()
+
+    @property
+    def definitions(self) -> tuple[Pattern | FunctionDeclaration, ...]:
+        """What the file defines, in the order of the text, but functions first."""
+        return (*self.functions, *self.patterns)
 
 
 def read_query(parsed: Parsed, types: TypeNames | None = None) -> QueryFile:
     """The patterns of a parsed file, and what is wrong with it before any name is looked up."""
     reading = Reading(parsed, list(parsed.diagnostics), types=types)
     header = header_of(reading)
-    patterns = []
+    found: list[Pattern | FunctionDeclaration] = []
     for tree in definitions_of(reading):
-        pattern = _pattern(reading, header.package, tree)
+        read = (
+            _declaration(reading, tree)
+            if tree.data == "declaration"
+            else _pattern(reading, header.package, tree)
+        )
         if reading.whole(name_of(tree), tree):
-            patterns.append(pattern)
+            found.append(read)
     unused_imports(reading, header)
-    return QueryFile(header, tuple(patterns), reading.result(), reading.all_lost())
+    patterns = tuple(one for one in found if isinstance(one, Pattern))
+    functions = tuple(one for one in found if isinstance(one, FunctionDeclaration))
+    return QueryFile(header, patterns, reading.result(), reading.all_lost(), functions)
 
 
 def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
@@ -77,6 +89,31 @@ def _pattern(reading: Reading, package: str, tree: Tree[Token]) -> Pattern:
     )
 
 
+def _declaration(reading: Reading, tree: Tree[Token]) -> FunctionDeclaration:
+    name = name_of(tree)
+    result, result_span = _typed(reading, tree)
+    return FunctionDeclaration(
+        str(name),
+        parameters_of(reading, tree),
+        result or "",
+        doc=reading.parsed.doc(tree),
+        span=reading.span(name),
+        result_span=result_span,
+    )
+
+
+def _typed(reading: Reading, tree: Tree[Token]) -> tuple[str | None, Span | None]:
+    """The type that stands in a tree, and where; None if it is a class of Java, which is reported."""
+    for part in trees(tree.children, "type"):
+        return type_of(reading, part), type_span_of(reading, part)
+    for part in trees(tree.children, "java_type"):
+        type_ = java_type_of(reading, part)
+        if type_ is None:
+            reading.gap(part)
+        return type_, reading.span(part)
+    return None, None
+
+
 def _strategy(reading: Reading, words: Iterable[Token]) -> Strategy | None:
     strategies = {str(word): word for word in words if word != "private"}
     if len(strategies) == 2:
@@ -90,13 +127,7 @@ def _strategy(reading: Reading, words: Iterable[Token]) -> Strategy | None:
 def _parameter(reading: Reading, tree: Tree[Token]) -> Parameter:
     name = name_of(tree)
     direction = {str(tokens(part.children)[0]) for part in trees(tree.children, "direction")}
-    type_ = span = None
-    for part in trees(tree.children, "type"):
-        type_, span = type_of(reading, part), type_span_of(reading, part)
-    for part in trees(tree.children, "java_type"):
-        type_, span = java_type_of(reading, part), reading.span(part)
-        if type_ is None:
-            reading.gap(part)
+    type_, span = _typed(reading, tree)
     return Parameter(
         str(name),
         type_,

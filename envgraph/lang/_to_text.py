@@ -1,4 +1,4 @@
-"""Definitions as text: patterns as a `.query` file, rules, units and derivations as a `.rules` file."""
+"""Definitions as text: functions and patterns as a `.query` file, rules, units and derivations as a `.rules` file."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from envgraph.lang._stack import ParseStack
 from envgraph.lang._text_rules import RuleText, read_again
 from envgraph.lang._text_terms import TermText, plain_doc
 from envgraph.lang._type_names import TypeNames
-from envgraph.pattern import Body, Derivation, Pattern, Rule, Unit
+from envgraph.pattern import Body, Derivation, FunctionDeclaration, Pattern, Rule, Unit
 
-Definition = Pattern | Rule | Unit | Derivation
+Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 
 
 def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
@@ -29,11 +29,12 @@ def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
     is several; a unit is one sequence, without sequences in it; a comment has no blanks at the ends of its lines.
 
     Args:
-        definitions: patterns, or rules, units and derivations; of one package.
+        definitions: patterns and declarations of functions, or rules, units and derivations; of one package.
         imports: paths of the files that the text imports.
 
     Returns:
-        The text of a `.query` file for patterns, else of a `.rules` file, in the style of `format_text`.
+        The text of a `.query` file for patterns and functions (these come first), else of a `.rules` file, in the style
+        of `format_text`.
 
     Raises:
         InvalidArgument: there is no text for a definition. So it is with names that are none (those of derived rules
@@ -58,7 +59,9 @@ def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
     """
     language = _language(definitions)
     keywords = grammar(language).core.keywords
-    packages = {one.package: None for one in definitions}
+    functions = [one for one in definitions if isinstance(one, FunctionDeclaration)]
+    definitions = (*functions, *(one for one in definitions if not isinstance(one, FunctionDeclaration)))
+    packages = {one.package: None for one in definitions[len(functions) :]}
     if len(packages) > 1:
         names = ", ".join(f"`{name}`" if name else "none" for name in packages)
         raise InvalidArgument(f"a text has one package, and the definitions are of several: {names}")
@@ -76,7 +79,7 @@ def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
 
 
 def _language(definitions: Sequence[Definition]) -> str:
-    patterns = [one for one in definitions if isinstance(one, Pattern)]
+    patterns = [one for one in definitions if isinstance(one, Pattern | FunctionDeclaration)]
     if patterns and len(patterns) < len(definitions):
         raise InvalidArgument("patterns are written to another file than rules, units and derivations")
     return "query" if patterns else "rules"
@@ -85,6 +88,10 @@ def _language(definitions: Sequence[Definition]) -> str:
 def _definition(one: Definition, keywords: Iterable[str]) -> str:
     if isinstance(one, Pattern):
         return _pattern(one, TermText(one.qualified_name, keywords))
+    if isinstance(one, FunctionDeclaration):
+        text = TermText(one.name, keywords)
+        head = f"{text.doc(one.doc)}function {text.name(one.name)}{text.parameters(one.parameters)}"
+        return f"{head} : {text.type(one.result)};"
     return RuleText(one.qualified_name, keywords).definition(one)
 
 
@@ -131,9 +138,13 @@ def _assert_equal(definitions: Sequence[Definition], language: str, text: str) -
     errors = [one for one in read.diagnostics if one.severity is Severity.ERROR]
     if errors:
         raise _unsayable(definitions, errors)
-    found: tuple[Definition, ...] = read.patterns if language == "query" else read.definitions  # type: ignore[union-attr]
+    found: tuple[Definition, ...] = read.definitions
     for one, other in zip(definitions, found, strict=True):
-        wanted = replace(one, doc=plain_doc(one.doc)) if isinstance(one, Pattern) else read_again(one)
+        wanted = (
+            replace(one, doc=plain_doc(one.doc))
+            if isinstance(one, Pattern | FunctionDeclaration)
+            else read_again(one)
+        )
         if wanted != other:
             different = [
                 f.name

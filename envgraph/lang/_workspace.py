@@ -12,7 +12,7 @@ from envgraph.lang._family import FamilySpec
 from envgraph.lang._files import Bundle, bundle
 from envgraph.lang._model import ModelText
 from envgraph.metamodel import Metamodel
-from envgraph.pattern import Derivation, Pattern, Rule, Unit
+from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
 from envgraph.rewrite import Engine
 
 
@@ -40,11 +40,12 @@ class Workspace:
     diagnostics: tuple[Diagnostic, ...] = ()
     roots: tuple[str, ...] = ()
     sources: Mapping[str, str] = field(default_factory=dict)
+    functions: tuple[FunctionDeclaration, ...] = ()
 
     @property
-    def definitions(self) -> tuple[Pattern | Rule | Unit | Derivation, ...]:
+    def definitions(self) -> tuple[Pattern | Rule | Unit | Derivation | FunctionDeclaration, ...]:
         """What an engine can be given."""
-        return (*self.patterns, *self.rules, *self.units, *self.derivations)
+        return (*self.functions, *self.patterns, *self.rules, *self.units, *self.derivations)
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:

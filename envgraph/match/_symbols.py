@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 
 from envgraph.match._plan import ViewKey
-from envgraph.metamodel import Value
 
 
 class Mode(StrEnum):
@@ -74,9 +73,9 @@ class Valued:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Literal:
-    """A constant of the pattern. No two are equal: 1, 1.0 and True are different literals."""
+    """A constant of the pattern, or a function that it calls. No two are equal: 1, 1.0 and True are different."""
 
-    value: Value
+    value: object
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from envgraph.pattern._conformance import conformance_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
 from envgraph.pattern._expressions import check_expression
 from envgraph.pattern._failure import explained
+from envgraph.pattern._functions import DeclaredFunction, FunctionDeclaration
 from envgraph.pattern._library import PATHS, VALUES, Library
 from envgraph.pattern._lowered import (
     AggregateAtom,
@@ -120,6 +121,7 @@ __all__ = [
     "Constant",
     "Constraint",
     "Create",
+    "DeclaredFunction",
     "DeleteEdge",
     "DeleteNode",
     "Derivation",
@@ -130,6 +132,7 @@ __all__ = [
     "Expression",
     "Function",
     "FunctionCall",
+    "FunctionDeclaration",
     "Hash",
     "If",
     "InstanceAtom",

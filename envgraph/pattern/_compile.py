@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from envgraph.errors import InvalidArgument
-from envgraph.metamodel import EnumType, Metamodel, Scalar, Value
+from envgraph.metamodel import EnumType, Metamodel, Scalar
 from envgraph.pattern._bodies import LONGEST_NESTED, children
 from envgraph.pattern._evaluate import computes
 from envgraph.pattern._expressions import ExpressionChecker
@@ -33,12 +33,13 @@ class CompiledExpression:
     Attributes:
         source: in parentheses or atomic. It holds the names the caller gave, the names of constants, names of
             `EXPRESSION_NAMESPACE`, and operators; no text of the user's.
-        constants: the literals, in the order of their names.
+        constants: the literals, and declared functions with the places where they are called, in the order of their
+            names.
         fallible: whether it can raise `EvaluationError`; if not, no `try` is needed.
     """
 
     source: str
-    constants: tuple[Value, ...]
+    constants: tuple[object, ...]
     fallible: bool
 
 
@@ -86,7 +87,7 @@ class _Writer:
         self._names = names
         self._types = types
         self._constant = constant
-        self.constants: list[Value] = []
+        self.constants: list[object] = []
         self.fallible = False
 
     def write(self, node: Expression) -> str:
@@ -110,10 +111,12 @@ class _Writer:
                 return f"({then} if {test} else {otherwise})"
             case FunctionCall():
                 arguments = ", ".join(map(self.write, node.arguments))
+                if node.declaration is not None:
+                    return f"{self._literal(node.declaration.at(node.span))}({arguments})"
                 self.fallible |= not FUNCTIONS[node.function].total
                 return f"_fn_{node.function}({arguments})"
 
-    def _literal(self, value: Value) -> str:
+    def _literal(self, value: object) -> str:
         self.constants.append(value)
         return self._constant(len(self.constants) - 1)
 

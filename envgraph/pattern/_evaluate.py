@@ -68,7 +68,8 @@ def computes(expression: Expression) -> bool:
         case Conditional():
             return computes(expression.then) or computes(expression.otherwise)
         case FunctionCall():
-            return FUNCTIONS[expression.function].result not in (Scalar.BOOL, Scalar.FLOAT)
+            known = FUNCTIONS.get(expression.function)
+            return known is not None and known.result not in (Scalar.BOOL, Scalar.FLOAT)
         case _:
             return False
 
@@ -120,6 +121,8 @@ def raw_value(node: Expression, values: Mapping[str, Any], read: Reader | None) 
             return raw_value(node.then if _present(node.test, values, read) else node.otherwise, values, read)
         case FunctionCall():
             arguments = [_present(argument, values, read) for argument in node.arguments]
+            if node.declaration is not None:
+                return node.declaration.at(node.span)(*arguments)
             return FUNCTIONS[node.function].implementation(*arguments)
 
 

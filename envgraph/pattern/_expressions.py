@@ -10,7 +10,7 @@ The language, the same in check, eval, set and rewards:
 - `== !=` compare values of one type (an int with a float, too), or objects; `< <= > >=` numbers or strings.
 - `&& || !` take truth values; `test ? a : b` evaluates one branch, and both have one type.
 - `x.f.g` follows single-valued features of the static type; `x.f == none` asks whether the path leads nowhere.
-- The functions are those of `FUNCTIONS`.
+- The functions are those of `FUNCTIONS`, and those that are declared: `FunctionDeclaration`.
 - Division by zero, a function outside its domain, a float that is not finite, an int result beyond 64 bits: no value.
   In a check this is false, in an eval the body does not match (VIATRA does the same, and logs it); elsewhere it is an
   `EvaluationError`.
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from envgraph.errors import Diagnostic, Span, did_you_mean, name_hint, with_article
 from envgraph.metamodel import EnumType, Metamodel, Reference, Scalar
@@ -39,6 +39,9 @@ from envgraph.pattern._terms import (
     Variable,
 )
 from envgraph.pattern._types import NUMBERS, assignable, comparable, type_text, value_hint, value_type
+
+if TYPE_CHECKING:
+    from envgraph.pattern._functions import DeclaredFunction
 
 MOST_LEVELS: Final = 100
 """How deep an expression may nest; generated source nests alike, and Python stops at 200 parentheses."""
@@ -238,9 +241,11 @@ class ExpressionChecker:
         type_ = self._operand(node.operand, node.operator, wanted)
         return Scalar.BOOL if node.operator == "!" else type_
 
-    def _operand(self, node: Expression, what: str, wanted: str) -> StaticType | None:
+    def _operand(
+        self, node: Expression, what: str, wanted: str, expected: StaticType | None = None
+    ) -> StaticType | None:
         """The type of an operand that has to be of a kind."""
-        return self._of_kind(node, self.type_of(node), what, wanted)
+        return self._of_kind(node, self.type_of(node, expected), what, wanted)
 
     def _of_kind(
         self, node: Expression, type_: StaticType | None, what: str, wanted: str
@@ -415,10 +420,12 @@ class ExpressionChecker:
         return None
 
     def _call(self, node: FunctionCall) -> StaticType | None:
+        if node.declaration is not None:
+            return self._declared(node, node.declaration)
         function = FUNCTIONS.get(node.function)
         if function is None:
             hint = self._getter_hint(node) or _OF_JAVA.get(node.function)
-            hint = hint or name_hint(node.function, FUNCTIONS)
+            hint = hint or name_hint(node.function, {**(node.declared or {}), **FUNCTIONS})
             span = node.function_span or node.span
             self._at("unknown-function", f"unknown function `{node.function}`", span, hint)
             return None
@@ -431,6 +438,23 @@ class ExpressionChecker:
             for position, argument in enumerate(node.arguments)
         ]
         return function.result or _common_number(function, types)
+
+    def _declared(self, node: FunctionCall, function: DeclaredFunction) -> StaticType | None:
+        """The type of a call of a declared function, which takes values of the types that it says."""
+        if function.result is None:
+            for argument in node.arguments:
+                self.type_of(argument)
+            return None
+        if len(node.arguments) != len(function.parameters):
+            message = f"`{function.name}` does not take {len(node.arguments)} arguments"
+            hint = f"it is declared as `{function.declaration.signature}`"
+            self._report("wrong-arity", message, node, hint)
+            return function.result
+        for argument, parameter in zip(node.arguments, function.parameters, strict=True):
+            type_ = self._operand(argument, function.name, "data", parameter)
+            if type_ is not None and not assignable(type_, parameter, self.metamodel):
+                self.problems.append(wrong_type(argument, type_, parameter))
+        return function.result
 
     def _getter_hint(self, node: FunctionCall) -> str | None:
         """For `x.getLength()` of Java: the feature `x.length`."""

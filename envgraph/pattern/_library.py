@@ -11,6 +11,7 @@ from envgraph.pattern._analysis import Analysis, Entry, Names
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Reading
 from envgraph.pattern._check import check_patterns
+from envgraph.pattern._functions import Data, FunctionDeclaration, Functions, declared, resolved
 from envgraph.pattern._inference import BodyTypes, Signature
 from envgraph.pattern._lowered import LoweredPattern, StaticType
 from envgraph.pattern._normal import lower_body
@@ -28,6 +29,7 @@ VALUES = "#values"
 class Checked(NamedTuple):
     """New patterns as they have been looked at, and what is wrong with them."""
 
+    given: Sequence[Pattern]
     analysis: Analysis
     problems: tuple[Diagnostic, ...]
 
@@ -39,10 +41,14 @@ class Library:
 
     Args:
         metamodel: what the names of classes and features mean.
+
+    Attributes:
+        functions: that are declared, by name; `declare` gives others, and never changes these.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
         self.metamodel = metamodel
+        self.functions: Functions = {}
         self._entries: dict[str, Entry] = {}
         self._names = Names(())
         self._generated: dict[str, Entry] = {}
@@ -57,6 +63,18 @@ class Library:
     def names(self) -> tuple[str, ...]:
         """Qualified names of the registered patterns, in the order they were added."""
         return tuple(self._entries)
+
+    def declare(self, *declarations: FunctionDeclaration) -> list[Diagnostic]:
+        """Declare functions for expressions to call; returns what is wrong with the declarations."""
+        if not declarations:
+            return []
+        self.functions, problems = declared(declarations, self.functions, self.metamodel)
+        self._checked = None  # what was unknown then may be known now
+        return problems
+
+    def resolved(self, data: Data) -> Data:
+        """The same definition, in which calls of declared functions know what they call."""
+        return resolved(data, self.functions) if self.functions else data
 
     def check(self, *patterns: Pattern) -> list[Diagnostic]:
         """All errors and warnings that adding these patterns would bring, in the order of their text."""
@@ -81,11 +99,11 @@ class Library:
         if (
             last is None
             or last.analysis.known is not self._entries
-            or len(last.analysis.patterns) != len(patterns)
-            or any(one is not other for one, other in zip(last.analysis.patterns, patterns, strict=True))
+            or len(last.given) != len(patterns)
+            or any(one is not other for one, other in zip(last.given, patterns, strict=True))
         ):
-            analysis = Analysis(self.metamodel, self._entries, patterns)
-            last = Checked(analysis, tuple(check_patterns(analysis)))
+            analysis = Analysis(self.metamodel, self._entries, [self.resolved(one) for one in patterns])
+            last = Checked(patterns, analysis, tuple(check_patterns(analysis)))
             if patterns:
                 self._checked = last
         return last
@@ -159,6 +177,7 @@ class Library:
         twin._generated = dict(self._generated)
         twin._lowered = dict(self._lowered)
         twin._checked = self._checked
+        twin.functions = self.functions
         return twin
 
     def _entry(self, name: str) -> Entry:

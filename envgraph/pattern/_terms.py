@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 from envgraph.errors import Span
 from envgraph.metamodel import Value
+
+if TYPE_CHECKING:
+    from envgraph.pattern._functions import DeclaredFunction
 
 _CHAINS: Final = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "&&": 3, "||": 4}
 """The operators of one number follow each other without brackets: `a - b + c`."""
@@ -130,12 +134,22 @@ class Conditional:
 
 @dataclass(frozen=True, slots=True)
 class FunctionCall:
-    """`function(arguments)`, of the standard library of expressions."""
+    """`function(arguments)`, of the standard library of expressions, or of a function that is declared.
+
+    Attributes:
+        declared: functions of the engine that the call was added to, by name; put there by `Library.resolved`.
+    """
 
     function: str
     arguments: tuple[Expression, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
     function_span: Span | None = field(default=None, compare=False, repr=False)
+    declared: Mapping[str, Any] | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def declaration(self) -> DeclaredFunction | None:
+        """What it calls, unless that is a function of the standard library, or unknown."""
+        return None if self.declared is None else self.declared.get(self.function)
 
 
 Expression = Variable | Constant | EnumLiteral | Navigation | Unary | Binary | Conditional | FunctionCall

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from contextlib import AbstractContextManager, nullcontext
 from math import isfinite
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar, cast, overload
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
 from envgraph.graph import Model
 from envgraph.match import ViewMatcher
-from envgraph.pattern import Call, Derivation, Pattern, Rule, Step, Unit
+from envgraph.pattern import Call, Derivation, FunctionDeclaration, Pattern, Rule, Step, Unit
 from envgraph.rewrite._derive import derived_rules
 from envgraph.rewrite._described import described, describes
 from envgraph.rewrite._functions import PythonUnit, unit_signature_of
@@ -21,6 +21,7 @@ from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._notices import Notices
 from envgraph.rewrite._questions import Questions
 from envgraph.rewrite._register import Registration
+from envgraph.rewrite._registered import register_function
 from envgraph.rewrite._runner import PythonRule, RuleRunner, graph_rule
 from envgraph.rewrite._unit_check import inner_steps
 from envgraph.rewrite._units import unit_program
@@ -29,7 +30,7 @@ from envgraph.rewrite._well_formed import mistake_in
 if TYPE_CHECKING:
     from envgraph.rewrite._engine import Engine
 
-Definition = Pattern | Rule | Unit | Derivation
+Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
@@ -46,7 +47,7 @@ class Definitions(Questions):
         return self._registration(definitions).problems
 
     def add(self, *definitions: Definition) -> None:
-        """Register patterns, rules, units and derivations, which may refer to each other.
+        """Register patterns, rules, units, derivations and declarations of functions, which may refer to each other.
 
         Raises:
             ResolutionError: at least one has an error; all errors together. Nothing is added.
@@ -55,6 +56,7 @@ class Definitions(Questions):
         registration = self._registration(definitions)
         if has_errors(registration.problems):
             raise ResolutionError([p for p in registration.problems if p.severity is Severity.ERROR])
+        self.library.functions = registration.functions
         self.library.add(*registration.all_patterns)
         self._directory = registration.directory
         self._forget()
@@ -63,7 +65,7 @@ class Definitions(Questions):
                 plan, self.model, self.library, self.matcher, self._notices.existing_link
             )
         for definition in definitions:
-            if not isinstance(definition, Pattern):
+            if not isinstance(definition, Pattern | FunctionDeclaration):
                 self._definitions[definition.qualified_name] = definition
         self._groups.update(registration.groups)
         for checked in registration.units:
@@ -89,9 +91,7 @@ class Definitions(Questions):
         return nullcontext()
 
     def _registration(self, definitions: Sequence[Definition]) -> Registration:
-        strange: list[object] = [
-            one for one in definitions if not isinstance(one, Pattern | Rule | Unit | Derivation)
-        ]
+        strange: list[object] = [one for one in definitions if not isinstance(one, Definition)]
         if strange:
             hint = ": `envgraph.lang.from_text` reads definitions" if isinstance(strange[0], str) else ""
             raise InvalidArgument(f"a pattern, rule, unit or derivation is added, not {strange[0]!r}{hint}")
@@ -199,6 +199,77 @@ class Definitions(Questions):
 
         return register if function is None else register(function)
 
+    @overload
+    def function(self, function: Function, /) -> Function: ...
+    @overload
+    def function(
+        self,
+        name: str,
+        /,
+        *,
+        parameters: Mapping[str, str | type] | None = None,
+        result: str | type | None = None,
+    ) -> Callable[[Function], Function]: ...
+    @overload
+    def function(
+        self,
+        name: str,
+        function: Function,
+        /,
+        parameters: Mapping[str, str | type] | None = None,
+        result: str | type | None = None,
+    ) -> Function: ...
+    def function(
+        self,
+        name: str | Function,
+        function: Function | None = None,
+        /,
+        parameters: Mapping[str, str | type] | None = None,
+        result: str | type | None = None,
+    ) -> Function | Callable[[Function], Function]:
+        """Register a Python function that expressions can call by its name: a decorator, or a call.
+
+        It has to be pure: what it returns depends on its arguments alone, and it changes nothing. It is called once for
+        each candidate that comes as far as the call, whenever that is searched for or a view is brought up to date;
+        nothing is remembered. If it raises, or returns something that is no value of its type, that is a
+        `FunctionError` at the place of the call.
+
+        Args:
+            name: what expressions call it; else the name of the function.
+            function: takes the arguments in their order, and returns the result.
+            parameters: names and types, `{"x": int, "way": "Way"}`: data types and enums.
+            result: type of the result. Where types are left out, they are those of a `function` declaration of that
+                name that the engine has, else the annotations.
+
+        Raises:
+            InvalidArgument: a function that has its code already; types that are missing.
+            ResolutionError: an unknown type, a class, other types than those of the declaration, or the name of a
+                function of the language.
+
+        >>> from envgraph.metamodel import Attribute, Class, Metamodel, Scalar
+        >>> engine = Definitions(Model(Metamodel("m", [Class("P", features=(Attribute("x", Scalar.INT),))])), "naive")
+        >>> @engine.function
+        ... def is_prime(n: int) -> bool:
+        ...     return n > 1 and all(n % d for d in range(2, n))
+        >>> engine.functions
+        ('is_prime',)
+        """
+
+        def register(given: Function) -> Function:
+            register_function(self.library, given, own, parameters, result)
+            self._forget()
+            return given
+
+        own = name if isinstance(name, str) else None
+        if isinstance(name, str) and function is None:
+            return register
+        return register(cast("Function", name if function is None else function))
+
+    @property
+    def functions(self) -> tuple[str, ...]:
+        """Names of the functions that expressions can call, besides those of the language."""
+        return tuple(self.library.functions)
+
     def _free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
         """What a function is registered as.
 
@@ -244,9 +315,10 @@ class Definitions(Questions):
 
     @property
     def definitions(self) -> tuple[Definition, ...]:
-        """The patterns, rules, units and derivations as they were added."""
+        """The declared functions, patterns, rules, units and derivations as they were added."""
+        functions = [function.declaration for function in self.library.functions.values()]
         patterns = [pattern for pattern in self.library.patterns if "#" not in pattern.name]
-        return (*patterns, *self._definitions.values())
+        return (*functions, *patterns, *self._definitions.values())
 
     def definition(self, name: str) -> Definition:
         """A pattern, rule, unit or derivation as it was added, for `to_text`; of a derived rule, what it is.

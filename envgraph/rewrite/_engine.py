@@ -96,7 +96,8 @@ class Engine(Recordings):
         """An independent engine: the same state of the model, the same definitions and watched patterns.
 
         Its random choices begin anew from `seed`. Versions, listeners, event rules, rules and units made of Python
-        functions, and units that call those, stay behind: a function belongs to the engine that it was registered with.
+        functions, and units that call those, stay behind: a function that changes models belongs to the engine that it
+        was registered with.
         """
         twin = Engine(
             self.model.copy(),
@@ -104,6 +105,8 @@ class Engine(Recordings):
             matcher="compiled" if isinstance(self.matcher, ViewMatcher) else "naive",
         )
         twin.add(*self._without_functions())
+        for name, function in self.library.functions.items():
+            twin.library.functions[name].code = function.code
         twin.step_limit = self.step_limit
         if self.watched:
             twin._views.watch(*(name for name in self.watched if name in twin.library.names()))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Final, TypeVar
 
 from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors, sort_diagnostics
-from envgraph.pattern import Derivation, Library, Pattern, Rule, Unit, static_type
+from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, static_type
 from envgraph.rewrite._check import CheckedRule, examine
 from envgraph.rewrite._derive import check_derivation, derived
 from envgraph.rewrite._derive_operators import Derived
@@ -18,7 +18,7 @@ from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._plan import RulePlan
 from envgraph.rewrite._unit_check import CheckedUnit, check_unit, unit_signature
 
-Definition = Pattern | Rule | Unit | Derivation
+Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 Called = TypeVar("Called", Rule, Unit)
 
 
@@ -36,10 +36,18 @@ class Registration:
         units: in the order of the text.
         groups: members of each derivation.
         directory: names of everything, what was there before included.
+        functions: that expressions can call.
     """
 
     def __init__(self, definitions: Sequence[Definition], library: Library, directory: Directory) -> None:
-        self._definitions = [d for d in definitions if not isinstance(d, Pattern)]
+        declarations = [d for d in definitions if isinstance(d, FunctionDeclaration)]
+        if declarations:
+            library = copy(library)
+        undeclared = library.declare(*declarations)
+        self.functions = library.functions
+        self._definitions = [
+            library.resolved(d) for d in definitions if not isinstance(d, Pattern | FunctionDeclaration)
+        ]
         self._derivations = {
             id(d): check_derivation(d, library.metamodel)
             for d in self._definitions
@@ -56,7 +64,7 @@ class Registration:
         self.groups: dict[str, tuple[str, ...]] = {}
         self._rules: list[CheckedRule] = []
         self._broken: set[str] = set()
-        found = [*left_problems(library, *written), *self._duplicates(directory)]
+        found = [*undeclared, *left_problems(library, *written), *self._duplicates(directory)]
         # Nobody wrote the others: warnings about them help nobody.
         found += [p for p in left_problems(library, *made) if p.severity is Severity.ERROR]
         known = self._with_patterns(found)

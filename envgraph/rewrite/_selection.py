@@ -94,7 +94,7 @@ def _value(
 ) -> Callable[[Row], Any]:
     model, shape = engine.model, rule.shape
     if isinstance(asked, Expression):
-        expression = asked
+        expression = engine.library.resolved(asked)
         return lambda row: value_of(
             expression,
             dict(zip(shape.names, row, strict=True)),

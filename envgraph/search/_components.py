@@ -88,7 +88,9 @@ def _annealing(options: Options, context: Context) -> SurvivorSelection:
 
 @dataclass(frozen=True, slots=True)
 class Components:
-    """Factories by role and kind. `with_` gives a copy with one more; nothing is global.
+    """Factories by role and kind, and the code of declared functions; `with_` gives a copy with one more.
+
+    Nothing is global.
 
     >>> from envgraph.search import Gini
     >>> mine = Components().with_("diversity", "mine", lambda options, context: Gini())
@@ -135,6 +137,8 @@ class Components:
         )
     )
 
+    function: Mapping[str, Callable[..., object]] = field(default_factory=lambda: MappingProxyType({}))
+
     def kinds(self) -> dict[str, tuple[str, ...]]:
         """The known kinds by role, for the check of a family file."""
         return {
@@ -144,7 +148,10 @@ class Components:
             "survivors": tuple(self.survivors),
         }
 
-    def with_(self, role: str, kind: str, factory: Callable[[Options, Context], object]) -> Components:
-        """A copy in which a kind of a role ("measure", "diversity", "parents", "survivors") is made by a factory."""
+    def with_(self, role: str, kind: str, factory: Callable[..., object]) -> Components:
+        """A copy in which a kind of a role ("measure", "diversity", "parents", "survivors") is made by a factory.
+
+        With the role "function", `factory` is the code of the function of that name which the domain's queries declare.
+        """
         known = getattr(self, role)
         return replace(self, **{role: MappingProxyType({**known, kind: factory})})

@@ -137,6 +137,8 @@ class Domain:
         """An engine on a model, by default a copy of the initial one, with everything that the files define."""
         engine = Engine(self.initial() if model is None else model, seed=self.spec.seed)
         engine.add(*self.workspace.definitions)
+        for name, code in self.components.function.items():
+            engine.function(name, code)
         return engine
 
     def keys(self, *models: Model) -> KeyIndex:

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from envgraph.env import KeyIndex, Outcome, Simulator, indexed_classes
+from envgraph.env import KeyIndex, Outcome, Simulator, explore, indexed_classes
 from envgraph.errors import EvaluationError, InvalidArgument, ResolutionError, RuleError
-from tests.unit.env.coins import loaded, sides, simulator, table
+from tests.unit.env.coins import QUERY, loaded, sides, simulator, table
 
 
 def outcomes(environment: str, action: int = 0) -> list[tuple[float, str, Outcome]]:
@@ -130,6 +130,23 @@ def test_an_object_that_is_created_during_the_episode_can_be_meant_by_its_key() 
     rng = np.random.default_rng(0)
     coins.reset(rng)
     assert [coins.step(action, rng).reward for action in (4, 0, 4, 4)] == [0.0, 0.0, 1.0, 0.0]
+
+
+def test_rewards_and_arguments_may_call_functions_of_python() -> None:
+    declared = "function priced(value : int) : float;\nfunction next(moves : int) : int;\n"
+    environment = """
+        action move = count(hand, next(hand.moves)) reward priced(hand.moves)
+        on find worth(_, value) reward priced(value)
+        """
+    engine, behaviour = loaded(
+        environment, texts={"coins.query": QUERY.replace("pattern up", declared + "pattern up")}
+    )
+    engine.function("priced", lambda value: value / 4)
+    engine.function("next", lambda moves: moves + 2)
+    coins = Simulator(engine, behaviour)
+    ((probability, outcome),) = coins.outcomes(0)
+    assert (probability, outcome.reward) == (1.0, 2 / 4 + 1 / 4 + 2 / 4)
+    assert explore(engine, behaviour).tabular.n_states == 3
 
 
 # --- (b) each step

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from envgraph.errors import InvalidArgument, LoadError
+from envgraph.lang import data_path
 from envgraph.rewrite import Engine
 from envgraph.search import (
     Components,
@@ -344,3 +345,16 @@ def test_a_path_may_name_a_reference_with_its_class(tmp_path: Path) -> None:
         for domain in (plain, other)
     ]
     assert values[0] == values[1] < 1.0
+
+
+def test_declared_functions_are_components(tmp_path: Path) -> None:
+    source = data_path("rules", "keydoor")
+    for file in source.iterdir():
+        text = file.read_text(encoding="utf-8")
+        if file.name == "keydoor.query":
+            text += "\nfunction far(x : int) : bool;\n"
+            text += "pattern farRight(hero : Hero) { Hero.at(hero, p); check(far(p.x)); }\n"
+        (tmp_path / file.name).write_text(text, encoding="utf-8")
+    mine = Components().with_("function", "far", lambda x: x >= 0)
+    engine = Domain.load(str(tmp_path), mine).engine()
+    assert engine.count("farRight") == 1

@@ -1,0 +1,220 @@
+"""Functions that expressions call and Python carries out: their declarations, and those of one engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import partial
+from math import isfinite
+from reprlib import repr as short
+from typing import Any, TypeVar
+
+from envgraph.errors import Diagnostic, FunctionError, Note, Span
+from envgraph.metamodel import AttributeType, Metamodel, Value, accepts
+from envgraph.pattern._bodies import children, with_children
+from envgraph.pattern._lowered import ObjectType
+from envgraph.pattern._operations import FUNCTIONS, MOST_CHARACTERS
+from envgraph.pattern._queries import Parameter
+from envgraph.pattern._terms import Binary, Conditional, FunctionCall, Navigation, Unary
+from envgraph.pattern._types import coerced, static_type, type_hint, type_text
+
+Data = TypeVar("Data")
+
+
+@dataclass(frozen=True, slots=True)
+class FunctionDeclaration:
+    """`function name(x : T, ...) : U;`: a pure function of values, whose code an engine is given from Python.
+
+    Attributes:
+        parameters: each with the name of a data type or enum.
+        result: name of a data type or enum.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    result: str
+    doc: str | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+    result_span: Span | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def package(self) -> str:
+        """None: the name means the same in all packages."""
+        return ""
+
+    @property
+    def qualified_name(self) -> str:
+        """The name."""
+        return self.name
+
+    @property
+    def signature(self) -> str:
+        """As it is declared: `distance(x : int, y : int) : float`."""
+        parameters = ", ".join(f"{one.name} : {one.type}" for one in self.parameters)
+        return f"{self.name}({parameters}) : {self.result}"
+
+
+class DeclaredFunction:
+    """A declared function of an engine. Its code may be given later, and then stays.
+
+    Attributes:
+        parameters: types of the parameters.
+        result: type of the result. None if the declaration has errors, which have been reported.
+        code: what computes it; None as long as none was given.
+    """
+
+    def __init__(
+        self,
+        declaration: FunctionDeclaration,
+        parameters: Sequence[AttributeType],
+        result: AttributeType | None,
+    ) -> None:
+        self.declaration = declaration
+        self.parameters = tuple(parameters)
+        self.result = result
+        self.code: Callable[..., object] | None = None
+
+    @property
+    def name(self) -> str:
+        """See `FunctionDeclaration`."""
+        return self.declaration.name
+
+    @property
+    def types(self) -> tuple[AttributeType | None, ...]:
+        """What tells two declarations of one name apart: the types of the parameters, then that of the result."""
+        return (*self.parameters, self.result)
+
+    def at(self, span: Span | None) -> Callable[..., Value]:
+        """What a call at this place of a text does."""
+        return partial(self._call, span)
+
+    def _call(self, span: Span | None, *arguments: Value) -> Value:
+        if self.code is None:
+            hint = f'give the engine its code: `engine.function("{self.name}", ..)`'
+            raise FunctionError(f"function `{self.name}` is only declared", self.name, span, hint)
+        given = [coerced(value, type_) for value, type_ in zip(arguments, self.parameters, strict=True)]
+        try:
+            result = self.code(*given)
+        except MemoryError:
+            raise
+        except Exception as error:
+            message = f"{self._shown(given)} raised {type(error).__name__}: {error}"
+            raise FunctionError(
+                message, self.name, span, "a function gives a value for all arguments"
+            ) from error
+        assert self.result is not None, "an expression with an error is not evaluated"
+        if isinstance(result, float):  # numbers of NumPy are floats of a class of their own
+            result = float(result)
+        if _fits(result, self.result):
+            return coerced(result, self.result)  # type: ignore[arg-type]
+        message = f"{self._shown(given)} returned {short(result)}, which is no `{type_text(self.result)}`"
+        raise FunctionError(message, self.name, span, f"it is declared as `{self.declaration.signature}`")
+
+    def _shown(self, arguments: Sequence[Value]) -> str:
+        return f"`{self.name}({', '.join(map(short, arguments))})`"
+
+
+def _fits(value: object, type_: AttributeType) -> bool:
+    if isinstance(value, float) and not isfinite(value):
+        return False
+    return accepts(type_, value) and not (isinstance(value, str) and len(value) > MOST_CHARACTERS)
+
+
+Functions = Mapping[str, DeclaredFunction]
+
+
+def declared(
+    declarations: Iterable[FunctionDeclaration], known: Functions, metamodel: Metamodel
+) -> tuple[Functions, list[Diagnostic]]:
+    """The known functions with those of new declarations, and what is wrong with these.
+
+    To declare a function again, with the same types, is no mistake: each file may say what it needs.
+    """
+    found = dict(known)
+    problems: list[Diagnostic] = []
+    for one in declarations:
+        other = found.get(one.name)
+        if one.name in FUNCTIONS:
+            message = f"`{one.name}` is a function of the language: `{FUNCTIONS[one.name].signature}`"
+            problems.append(Diagnostic("duplicate-definition", message, one.span, "choose another name"))
+            continue
+        parameters, result = _types(one, metamodel, problems)
+        if other is None:
+            found[one.name] = DeclaredFunction(one, parameters, result)
+        elif None not in (result, other.result) and other.types != (*parameters, result):
+            message = f"function `{one.name}` is declared with other types, too"
+            place = other.declaration.span
+            notes = (Note(f"as `{other.declaration.signature}`, here", place),) if place else ()
+            hint = "say the same in both places, or choose another name"
+            problems.append(Diagnostic("duplicate-definition", message, one.span, hint, notes=notes))
+    return found, problems
+
+
+def _types(
+    declaration: FunctionDeclaration, metamodel: Metamodel, problems: list[Diagnostic]
+) -> tuple[list[AttributeType], AttributeType | None]:
+    """The types of a declaration; no result if there is something wrong with it."""
+    before = len(problems)
+    names = [one.name for one in declaration.parameters]
+    for number, one in enumerate(declaration.parameters):
+        if one.name in names[:number]:
+            message = f"two parameters are called `{one.name}`"
+            problems.append(Diagnostic("duplicate-parameter", message, one.span, "choose another name"))
+        if one.type is None:
+            message = f"parameter `{one.name}` of a function has no type"
+            problems.append(Diagnostic("missing-type", message, one.span, f"write `{one.name} : int`"))
+    written = [
+        (one.type, one.type_span or one.span) for one in declaration.parameters if one.type is not None
+    ]
+    written.append((declaration.result, declaration.result_span or declaration.span))
+    found: list[AttributeType] = []
+    for name, span in written:
+        type_ = static_type(name, metamodel)
+        if type_ is None:
+            hint = type_hint(name, metamodel)
+            problems.append(Diagnostic("unknown-type", f"unknown type `{name}`", span, hint))
+        elif isinstance(type_, ObjectType):
+            message = f"a function takes and gives values, and `{name}` is a class"
+            hint = f"pass what it needs to know: `{declaration.name}(x.feature)`"
+            problems.append(Diagnostic("wrong-type", message, span, hint))
+        else:
+            found.append(type_)
+    if len(problems) > before:
+        return [], None
+    return found[:-1], found[-1]
+
+
+def resolved(data: Data, functions: Functions) -> Data:
+    """A definition whose calls of functions know those that are declared; itself if that is so already."""
+    try:
+        return _resolved(data, functions)  # type: ignore[no-any-return]
+    except RecursionError:  # expressions that are nested too deeply are refused where they are checked
+        return data
+
+
+def _resolved(data: Any, functions: Functions) -> Any:
+    match data:
+        case tuple():
+            parts = tuple(_resolved(part, functions) for part in data)
+            return data if _same(parts, data) else parts
+        case FunctionCall() | Binary() | Unary() | Conditional() | Navigation():
+            old = children(data)
+            new = [_resolved(part, functions) for part in old]
+            found = data if _same(new, old) else with_children(data, new)
+            if isinstance(found, FunctionCall) and found.function not in FUNCTIONS:
+                return found if found.declared is functions else replace(found, declared=functions)
+            return found
+    if not is_dataclass(data) or isinstance(data, type | Span):
+        return data
+    changed = {}
+    for each in fields(data):
+        if each.compare:
+            old_part = getattr(data, each.name)
+            part = _resolved(old_part, functions)
+            if part is not old_part:
+                changed[each.name] = part
+    return replace(data, **changed) if changed else data
+
+
+def _same(parts: Sequence[object], others: Sequence[object]) -> bool:
+    return all(one is other for one, other in zip(parts, others, strict=True))

@@ -1,0 +1,109 @@
+"""Python functions that expressions call: what they are declared as, and the code of those that files declare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from copy import copy
+from inspect import Parameter as Argument
+from inspect import Signature, signature
+from typing import Final
+
+from envgraph.errors import InvalidArgument, ResolutionError
+from envgraph.pattern import FunctionDeclaration, Library, Parameter
+
+_NAMES: Final = {int: "int", float: "float", bool: "bool", str: "string"}
+_TEXTS: Final = {"str": "string"}
+_POSITIONAL: Final = (Argument.POSITIONAL_ONLY, Argument.POSITIONAL_OR_KEYWORD)
+
+
+def register_function(
+    library: Library,
+    function: Callable[..., object],
+    given: str | None,
+    parameters: Mapping[str, str | type] | None,
+    result: str | type | None,
+) -> None:
+    """Declare a function, unless a file has done that, and give it its code.
+
+    Raises:
+        InvalidArgument: it has code already, or types that are missing, or not those of the declaration.
+        ResolutionError: an unknown type, a class, or the name of a function of the language.
+    """
+    if not callable(function):
+        raise InvalidArgument(f"a function is registered, not {function!r}")
+    name = given or str(getattr(function, "__name__", ""))
+    if not name.isidentifier():
+        raise InvalidArgument(f'a function needs a name: `engine.function("name", ..)`, not {name!r}')
+    known = library.functions.get(name)
+    if known is not None and known.code is not None:
+        message = f"function `{name}` has its code already, and what has been found with it stays"
+        raise InvalidArgument(f"{message}: choose another name, or take another engine")
+    if known is None or parameters is not None or result is not None:
+        declaration = _declaration(function, name, parameters, result)
+        problems = copy(library).declare(declaration)
+        if problems:
+            raise ResolutionError(problems)
+        library.declare(declaration)
+        known = library.functions[name]
+    _check_count(function, name, len(known.parameters))
+    known.code = function
+
+
+def _declaration(
+    function: Callable[..., object],
+    name: str,
+    parameters: Mapping[str, str | type] | None,
+    result: str | type | None,
+) -> FunctionDeclaration:
+    if parameters is None:
+        parameters = {}
+        for one in _signature(function, name).parameters.values():
+            if one.kind not in _POSITIONAL or one.default is not Argument.empty:
+                message = f"function `{name}` is called with a value for each parameter, in their order"
+                raise InvalidArgument(f"{message}: `{one}` cannot be one of these")
+            parameters[one.name] = one.annotation
+    given = _signature(function, name).return_annotation if result is None else result
+    return FunctionDeclaration(
+        name,
+        tuple(Parameter(one, _type(type_, f"parameter `{one}`", name)) for one, type_ in parameters.items()),
+        _type(given, "the result", name),
+    )
+
+
+def _signature(function: Callable[..., object], name: str) -> Signature:
+    try:
+        return signature(function)
+    except ValueError:  # some functions of C do not tell
+        message = f"nothing says what `{name}` takes: "
+        raise InvalidArgument(message + "give `parameters` and `result`") from None
+
+
+def _type(given: object, what: str, name: str) -> str:
+    """The name of a type."""
+    if isinstance(given, type) and given in _NAMES:
+        return _NAMES[given]
+    if not isinstance(given, str):
+        message = f"{what} of function `{name}` has no type"
+        raise InvalidArgument(
+            f'{message}: it is `int`, `float`, `bool`, `str` or the name of an enum, `"Way"`'
+        )
+    plain = given.strip("'\"")  # quoted, in a module with postponed annotations
+    return _TEXTS.get(plain, plain)
+
+
+def _check_count(function: Callable[..., object], name: str, count: int) -> None:
+    """Refuse a function that cannot be called with so many arguments.
+
+    Raises:
+        InvalidArgument: it cannot.
+    """
+    try:
+        taken = signature(function)
+    except ValueError:
+        return
+    try:
+        taken.bind(*range(count))
+    except TypeError:
+        raise InvalidArgument(
+            f"function `{name}` is called with {count} arguments, and takes `{taken}`"
+        ) from None
