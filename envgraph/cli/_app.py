@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from envgraph import __version__
-from envgraph.cli._output import OutputFormat, ShowFormat, print_error
+from envgraph.cli._output import OutputFormat, ShowFormat, print_error, print_line
 from envgraph.errors import EnvgraphError, InvalidArgument
 
 app = typer.Typer(
@@ -83,7 +83,7 @@ def main() -> int:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"envgraph {__version__}")
+        print_line(f"envgraph {__version__}")
         raise typer.Exit
 
 
@@ -116,9 +116,9 @@ def new(
     place = directory or Path(name)
     files = write_domain(place, name) if domain is None else copy_domain(place, name, domain)
     for path in files:
-        typer.echo(f"wrote {path}")
+        print_line(f"wrote {path}")
     has_family = any(path.name == "family.toml" for path in files)
-    typer.echo(f"next: envgraph generate {place}" if has_family else f"next: envgraph check {files[0]}")
+    print_line(f"next: envgraph generate {place}" if has_family else f"next: envgraph check {files[0]}")
 
 
 @app.command()

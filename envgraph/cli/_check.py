@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from envgraph.cli._convert import metamodel_paths
-from envgraph.cli._output import OutputFormat, print_diagnostics, print_json
+from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
 from envgraph.errors import Diagnostic, LoadError, has_errors, sort_diagnostics
 
 
@@ -19,7 +19,7 @@ def check_files(files: list[str], metamodels: list[str] | None, format: OutputFo
         print_json({"ok": not failed, "diagnostics": [diagnostic.to_dict() for diagnostic in diagnostics]})
     else:
         print_diagnostics(diagnostics)
-        print(_summary(diagnostics) if diagnostics else f"no problems in {', '.join(files)}")
+        print_line(_summary(diagnostics) if diagnostics else f"no problems in {', '.join(files)}")
     return int(failed)
 
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import envgraph.lang
+from envgraph.cli._output import print_line
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.graph import Model, model_to_json, model_to_xmi
@@ -24,7 +25,7 @@ def convert_file(file: str, output: Path, metamodels: list[str] | None) -> None:
     else:
         text = model_text(read_model(file, metamodels), output)
     replace_file(output, text)
-    print(f"wrote {output}")
+    print_line(f"wrote {output}")
 
 
 def read_model(file: str, metamodels: list[str] | None) -> Model:

@@ -6,11 +6,21 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table, progress_bar
+from envgraph.cli._output import (
+    OutputFormat,
+    print_diagnostics,
+    print_json,
+    print_line,
+    print_lines,
+    print_table,
+    printable_json,
+    progress_bar,
+)
 from envgraph.env import scene_svg, scene_text
 from envgraph.errors import Diagnostic, InvalidArgument, Severity, did_you_mean
 from envgraph.files import replace_file
 from envgraph.lang import DiskFiles, read_source
+from envgraph.metamodel.picture import markup
 from envgraph.search import (
     Domain,
     Family,
@@ -105,11 +115,11 @@ def show_family(run: str, directory: Path, variant: str | None, format: OutputFo
         _print_family(family, format, None)
     for member in members:
         scene = family.scene(member)
-        print(
+        print_lines(
             f"\n{member.name}  " + "  ".join(f"{name} {value:.3f}" for name, value in member.measures.items())
         )
         if scene is not None:
-            print(scene_text(scene))
+            print_lines(scene_text(scene))
 
 
 def export_family(run: str, directory: Path, format: str, output: Path | None) -> None:
@@ -120,10 +130,10 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
         raise InvalidArgument(f"unknown format `{format}`; {hint}")
     text = formats[format](open_family(run, directory))
     if output is None:
-        sys.stdout.write(text)
+        sys.stdout.write(text if format == "svg" else printable_json(text))
         return
     replace_file(output, text)
-    print(f"wrote {output}")
+    print_line(f"wrote {output}")
 
 
 def import_family(file: Path, domain: str, name: str | None, directory: Path, format: OutputFormat) -> None:
@@ -159,7 +169,7 @@ def family_svg(family: Family) -> str:
         parts.append(
             f'<text x="{x + size / 2}" y="{y + size + 22}" text-anchor="middle" fill="#1f2933" '
             'font-family="system-ui, sans-serif" font-size="13">'
-            f'<tspan font-weight="bold">{member.name}</tspan>  {label}</text>'
+            f'<tspan font-weight="bold">{markup(member.name)}</tspan>  {markup(label)}</text>'
         )
     return "\n".join([*parts, "</svg>"]) + "\n"
 
@@ -205,7 +215,7 @@ def _print_family(family: Family, format: OutputFormat, path: Path | None) -> No
         f"{family.name}: diversity {family.diversity():.3f}", columns, rows, range(1, len(columns) - 1)
     )
     if path is not None:
-        print(f"run: {path.parent}")
+        print_line(f"run: {path.parent}")
 
 
 def run_directory(run: str, directory: Path) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from envgraph.cli._output import print_diagnostics
+from envgraph.cli._output import print_diagnostics, print_line
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source
 from envgraph.files import replace_file
 
@@ -36,11 +36,11 @@ def format_files(files: list[str], *, check: bool, stdout: bool, language: str |
             changed += 1
             if not check:
                 replace_file(Path(name), formatted)
-            print(f"{'would format' if check else 'formatted'} {name}")
+            print_line(f"{'would format' if check else 'formatted'} {name}")
     print_diagnostics(diagnostics)
     failed = bool(diagnostics)
     if not (stdout or changed or failed):
-        print(f"nothing to format in {_count(len(names))}")
+        print_line(f"nothing to format in {_count(len(names))}")
     return int(failed or (check and changed > 0))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from envgraph import __version__
 from envgraph.cli._family import run_directory
-from envgraph.cli._output import OutputFormat, print_json, print_table, progress_bar
+from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.learn import (
@@ -101,7 +101,7 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
         print_json({"name": family.name, "report": str(path), "environments": rows})
         return
     print_table(family.name, table.columns, table.rows, table.numeric)
-    print(f"report: {path}")
+    print_line(f"report: {path}")
 
 
 def _read(directory: Path) -> list[Trained]:
@@ -191,7 +191,7 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
     ]
     columns = ("trained on", "steps", "seeds", "success", "95 % interval", "return")
     print_table(f"{family.name}: agents on {family.members[-1].name}", columns, rows, (1, 2, 3, 4, 5))
-    print(f"results: {directory}")
+    print_line(f"results: {directory}")
 
 
 def _facts(family: Family, trained: list[Trained], *, searched: bool) -> dict[str, str]:

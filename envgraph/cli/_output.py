@@ -1,6 +1,7 @@
 """How results, problems and progress reach the terminal.
 
-Results go to standard output, everything else to standard error, so that `--format json` can be piped.
+Results go to standard output, everything else to standard error, so that `--format json` can be piped. What is printed
+may come from files: it passes through `visible` here, and nothing in this package prints in another way.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from envgraph.errors import Diagnostic, EnvgraphError, Severity
+from envgraph.errors import Diagnostic, EnvgraphError, Severity, visible
 
 _MOST_STYLED: Final = 2000
 """Rows above which a table is printed as plain text."""
@@ -54,6 +55,20 @@ class ShowFormat(StrEnum):
     SVG = "svg"
 
 
+def print_line(text: str) -> None:
+    """One line on standard output."""
+    sys.stdout.write(visible(text) + "\n")
+
+
+def print_lines(text: str) -> None:
+    """A text of several lines, tabs included, on standard output."""
+    sys.stdout.write("".join(line + "\n" for line in _lines(text)))
+
+
+def _lines(text: str) -> list[str]:
+    return ["\t".join(map(visible, line.split("\t"))) for line in text.split("\n")]
+
+
 def print_json(value: object) -> None:
     """One JSON document on standard output."""
     try:
@@ -61,21 +76,32 @@ def print_json(value: object) -> None:
         narrow = False
     except UnicodeEncodeError:
         narrow = True
-    sys.stdout.write(json.dumps(value, ensure_ascii=narrow, indent=2) + "\n")
+    sys.stdout.write(printable_json(json.dumps(value, ensure_ascii=narrow, indent=2)) + "\n")
+
+
+def printable_json(text: str) -> str:
+    """The same document; what a terminal might obey is written as an escape of JSON."""
+    if text.replace("\n", "").isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
 
 
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
 ) -> None:
     """A title and a table on standard output; `right` names the columns to set flush right."""
-    rows = list(rows)
+    title, columns = visible(title), [visible(column) for column in columns]
+    rows = [[visible(cell) for cell in row] for row in rows]
     if len(rows) > _MOST_STYLED:
         _print_plain(title, columns, rows, frozenset(right))
         return
     table = Table(header_style="bold", box=None, pad_edge=False)
     for place, column in enumerate(columns):
         table.add_column(
-            column, justify="right" if place in set(right) else "left", no_wrap=not place, overflow="fold"
+            Text(column),
+            justify="right" if place in set(right) else "left",
+            no_wrap=not place,
+            overflow="fold",
         )
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
@@ -90,7 +116,7 @@ def _print_plain(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], right: frozenset[int]
 ) -> None:
     """The same table without colours and line breaks: Rich takes a minute for a million rows."""
-    lines = [[cell.replace("\n", "\\n") for cell in row] for row in (columns, *rows)]
+    lines = [columns, *rows]
     widths = [max(map(cell_len, column)) for column in zip(*lines, strict=True)]
     encoding = sys.stdout.encoding or "utf-8"
     sys.stdout.write(f"{title}\n")
@@ -125,25 +151,28 @@ def print_error(error: EnvgraphError | OSError) -> None:
     text = str(error)
     if isinstance(error, OSError) and error.filename and error.strerror:
         text = f"{error.filename}: {error.strerror[:1].lower()}{error.strerror[1:]}"
-    console.print(Text("error: ", "bold red") + Text(text))
+    head, *rest = _lines(text)
+    console.print(Text("error: ", "bold red") + Text(head))
+    for line in rest:
+        console.print(Text(line))
 
 
 @contextmanager
 def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
     """A progress bar on standard error, gone when it is done; call it with the amount done and a remark."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[remark]}"),
+        TextColumn("{task.fields[remark]}", markup=False),
     )
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(label, total=total, remark="")
+        task = progress.add_task(visible(label), total=total, remark="")
 
         def advance(done: int, remark: str = "") -> None:
-            progress.update(task, completed=done, remark=remark)
+            progress.update(task, completed=done, remark=visible(remark))
 
         yield advance

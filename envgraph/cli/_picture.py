@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from envgraph.cli._convert import metamodel_paths
-from envgraph.cli._output import ShowFormat, print_json, print_table
+from envgraph.cli._output import ShowFormat, print_json, print_lines, print_table
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model, model_to_json
 from envgraph.lang import load_workspace
@@ -28,9 +28,9 @@ def show_file(path: str, variant: str | None, metamodels: list[str] | None, form
     if shown is None:
         raise InvalidArgument(f"there is no metamodel in {path}")
     if format is ShowFormat.DOT:
-        print(shown.to_dot(), end="")
+        print_lines(shown.to_dot().removesuffix("\n"))
     elif format is ShowFormat.SVG:
-        print(shown.to_svg())
+        print_lines(shown.to_svg())
     elif isinstance(shown, Metamodel):
         if format is ShowFormat.JSON:
             raise InvalidArgument("a metamodel has no form in JSON; there are text, dot and svg")

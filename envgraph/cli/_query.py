@@ -8,7 +8,14 @@ from typing import Any
 
 import envgraph.lang
 from envgraph.cli._convert import metamodel_paths, model_text
-from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_table
+from envgraph.cli._output import (
+    OutputFormat,
+    print_diagnostics,
+    print_json,
+    print_line,
+    print_lines,
+    print_table,
+)
 from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, listed, name_hint, with_article
 from envgraph.files import replace_file
 from envgraph.graph import Node, model_to_json
@@ -38,7 +45,7 @@ def print_matches(
         print_json([{name: _plain(match[name]) for name in match.names} for match in matches])
         return
     if not matches:
-        print(f"no match of {pattern}")
+        print_line(f"no match of {pattern}")
         return
     names = matches[0].names
     count = f"{len(matches)} match{'es' if len(matches) > 1 else ''} of {pattern}"
@@ -80,7 +87,7 @@ def write_model(engine: Engine, output: Path, format: OutputFormat) -> None:
     """Write the model of an engine, and say so to people."""
     replace_file(output, model_text(engine.model, output))
     if format is OutputFormat.TEXT:
-        print(f"wrote {output}")
+        print_line(f"wrote {output}")
 
 
 def apply_rule(
@@ -120,15 +127,15 @@ def apply_rule(
     else:
         for entry in done:
             for line in entry["steps"]:
-                print(f"{entry['application']}: {line}")
+                print_line(f"{entry['application']}: {line}")
         if failed is not None:
-            print(f"{rule} failed: {failed.reason}")
+            print_line(f"{rule} failed: {failed.reason}")
             if failed.span is not None:
-                print(failed.span.excerpt())
+                print_lines(failed.span.excerpt())
         elif len(done) < times:
-            print(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
+            print_line(f"no match of {rule}" + (f" after {len(done)} applications" if done else ""))
         if trace is not None:
-            print(f"wrote {trace}")
+            print_line(f"wrote {trace}")
     if output is not None:
         write_model(engine, output, format)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import envgraph.lang
-from envgraph.cli._output import OutputFormat, print_json
+from envgraph.cli._output import OutputFormat, print_json, print_line
 from envgraph.cli._query import open_engine, write_model
 from envgraph.graph import model_to_json
 
@@ -29,7 +29,7 @@ def replay_trace(
         print_json({"applications": len(read), "state": state, "model": model_to_json(engine.model)})
     else:
         checked = len(read.states)
-        print(
+        print_line(
             f"{len(read)} application{'s' * (len(read) != 1)}; state {state}; "
             f"{checked} state{'s' * (checked != 1)} compared"
         )

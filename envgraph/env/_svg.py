@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from html import escape
 
 from envgraph.env._canvas import INK, Colour, blend, ink_on, parse_colour
 from envgraph.env._layout import NODE_RADIUS, Point, arrow_head, disc_places, graph_layout
 from envgraph.env._scene import EMPTY, GraphScene, GridScene, Mark, Scene
+from envgraph.metamodel.picture import markup
 
 _LETTER_WIDTH = 0.2
 
@@ -49,7 +49,7 @@ def _grid(scene: GridScene) -> Iterator[str]:
         glyph = scene.glyphs[kind]
         colour = parse_colour(glyph.colour)
         yield (
-            f'<rect x="{column}" y="{row}" width="1" height="1" fill="{escape(glyph.colour)}" '
+            f'<rect x="{column}" y="{row}" width="1" height="1" fill="{markup(glyph.colour)}" '
             f'stroke="{_hex(blend(colour, INK, 0.16))}" stroke-width="0.03"/>'
         )
         if (column, row) not in below:
@@ -63,13 +63,13 @@ def _text(at: Point, text: str, size: float, colour: Colour, strength: float = 1
     # viewers other than browsers do not know it.
     shade = f' fill-opacity="{strength}"' if strength < 1.0 else ""
     place = f'x="{_n(at[0])}" y="{_n(at[1] + size * 0.35)}" font-size="{_n(size)}"'
-    return f'<text {place} fill="{_hex(colour)}"{shade}>{escape(text)}</text>'
+    return f'<text {place} fill="{_hex(colour)}"{shade}>{markup(text)}</text>'
 
 
 def _disc(mark: Mark, at: Point, radius: float) -> Iterator[str]:
     yield (
-        f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(radius)}" fill="{escape(mark.colour)}" '
-        f'stroke="#ffffff" stroke-width="0.05"><title>{escape(mark.name)}</title></circle>'
+        f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(radius)}" fill="{markup(mark.colour)}" '
+        f'stroke="#ffffff" stroke-width="0.05"><title>{markup(mark.name)}</title></circle>'
     )
     yield _text(at, mark.letter, radius * 1.3, ink_on(parse_colour(mark.colour)))
 
@@ -87,7 +87,7 @@ def _graph(scene: GraphScene) -> Iterator[str]:
     for number, (at, glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
         colour = parse_colour(glyph.colour)
         yield (
-            f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(NODE_RADIUS)}" fill="{escape(glyph.colour)}" '
+            f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(NODE_RADIUS)}" fill="{markup(glyph.colour)}" '
             f'stroke="{_hex(blend(colour, INK, 0.3))}" stroke-width="0.05"/>'
         )
         if number not in below:

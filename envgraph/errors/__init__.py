@@ -20,7 +20,7 @@ from envgraph.errors._exceptions import (
     TypeMismatch,
 )
 from envgraph.errors._limits import RAISE_LIMIT, limit
-from envgraph.errors._source import Source, Span
+from envgraph.errors._source import Source, Span, visible
 from envgraph.errors._suggest import did_you_mean, listed, name_hint, with_article
 
 __all__ = [
@@ -47,5 +47,6 @@ __all__ = [
     "listed",
     "name_hint",
     "sort_diagnostics",
+    "visible",
     "with_article",
 ]

@@ -6,7 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
-from envgraph.errors._source import Span, without_controls
+from envgraph.errors._source import Span, visible
+
+_LONGEST = 2000
+"""A message that is longer is not shown in full: names may have any length."""
 
 
 class Severity(StrEnum):
@@ -45,17 +48,17 @@ class Diagnostic:
     def __str__(self) -> str:
         """Position, message, excerpt with caret, notes and hint, on several lines."""
         mark = "" if self.severity is Severity.ERROR else "warning: "
-        message = without_controls(self.message)
+        message = _shown(self.message)
         lines = [f"{self.span}: {mark}{message}" if self.span else f"{mark}{message}"]
         if self.span and self.span.source.text:  # the text of a file that cannot be read is empty
             lines.append(self.span.excerpt())
         for note in self.notes:
-            message = without_controls(note.message)
+            message = _shown(note.message)
             lines.append(f"note: {note.span}: {message}" if note.span else f"note: {message}")
             if note.span:
                 lines.append(note.span.excerpt())
         if self.hint:
-            lines.append(f"hint: {without_controls(self.hint)}")
+            lines.append(f"hint: {_shown(self.hint)}")
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, object]:
@@ -70,6 +73,12 @@ class Diagnostic:
         if self.notes:
             data["notes"] = [{"message": note.message, **_place(note.span)} for note in self.notes]
         return data
+
+
+def _shown(text: str) -> str:
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 2]}...{text[-_LONGEST // 2 :]}"
+    return visible(text)
 
 
 def _place(span: Span | None) -> dict[str, object]:

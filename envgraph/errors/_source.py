@@ -7,12 +7,6 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from unicodedata import category, east_asian_width
 
-# A terminal would obey these, where they are to be shown: among them are those that reverse what follows.
-_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
-
-_LONGEST_MESSAGE = 2000
-"""A message that is longer is not shown in full: names may have any length."""
-
 _LONGEST = 300
 """Of a longer line, only what surrounds the place is shown."""
 
@@ -95,21 +89,28 @@ class Span:
         text = self.source.line(line)
         width = max(1, min(self.end - self.start, len(text) - column + 1))
         text, column, width = _clipped(text, column, width)
-        text = without_controls(text)
+        # One character for each: the carets stand below what they mean.
+        text = "".join(c if c.isprintable() or c == "\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
         number = f" {line} | "
         pad = "".join(char if char == "\t" else " " * _columns(char) for char in text[: column - 1])
         marks = "^" * max(1, sum(map(_columns, text[column - 1 : column - 1 + width])))
         return f"{number}{text}\n{' ' * (len(number) - 2)}| {pad}{marks}"
 
     def __str__(self) -> str:
-        return f"{self.source.name}:{self.line}:{self.column}"
+        return f"{visible(self.source.name)}:{self.line}:{self.column}"
 
 
-def without_controls(text: str) -> str:
-    """A text that can be shown: not too long, and characters that a terminal would obey are replaced, line ends too."""
-    if len(text) > _LONGEST_MESSAGE:
-        text = f"{text[: _LONGEST_MESSAGE // 2]}...{text[-_LONGEST_MESSAGE // 2 :]}"
-    return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text)
+def visible(text: str) -> str:
+    r"""A text in one line whose characters all show: what is not printable becomes an escape.
+
+    For terminals, which obey control characters, for logs and for pictures.
+
+    >>> print(visible("a\n\x00b\x1b[31m"))
+    a\n\x00b\x1b[31m
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def _columns(char: str) -> int:

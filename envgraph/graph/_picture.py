@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, TypedDict
 
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, did_you_mean, visible
 from envgraph.graph._node import Node
 from envgraph.graph._store import Relation
 from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, Scalar
@@ -19,7 +19,6 @@ from envgraph.metamodel.picture import (
     class_colours,
     shortened,
     shown_value,
-    visible,
 )
 
 if TYPE_CHECKING:

@@ -30,6 +30,8 @@ SUMMARY_COLUMNS = (
     "return_low",
     "return_high",
 )
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
+
 CURVE_COLUMNS = ("kind", "label", "seed", "step", "cumulative_reward", "episodes", "successes")
 
 
@@ -179,7 +181,21 @@ def _write(path: Path, columns: Sequence[str], rows: Iterable[tuple[object, ...]
     with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(rows)
+        writer.writerows([_cell(value) for value in row] for row in rows)
+
+
+def _cell(value: object) -> object:
+    """A value as it is written: a text that a spreadsheet would take for a formula begins with `'`, and is none then.
+
+    >>> _cell("=1+1"), _text(_cell("=1+1")), _cell("E1-E6"), _cell(-0.5)
+    ("'=1+1", '=1+1', 'E1-E6', -0.5)
+    """
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
+
+
+def _text(cell: str) -> str:
+    """The text that was written so."""
+    return cell[1:] if cell.startswith("'") else cell
 
 
 def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parsed]) -> list[Parsed]:
@@ -193,7 +209,7 @@ def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parse
                 raise InvalidArgument(f"{path}:1: the columns must be {', '.join(columns)}")
             for row in reader:
                 line = reader.line_num
-                parsed.append(parse(row))
+                parsed.append(parse(list(map(_text, row))))
     except OSError as error:
         raise InvalidArgument(f"{path}: {error.strerror}") from error
     except EnvgraphError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from envgraph.errors import visible
 from envgraph.metamodel._features import Attribute, Class, EnumType, Reference, type_name
 from envgraph.metamodel.picture import (
     End,
@@ -13,7 +14,6 @@ from envgraph.metamodel.picture import (
     PictureNode,
     class_colours,
     shown_value,
-    visible,
 )
 
 if TYPE_CHECKING:

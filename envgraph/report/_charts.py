@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from math import ceil, floor, isfinite, log10
 
 from envgraph.errors import InvalidArgument
+from envgraph.metamodel.picture import markup
 
 # Okabe and Ito 2008: distinguishable with every common colour vision.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#555555")
@@ -75,8 +75,8 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
     rows = ceil(len(series) / 4)
     height = _HEIGHT + 20 * rows
     parts = [
-        f'<svg class="chart" viewBox="0 0 {_WIDTH} {height}" role="img" aria-label="{escape(title)}">',
-        f"<title>{escape(title)}</title>",
+        f'<svg class="chart" viewBox="0 0 {_WIDTH} {height}" role="img" aria-label="{markup(title)}">',
+        f"<title>{markup(title)}</title>",
         *frame.axes([tick for tick in x_ticks if min(xs) <= tick <= max(xs)], y_ticks, x_label, y_label),
     ]
     colours = [COLOURS[place % len(COLOURS)] for place in range(len(series))]
@@ -117,10 +117,10 @@ class _Frame:
             parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{_number(tick)}</text>')
         parts.append(f'<line class="axis" x1="{_LEFT}" x2="{right}" y1="{bottom}" y2="{bottom}"/>')
         middle = (_LEFT + right) / 2
-        parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{escape(x_label)}</text>')
+        parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{markup(x_label)}</text>')
         centre = (_TOP + bottom) / 2
         turned = f'transform="rotate(-90 14 {centre})"'
-        parts.append(f'<text x="14" y="{centre}" text-anchor="middle" {turned}>{escape(y_label)}</text>')
+        parts.append(f'<text x="14" y="{centre}" text-anchor="middle" {turned}>{markup(y_label)}</text>')
         return parts
 
     def points(self, xs: Sequence[float], ys: Sequence[float]) -> str:
@@ -145,7 +145,7 @@ def _legend(series: Sequence[Series], colours: Sequence[str]) -> list[str]:
         x, y = _LEFT + place % 4 * column, _HEIGHT + 10 + place // 4 * 20
         dash = ' stroke-dasharray="5 4"' if one.dashed else ""
         parts.append(f'<line class="line" x1="{x}" x2="{x + 22}" y1="{y}" y2="{y}" stroke="{colour}"{dash}/>')
-        parts.append(f'<text x="{x + 28}" y="{y + 4}">{escape(one.label)}</text>')
+        parts.append(f'<text x="{x + 28}" y="{y + 4}">{markup(one.label)}</text>')
     return parts
 
 

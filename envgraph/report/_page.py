@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from envgraph.errors import visible
+
 
 @dataclass(frozen=True, slots=True)
 class Card:
@@ -82,6 +84,7 @@ def render_html(report: Report) -> str:
     environment = Environment(
         loader=PackageLoader("envgraph.report"),
         autoescape=True,
+        finalize=lambda value: visible(value) if type(value) is str else value,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

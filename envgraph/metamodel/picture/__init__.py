@@ -15,9 +15,9 @@ from envgraph.metamodel.picture._picture import (
     PictureEdge,
     PictureNode,
     class_colours,
+    markup,
     shortened,
     shown_value,
-    visible,
 )
 
 __all__ = [
@@ -27,7 +27,7 @@ __all__ = [
     "PictureEdge",
     "PictureNode",
     "class_colours",
+    "markup",
     "shortened",
     "shown_value",
-    "visible",
 ]

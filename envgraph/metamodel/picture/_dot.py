@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from html import escape
 from math import sqrt
 
+from envgraph.errors import visible
 from envgraph.metamodel.picture._layout import Frame, arrange
-from envgraph.metamodel.picture._picture import INK, MARK, End, Picture, PictureEdge, PictureNode, ink_on
+from envgraph.metamodel.picture._picture import (
+    INK,
+    MARK,
+    End,
+    Picture,
+    PictureEdge,
+    PictureNode,
+    ink_on,
+    markup,
+)
 
 _ENDS: Mapping[End, str] = {"none": "none", "arrow": "vee", "diamond": "diamond", "triangle": "onormal"}
 _INCH = 72.0
@@ -56,7 +65,7 @@ def _quoted(text: str) -> str:
 
     In labels Graphviz knows escapes (`\n`, `\N`) and entities (`&amp;`).
     """
-    plain = text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
+    plain = visible(text).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
     return f'"{plain}"'
 
 
@@ -85,7 +94,7 @@ def _table(node: PictureNode) -> str:
 
 def _text(text: str) -> str:
     r"""A text inside such a label, where Graphviz knows the escapes `\N`, `\G` ... as well."""
-    return escape(text).replace("\\", "\\\\") or " "
+    return markup(text).replace("\\", "\\\\") or " "
 
 
 def _edge(edge: PictureEdge, length: float) -> str:

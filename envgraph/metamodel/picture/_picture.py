@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Literal
 
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, visible
 
 if TYPE_CHECKING:
     from envgraph.metamodel._features import Class
@@ -63,7 +64,7 @@ class PictureEdge:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Boxes and lines in the order in which they are written; all text is as `visible` makes it.
+    """Boxes and lines in the order in which they are written; all text is as `envgraph.errors.visible` makes it.
 
     Attributes:
         note: stands below; "" for none.
@@ -108,13 +109,13 @@ class Picture:
             return None
 
 
-def visible(text: str) -> str:
-    r"""A text whose characters all show: what is not printable becomes an escape.
+def markup(text: str) -> str:
+    r"""A text inside of HTML and SVG, between tags and in attributes.
 
-    >>> print(visible("a\n\x00b"))
-    a\n\x00b
+    >>> print(markup('<b> & "Rome"\x00'))
+    &lt;b&gt; &amp; &quot;Rome&quot;\x00
     """
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+    return escape(visible(text))  # XML cannot even name control characters
 
 
 def shortened(text: str) -> str:

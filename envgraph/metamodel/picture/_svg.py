@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from html import escape
 from math import hypot
 
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel.picture._dot import graphviz_svg, picture_dot
 from envgraph.metamodel.picture._layout import LINE, Frame, arrange, head_lines, text_width
-from envgraph.metamodel.picture._picture import INK, MARK, End, Picture, PictureEdge, PictureNode, ink_on
+from envgraph.metamodel.picture._picture import (
+    INK,
+    MARK,
+    End,
+    Picture,
+    PictureEdge,
+    PictureNode,
+    ink_on,
+    markup,
+)
 
 _BORDER = 20.0
 _HALO = 'paint-order="stroke" stroke="#ffffff" stroke-width="3" stroke-linejoin="round"'
@@ -44,7 +52,7 @@ def drawn_svg(picture: Picture, frames: dict[str, Frame]) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{-_BORDER:g} {-_BORDER:g} {_n(width)} {_n(total)}" '
         f'width="{_n(width)}" height="{_n(total)}" role="img" font-family="Helvetica, Arial, sans-serif" '
         f'font-size="11" fill="{INK}">',
-        f"<title>{escape(picture.name)}</title>",
+        f"<title>{markup(picture.name)}</title>",
     ]
     for edge, bend in _bent(picture.edges):
         parts.extend(_edge(edge, bend, frames))
@@ -62,7 +70,7 @@ def _n(number: float) -> str:
 
 
 def _text(x: float, y: float, text: str, style: str) -> str:
-    return f'<text x="{_n(x)}" y="{_n(y)}" dy="0.35em" {style}>{escape(text)}</text>'
+    return f'<text x="{_n(x)}" y="{_n(y)}" dy="0.35em" {style}>{markup(text)}</text>'
 
 
 def _node(node: PictureNode, frame: Frame) -> Iterator[str]:
