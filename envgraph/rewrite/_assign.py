@@ -100,7 +100,7 @@ class AssignmentReader:
         elif operator == "=" and _is_none(value):
             self.sets.append(SetValue(self.sight.slot(name), attribute, None, span))
         else:
-            slot = self._value(value, attribute.type, span)
+            slot = self._value(value, attribute.type, span, needed=operator != "=" or not attribute.optional)
             if slot is not None:
                 object_ = self.sight.slot(name)
                 self.sets.append(
@@ -143,12 +143,14 @@ class AssignmentReader:
                 if self.sight.is_object(part.name, where) and self.sight.fits(part.name, reference, where):
                     found.append(self.sight.slot(part.name))
             else:
-                slot = self._value(part, ObjectType(reference.target), where)
+                slot = self._value(part, ObjectType(reference.target), where, needed=False)
                 found += [] if slot is None else [slot]
         return tuple(found)
 
-    def _value(self, expression: Expression, expected: StaticType, span: Span | None) -> int | None:
-        """The slot of a value on the state before the rule."""
+    def _value(
+        self, expression: Expression, expected: StaticType, span: Span | None, *, needed: bool
+    ) -> int | None:
+        """The slot of a value on the state before the rule; `needed`: it is an error if there is none."""
         read = {variable.name: variable for variable in variables_in(expression)}
         for name, variable in read.items():
             if name in self.sight.created:
@@ -165,7 +167,7 @@ class AssignmentReader:
             return self.sight.slot(expression.name)
         scope = tuple((name, self.sight.slot(name), self.sight.types[name]) for name in read)
         slot = self.sight.add("")
-        self.computed.append(Compute(slot, expression, scope, isinstance(expected, ObjectType)))
+        self.computed.append(Compute(slot, expression, scope, needed, isinstance(expected, ObjectType)))
         return slot
 
     def _check(self, expression: Expression, expected: StaticType, span: Span | None) -> list[Diagnostic]:

@@ -22,12 +22,14 @@ class Compute:
 
     Attributes:
         scope: slot and type of the variables it reads.
+        needed: a path that leads nowhere is an error; else it is None.
         object: it is an object, or None.
     """
 
     slot: int
     expression: Expression
     scope: tuple[tuple[str, int, StaticType | None], ...]
+    needed: bool = True
     object: bool = False
 
 

@@ -125,7 +125,6 @@ class Writer:
             ),
             "_there": lambda source, reference, target: there(model, source, reference, target),
             "_again": again,
-            "_amount": amount,
             "_need": need,
             "_present": present,
         }
@@ -285,8 +284,7 @@ class Writer:
         node, attribute = self.slot(op.object), self.constant(op.attribute)
         function = "_add" if op.operator == "+=" else "_subtract"
         old = f"_need(value({node}, {attribute}), {self.constant(str(op.attribute))})"
-        amount = f"_amount({self.slot(op.value)}, {attribute})"
-        new = f"t = _bounded({function}({old}, {amount}))"
+        new = f"t = _bounded({function}({old}, {self.slot(op.value)}))"
         return [Line(new, op), Line(f"set_value({node}, {attribute}, t)", op)]
 
     def _assign(self, op: SetValue | SetTargets | ChangeTargets) -> str:
@@ -319,7 +317,7 @@ class Writer:
         types = {name: type_ for name, _, type_ in compute.scope}
         names = {name: self.slot(slot) for name, slot, _ in compute.scope}
         reader = PathReader(self, types, names)
-        expression = reader.without_paths(compute.expression)
+        expression = reader.without_paths(compute.expression, compute.needed)
         return self.expression(expression, reader.names, reader.types)
 
     def expression(
@@ -408,17 +406,6 @@ def need(value: Value | int | None, feature: str) -> Value | int:
     """
     if value is None:
         raise EvaluationError(f"`{feature}` has no value")
-    return value
-
-
-def amount(value: Value | None, attribute: Attribute) -> Value:
-    """What is added to an attribute.
-
-    Raises:
-        EvaluationError: there is nothing.
-    """
-    if value is None:
-        raise EvaluationError(f"what is added to `{attribute}` has no value")
     return value
 
 

@@ -13,6 +13,7 @@ from itertools import product
 
 from envgraph.pattern import (
     Block,
+    Constant,
     Create,
     DeleteEdge,
     DeleteNode,
@@ -286,28 +287,36 @@ class Application:
         for number, (instance, change) in enumerate(self.both):
             for node in change.created:
                 for given in node.assignments:
-                    values = self.values(given.value, instance)
+                    values = self.values(given.value, instance, given.feature)
                     self.literals.append((instance.thing(node.name), given.feature, values))
             for one in change.sets:
-                values = self.values(one.value, instance)
+                values = self.values(one.value, instance, one.feature)
                 if self.before.attribute(one.feature) is None:
                     values = [value for value in values if value is not None]
                 self.assigned.append(
                     (number, instance.thing(one.object.name), one.feature, one.operator, values)
                 )
 
-    def values(self, value: Expression | tuple[Expression, ...], instance: Instance) -> list[Item | None]:
-        """The values of a list, or the one value."""
+    def values(
+        self, value: Expression | tuple[Expression, ...], instance: Instance, feature: str
+    ) -> list[Item | None]:
+        """The values of a list, or the one value; where an attribute needs one, a path has to lead to it."""
         env = {}
         around: Instance | None = instance
         while around is not None:
             env = around.env | around.made | env
             around = around.parent
         try:
-            return [evaluated(self.before, e, env) for e in (value if isinstance(value, tuple) else (value,))]
+            found = [
+                evaluated(self.before, e, env) for e in (value if isinstance(value, tuple) else (value,))
+            ]
         except NoValue:
             self.reasons.add("error")
             return [None]
+        attribute = self.before.attribute(feature)
+        if attribute and not attribute.optional and None in found and value != Constant(None):
+            self.reasons.add("error")
+        return found
 
     def explicit(self) -> dict[Thing, list[tuple[int, str]]]:
         """Objects that are deleted by name, each with the places that say so."""

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from envgraph import Rule
 from envgraph.errors import EvaluationError
-from tests.unit.rewrite.graphs import chain, engine
+from envgraph.graph import Model, check_conformance
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
+from envgraph.rewrite import Engine
+from tests.unit.rewrite.graphs import chain, engine, snapshot
 
 LARGE = 9223372036854775807
 
@@ -25,6 +29,8 @@ LARGE = 9223372036854775807
         ("a.n == 0 && 1 / a.n > 0 ? 1 : 2", "1 / a.n", "write `check a.n != 0;` on the left side"),
         ("a.n == 1 || 1 / a.n > 0 ? 1 : 2", "1 / a.n", "write `check a.n != 0;` on the left side"),
         ("-(1 / a.n)", "(1 / a.n)", "write `check a.n != 0;` on the left side"),
+        ("a.prev.n", "a.prev.n", "write `check a.prev.n != none;` on the left side"),
+        ("a.n == 0 ? a.prev.n : 1", "a.n == 0 ? a.prev.n : 1", ""),
         ("1 + a.prev.n", "a.prev.n", "write `check a.prev.n != none;` on the left side"),
         (f"{LARGE} - a.n + 1", f"{LARGE} - a.n + 1", "an `int` has at most 64 bits"),
         ("1 + 1 + 1 + 1 + 1 + 1 + 1 + 1 / a.n", "1 / a.n", "write `check a.n != 0;` on the left side"),
@@ -54,3 +60,38 @@ def test_what_is_added_shows_the_action() -> None:
         made.apply("r", a=1)
     assert caught.value.span is not None and caught.value.span.text == f"set a.n += {LARGE}"
     assert (caught.value.hint or "").startswith("an `int` has at most 64 bits")
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        "create x : Item { n = a.prev.n }",
+        "create x : Item { label = a.prev.label }",
+        "set a.weight = a.prev.weight",
+        "set a.n += a.prev.n",
+        "set a.n = a.prev.prev.n",
+    ],
+)
+def test_an_attribute_needs_what_a_path_leads_to(action: str) -> None:
+    made = engine(f"rule r(a : Item) {{ lhs {{ }} modify {{ {action}; }} }}", model=chain(3))
+    before = snapshot(made.model)
+    with pytest.raises(EvaluationError, match="has no value") as caught:
+        made.apply("r", a=0)
+    assert caught.value.span is not None and caught.value.span.text.startswith("a.prev")
+    assert snapshot(made.model) == before
+    assert made.apply("r", a=2) is not None
+
+
+def test_a_path_that_leads_nowhere_clears_a_reference_and_an_optional_attribute() -> None:
+    cls = Class(
+        "A", features=(Attribute("note", Scalar.STRING, optional=True), Reference("next", "A", lower=0))
+    )
+    made = Engine(Model(Metamodel("m", (cls,))))
+    made.add(Rule("r", "a : A", lhs="", modify="set a.note = a.next.note; set a.next = a.next.next;"))
+    a = made.model.create("A", note="x")
+    b = made.model.create("A", note="y")
+    a.next = b
+    made.apply("r", a=a)
+    assert (a.note, a.next) == ("y", None)
+    made.apply("r", a=a)
+    assert (a.note, a.next) == (None, None) and not check_conformance(made.model)
