@@ -165,7 +165,10 @@ class _Reader:
         values: dict[str, Value] = {}
         for name, given in match.items():
             try:
-                values.update(self.engine.ids(rule.shape, {name: given}))
+                if type(given) is int and rule.shape.is_object(rule.shape.position(name)):
+                    values[name] = given  # the object may not be there yet
+                else:
+                    values.update(self.engine.ids(rule.shape, {name: given}))
             except (InvalidArgument, TypeMismatch) as error:
                 message, _, hint = str(error).partition(": ")
                 self._problem("wrong-match", message, spans["match", name], hint or _CHANGED)

@@ -72,7 +72,10 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
     places = [(variable, shape.position(variable)) for variable in known if variable in shape.names]
 
     def do(match: Match, _: Match | None) -> object:
-        arguments: dict[str, object] = {variable: match.row[place] for variable, place in places}
+        objects = [match.row[place] for _, place in places if shape.is_object(place)]
+        if not all(engine.model.alive(int(node)) for node in objects):
+            return None
+        arguments = {variable: match.row[place] for variable, place in places}
         result = engine.run(qualified, bound=arguments)
         if result.refusal is not None:  # nobody looks at the result
             raise result.refusal

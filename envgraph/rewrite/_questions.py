@@ -199,9 +199,6 @@ class Questions:
         if not isinstance(self.matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher tries everything, and has no plans")
         known = self._positions(shape, bindings(bound, values))
-        for position, value in known.items():
-            if shape.is_object(position) and not self.model.alive(cast("int", value)):
-                raise InvalidArgument(f"`{shape.names[position]}` is object {value}, which there is not")
         found = self.matcher.why_not(pattern, known)
         runner, refusal = self._rules.get(shape.definition), None
         if found.match is not None and isinstance(runner, GraphRule):
@@ -302,14 +299,25 @@ class Questions:
         """Values for variables, checked, objects as ids.
 
         Raises:
-            InvalidArgument: an unknown variable, or a node of another model.
+            InvalidArgument: an unknown variable, a node of another model, or an object that there is not.
             TypeMismatch: a value of the wrong type.
         """
         found: dict[str, Value] = {}
         for name, value in bound.items():
+            if name not in shape.names:
+                self._check_output(shape, name)
             position = shape.position(name)
             found[name] = self._id(shape, position, value)
         return found
+
+    def _check_output(self, shape: Shape, name: str) -> None:
+        """What a rule creates can be an `out` parameter without being a variable of its matches."""
+        signature = self._directory.signatures.get(shape.definition)
+        if signature is not None and any(one.output and one.name == name for one in signature.parameters):
+            raise InvalidArgument(
+                f"`{name}` is an `out` parameter of `{shape.definition}`, which creates it: "
+                "it takes no value, and is in the `outputs` of the application"
+            )
 
     def _id(self, shape: Shape, position: int, value: object) -> Value:
         type_ = shape.types[position]
@@ -317,7 +325,13 @@ class Questions:
             if isinstance(value, Node) and value.model is not self.model:
                 raise InvalidArgument(f"{value!r} is an object of another model")
             if isinstance(value, Node) or type(value) is int:
-                return value.id if isinstance(value, Node) else value
+                node = value.id if isinstance(value, Node) else value
+                if not self.model.alive(node):
+                    raise InvalidArgument(
+                        f"`{shape.names[position]}` of `{shape.definition}` is object {node}, which there is not: "
+                        "it was never created, was deleted, or was undone"
+                    )
+                return node
             wanted = f"a `{type_.cls}`"
         elif accepts(type_, value):
             return float(value) if type_ is Scalar.FLOAT else cast("Value", value)  # type: ignore[arg-type]

@@ -123,13 +123,9 @@ class RuleRunner(ABC):
         return self._live
 
     def rows_known(self, arguments: Mapping[str, Value]) -> Sequence[Row]:
-        """As `rows`, unchecked: names and types are right; an object that is gone has no match."""
+        """As `rows`, unchecked: names and types are right, and the objects are there."""
         if not arguments:
             return self.live_rows()
-        shape = self.shape
-        for name, value in arguments.items():
-            if shape.is_object(shape.names.index(name)) and not self.model.alive(value):  # type: ignore[arg-type]
-                return ()
         return self.prepare(tuple(arguments))(*arguments.values())
 
     def exists(self, arguments: Mapping[str, object] = NO_ARGUMENTS) -> bool:
@@ -168,7 +164,7 @@ class RuleRunner(ABC):
         return rows[draw(rng, len(rows))] if rows else None
 
     def pick_known(self, rng: Randomness, arguments: Mapping[str, Value]) -> Row | None:
-        """As `pick`, unchecked: names and types of the arguments are right; an object that is gone has no match."""
+        """As `pick`, unchecked: see `rows_known`."""
         if not arguments:
             return self.pick(rng)
         rows = self.rows_known(arguments)

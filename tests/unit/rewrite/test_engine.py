@@ -430,7 +430,7 @@ print(sum(node.n for node in model.nodes("C")))
     assert (done.stdout, done.stderr) == ("4\n", "")
 
 
-def test_arguments_bind_a_match_and_nothing_is_found_for_what_is_gone() -> None:
+def test_arguments_bind_a_match() -> None:
     made = engine(
         "rule weigh(a : Item, w : float) { lhs { Item.weight(a, w); } modify { set a.n = 9; } }",
         model=chain(3),
@@ -439,5 +439,39 @@ def test_arguments_bind_a_match_and_nothing_is_found_for_what_is_gone() -> None:
     done = made.apply("weigh", w=2)
     assert done is not None and done.match.row == (1, 2.0) and type(done.match.row[1]) is float
     assert made.apply("weigh", w=2.5) is None and made.apply("weigh", a=0, w=2.0) is None
-    made.model.node(1).delete("spo")
-    assert made.apply("weigh", a=1) is None and made.apply("weigh", a=77, w=0.0) is None
+
+
+@pytest.mark.parametrize("who", ["deleted", "foreign", "never"])
+def test_an_object_that_there_is_not_cannot_be_bound_anywhere(who: str) -> None:
+    made = engine(
+        "rule r(a : Item) { lhs { } modify { set a.n = 1; } } unit u(a : Item) { r(a); }",
+        "pattern p(a : Item) { Item(a); }",
+        model=chain(2),
+    )
+    gone = made.model.create("Item")
+    gone.delete()
+    node = {"deleted": gone, "foreign": chain(1).node(0), "never": 77}[who]
+    message = "is an object of another model" if who == "foreign" else "which there is not"
+    for name in ("p", "r"):
+        for ask in (made.matches, made.first, made.exists, made.count, made.why_not, made.explain):
+            with pytest.raises(InvalidArgument, match=message):
+                ask(name, a=node)
+    for do in (made.apply, made.apply_all, made.run):
+        with pytest.raises(InvalidArgument, match=message):
+            do("r", a=node)  # type: ignore[operator]
+    for choice in ({"choose": "first"}, {"where": "p"}, {"by": lambda match: 1}):
+        with pytest.raises(InvalidArgument, match=message):
+            made.apply("r", a=node, **choice)  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match=message):
+        made.run("u", a=node)
+    with pytest.raises(InvalidArgument, match=message):
+        made.exists("r", applicable=True, a=node)
+
+
+def test_an_out_parameter_that_a_rule_creates_says_that_it_is_one() -> None:
+    made = engine("rule r(a : Item, out b : Item) { lhs { } modify { create b : Item; } }", model=chain(1))
+    for do in (made.apply, made.apply_all, made.run, made.matches):
+        with pytest.raises(InvalidArgument, match="`b` is an `out` parameter of `r`, which creates it"):
+            do("r", b=0)  # type: ignore[operator]
+    with pytest.raises(InvalidArgument, match="`r` has no variable `c`: its variables are `a`"):
+        made.apply("r", c=0)

@@ -125,9 +125,6 @@ def test_a_conflict_takes_all_of_it_back() -> None:
 def test_arguments_and_selection_go_together() -> None:
     one = made()
     assert one.apply("pair", a=0, by=Navigation(Variable("b"), "n")).match.row == (0, 3)  # type: ignore[union-attr]
-    gone = one.model.create("Item")
-    gone.delete()
-    assert one.apply("mark", a=gone.id, choose="first") is None
 
 
 @pytest.mark.parametrize(
