@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 import os
+import signal
 import sys
 from pathlib import Path
-from typing import Annotated
+from types import FrameType
+from typing import Annotated, Final, NoReturn
 
 import typer
 
@@ -56,6 +58,9 @@ Metamodel = Annotated[
 
 RUNS = Path("runs")
 
+_INTERRUPTED: Final = 128 + signal.SIGINT
+"""The exit code that Typer makes of KeyboardInterrupt."""
+
 
 def main() -> int:
     """The program `envgraph`: 0 when all went well, 1 for a problem of the input, 2 for one of the command line."""
@@ -66,6 +71,13 @@ def main() -> int:
     if sys.stdout is None or sys.stderr is None:  # closed by the caller: `envgraph show a >&-`
         sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, until the end
         sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    ended: list[int] = []
+
+    def end(number: int, frame: FrameType | None) -> NoReturn:
+        ended.append(number)
+        raise KeyboardInterrupt  # what Ctrl-C saves and says is saved and said
+
+    usual = signal.signal(signal.SIGTERM, end)
     try:
         app(prog_name="envgraph")
     except (EnvgraphError, OSError) as error:
@@ -75,9 +87,13 @@ def main() -> int:
             return 0
         print_error(error)
         return 1
-    except KeyboardInterrupt:
-        sys.stderr.write("interrupted\n")
-        return 130
+    except SystemExit as stop:
+        if stop.code != _INTERRUPTED:
+            raise
+        sys.stderr.write("terminated\n" if ended else "interrupted\n")
+        return 128 + ended[0] if ended else _INTERRUPTED
+    finally:
+        signal.signal(signal.SIGTERM, usual)
     return 0
 
 

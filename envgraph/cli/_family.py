@@ -82,7 +82,7 @@ def generate_family(
     except KeyboardInterrupt:
         if path.exists():
             words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
-            sys.stderr.write(f"interrupted; `{words}` goes on\n")
+            sys.stderr.write(f"`{words}` goes on\n")
         raise
     _print_family(family, format, path)
     wanted = population or domain.spec.search.population

@@ -44,15 +44,30 @@ def as_context(steps: Generator[Any, Any, None]) -> AbstractContextManager[Any]:
     return cast("AbstractContextManager[Any]", Ensured(steps))
 
 
+class _Method:
+    """A method that each object brings along; from the class it can be called too, as `contextlib.ExitStack` does."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._own = name.replace("__", "_")
+
+    def __get__(self, manager: object, owner: type) -> Callable[..., Any]:
+        return self if manager is None else getattr(manager, self._own)
+
+    def __call__(self, manager: object, *arguments: object) -> object:
+        return getattr(manager, self._own)(*arguments)
+
+
 class Ensured:
     """The methods of a context manager."""
 
-    __slots__ = ("__enter__", "__exit__")
+    __slots__ = ("_enter_", "_exit_")
+    __enter__ = _Method()
+    __exit__ = _Method()
 
     def __init__(self, steps: Generator[Any, Any, None]) -> None:
-        self.__enter__ = steps.__next__
+        self._enter_ = steps.__next__
         # Of several values `max` gives the one with the largest key: here the first, False, so that exceptions pass.
-        self.__exit__ = partial(max, False, key=steps.send)
+        self._exit_ = partial(max, False, key=steps.send)
 
 
 def _steps(inner: Iterator[Any]) -> Generator[Any, Any, None]:

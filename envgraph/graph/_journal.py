@@ -263,10 +263,10 @@ def revert(journal: Journal, mark: int, torn: Torn) -> None:
                 container.put(key, old)
             else:
                 container.exchange(key, old)
+        del journal[mark:]
     except BaseException:
         torn.append((_reverted, (journal, mark, entries, backwards)))
         raise
-    del journal[mark:]
 
 
 def _reverted(journal: Journal, mark: int, entries: Journal, backwards: Iterator[Any]) -> None:

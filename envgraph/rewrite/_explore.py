@@ -17,7 +17,7 @@ from envgraph.rewrite._exploration import Ending, Exploration, Firings, Record, 
 from envgraph.rewrite._interrupts import deferred
 from envgraph.rewrite._match import Firing, Row, Shape
 from envgraph.rewrite._runner import REFUSALS, RuleRunner
-from envgraph.rewrite._walks import SavepointWalk, VersionWalk, Walk
+from envgraph.rewrite._walks import Walk, walk_of_savepoints, walk_of_versions
 
 if TYPE_CHECKING:
     from envgraph.rewrite._engine import Engine
@@ -167,15 +167,12 @@ class Search:
 
     def run(self) -> Exploration:
         """Explore; at the end, however it comes, the model is in the state in which it was."""
-        with deferred() as check:
-            walk: Walk = VersionWalk(self.model) if self.keep else SavepointWalk(self.model)
-            try:
-                self._number(0)
-                ending = self._enter(0, self.model.version if self.keep else None)
-                if ending is None:
-                    ending = (self._breadth if self.strategy == "breadth" else self._depth)(walk, check)
-            finally:
-                walk.end()
+        walking = walk_of_versions if self.keep else walk_of_savepoints
+        with deferred() as check, walking(self.model) as walk:
+            self._number(0)
+            ending = self._enter(0, self.model.version if self.keep else None)
+            if ending is None:
+                ending = (self._breadth if self.strategy == "breadth" else self._depth)(walk, check)
         shapes = {mover.name: mover.shape for mover in self.movers if mover.shape is not None}
         ending = ending or ("limit" if self._cut else "exhausted")
         return Exploration(self._record, self.model, shapes, tuple(self.predicates), ending)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol
 
-from envgraph.graph import Model, Savepoint, Shelf, Version
+from envgraph.graph import Model, Savepoint, Shelf, Version, ensured
 
 
 class Walk(Protocol):
@@ -33,9 +34,6 @@ class Walk(Protocol):
 
     def go(self, state: int) -> None:
         """Go to a state that was parked, or to the first."""
-
-    def end(self) -> None:
-        """Go back to where everything began, whatever is under way."""
 
 
 class SavepointWalk:
@@ -87,10 +85,14 @@ class SavepointWalk:
             self._marks.append(self._model.resume(self._shelves[below]))
             path.append(below)
 
-    def end(self) -> None:
-        """See `Walk`."""
-        while self._marks:
-            self.back()
+
+@ensured
+def walk_of_savepoints(model: Model) -> Iterator[Walk]:
+    """A walk inside one transaction; at the end, however it comes, the model is as it was."""
+    with model.transaction():
+        depth = model.depth
+        yield SavepointWalk(model)
+        model.unwind(depth)
 
 
 class VersionWalk:
@@ -131,6 +133,12 @@ class VersionWalk:
         self._path = [self.versions[state]]
         self.back()
 
-    def end(self) -> None:
-        """See `Walk`."""
-        self._model.checkout(self.versions[0], discard=True)
+
+@ensured
+def walk_of_versions(model: Model) -> Iterator[Walk]:
+    """A walk outside of any transaction; at the end, however it comes, the model is as it was."""
+    start = model.commit()
+    try:
+        yield VersionWalk(model)
+    finally:
+        model.checkout(start, discard=True)

@@ -75,6 +75,8 @@ STEPS: dict[str, Step] = {
     "forall": lambda made: made.apply("all"),
     "unit": lambda made: made.run("run"),
     "every": lambda made: made.apply_all("up"),
+    "explore": lambda made: made.explore("up", limit=5),
+    "depth": lambda made: made.explore("up", limit=5, strategy="depth"),
     "once": lambda made: made.prepare("up").once(made.rng),
 }
 

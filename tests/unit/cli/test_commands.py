@@ -391,17 +391,19 @@ def test_a_run_killed_in_the_middle_resumes_to_the_same_family(envgraph: Envgrap
     assert exported[0] == exported[1]
 
 
-def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
+def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path, number: int, word: str) -> None:
     command = [sys.executable, "-m", "envgraph", "generate", "burning_forest", "--name", "cut"]
     process = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
     while generations(tmp_path / "runs" / "cut" / "run.sqlite") < 5 and process.poll() is None:
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, messages = process.communicate()
-    assert process.returncode == 130
-    assert "--name cut --directory runs --resume` goes on" in messages and "Traceback" not in messages
+    assert process.returncode == 128 + number
+    assert messages.endswith(f"--name cut --directory runs --resume` goes on\n{word}\n")
+    assert "Traceback" not in messages
 
 
 def test_a_closed_output_is_no_traceback(tmp_path: Path) -> None:

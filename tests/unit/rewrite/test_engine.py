@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 import pytest
 
@@ -349,6 +349,25 @@ def test_prepared_rules_are_the_fast_path() -> None:
 
 
 # --- transactions and versions
+
+
+@pytest.mark.parametrize("recording", [False, True])
+def test_transactions_can_be_entered_by_an_exit_stack(recording: bool) -> None:
+    made = engine("rule up { lhs { a : Item; } modify { set a.n += 1; } }", model=chain(1))
+    with ExitStack() as outer:
+        if recording:
+            outer.enter_context(made.recording())
+        before = made.model.state_hash()
+        with ExitStack() as stack:
+            stack.enter_context(made.transaction())
+            made.apply("up")
+        kept = made.model.state_hash()
+        assert kept != before and not made.model.in_transaction
+        with pytest.raises(KeyError), ExitStack() as stack:
+            stack.enter_context(made.transaction())
+            made.apply("up")
+            raise KeyError
+        assert made.model.state_hash() == kept and not made.model.in_transaction
 
 
 def test_transactions_nest_and_an_exception_takes_back() -> None:
