@@ -1,18 +1,48 @@
-"""Environments: states enumerated a second, steps a second, beside Gymnasium's FrozenLake."""
+"""Environments: states enumerated a second, steps a second, beside Gymnasium's FrozenLake; a second `make`."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 import gymnasium
 import numpy as np
+from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import SyncVectorEnv
 
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore, scene_rgb
-from envgraph.lang import load_workspace
+from envgraph.lang import bundled_domain, load_workspace
 
 STEPS = 50_000
+
+SIX_KEYS = """
+import "keydoor.metamodel"
+model two_rooms : keydoor {
+    maze : Maze {
+        cells = grid cell {
+            legend "#" = Wall, "." = Floor, X = Exit,
+                   r = Floor { item = Key { colour = ::red } }, R = Door { colour = ::red },
+                   b = Floor { item = Key { colour = ::blue } }, B = Door { colour = ::blue }
+            column x next east
+            row y next south
+            rows \"""
+                #############
+                #.........#.#
+                #.r.b.r.b.R.#
+                #.........#.#
+                ######.####B#
+                #.r.....b.#.#
+                #.........RX#
+                #############
+                \"""
+        }
+        hero = hero : Hero { at = cell[1, 1] }
+    }
+}
+"""
 
 
 def main() -> None:
@@ -45,6 +75,26 @@ def main() -> None:
         )
     scene = explored.pictures[0]
     print(f"{'picture of 256 x 256 pixels':34} {_best(lambda: scene_rgb(scene)) * 1e3:12.2f} ms")
+    with TemporaryDirectory() as directory:
+        _large(Path(directory))
+
+
+def _large(directory: Path) -> None:
+    """Making an environment of many states, again, and having Gymnasium check it."""
+    for file in bundled_domain("keydoor").iterdir():
+        (directory / file.name).write_text(file.read_text("utf-8"), "utf-8")
+    (directory / "two_rooms.model").write_text(SIX_KEYS, "utf-8")
+    os.environ["ENVGRAPH_CACHE"] = str(directory / "cache")
+    options = {"domain": str(directory), "render_mode": "ansi"}
+    for name in ("first", "second"):
+        start = perf_counter()
+        env = gymnasium.make("envgraph/KeyDoor-v0", **options)
+        seconds = perf_counter() - start
+        states = env.get_wrapper_attr("tabular").n_states
+        print(f"{f'{name} make, {states:,} states':34} {seconds:12.2f} s")
+    start = perf_counter()
+    check_env(env.unwrapped)
+    print(f"{'check_env':34} {perf_counter() - start:12.2f} s")
 
 
 def _best(job: Callable[[], object], rounds: int = 5) -> float:

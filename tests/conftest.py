@@ -1,7 +1,10 @@
 """Hypothesis profiles: `default` repeats the same examples, `nightly` looks for new ones."""
 
 import gc
+import os
+import shutil
 import signal
+import tempfile
 from datetime import timedelta
 
 from hypothesis import HealthCheck, settings
@@ -21,10 +24,22 @@ settings.register_profile(
 settings.load_profile("default")
 
 
+_CACHE = tempfile.mkdtemp(prefix="envgraph-cache-")
+
+
 def pytest_configure() -> None:
-    """Ctrl-C can be tested in a job of the background too, where shells have it ignored."""
+    """Ctrl-C can be tested in a job of the background too, where shells have it ignored.
+
+    Tables of states are kept for this run of the tests alone: the next one may be of another version.
+    """
+    os.environ["ENVGRAPH_CACHE"] = _CACHE
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_unconfigure() -> None:
+    """Nothing is left behind."""
+    shutil.rmtree(_CACHE, ignore_errors=True)
 
 
 def pytest_collection_finish() -> None:

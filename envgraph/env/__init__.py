@@ -40,6 +40,7 @@ from envgraph.env._render import render_rgb, render_svg, render_text
 from envgraph.env._scene import Draw, GraphScene, GridScene, Mark, Scene, scene_of
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._svg import scene_svg
+from envgraph.env._table_file import read_explored, write_explored
 from envgraph.env._tabular import Tabular
 from envgraph.env._text import scene_text
 from envgraph.env._vector import EnvgraphVectorEnv
@@ -83,6 +84,7 @@ __all__ = [
     "enumerate_states",
     "explore",
     "indexed_classes",
+    "read_explored",
     "register",
     "register_entry_point",
     "render_rgb",
@@ -92,6 +94,7 @@ __all__ = [
     "scene_rgb",
     "scene_svg",
     "scene_text",
+    "write_explored",
 ]
 
 register_entry_point()

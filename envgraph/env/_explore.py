@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import dataclass, field
 
@@ -19,6 +19,9 @@ from envgraph.rewrite import Engine
 
 DEFAULT_LIMIT = 250_000
 """About half a minute, and half a gigabyte: nobody should wait longer to be told that there are too many."""
+
+Progress = Callable[[int], None]
+"""Is told how many states were found so far, now and then."""
 
 
 def enumerate_states(
@@ -65,11 +68,12 @@ def explore(
     *,
     limit: int = DEFAULT_LIMIT,
     pictures: bool = False,
+    progress: Progress | None = None,
 ) -> Explored:
     """`enumerate_states`, with a picture of every state if the behaviour says how to draw it."""
     simulator = Simulator(engine, behaviour, keys)
     painter = simulator.painter() if pictures and behaviour.draw is not None else None
-    search = _Search(simulator, limit, painter)
+    search = _Search(simulator, limit, painter, progress)
     search.run()
     return search.result()
 
@@ -96,6 +100,7 @@ class _Search:
     simulator: Simulator
     limit: int
     painter: Painter | None
+    progress: Progress | None = None
     number: dict[tuple[int, int, bool], int] = field(default_factory=dict)
     rows: list[Row | None] = field(default_factory=list)
     observations: list[int] = field(default_factory=list)
@@ -159,6 +164,8 @@ class _Search:
         if self.painter is not None:
             scene = self.painter.scene()
             self.scenes.append(self._drawn.setdefault(scene, scene))
+        if self.progress is not None and not len(self.rows) % 100:
+            self.progress(len(self.rows))
         return len(self.rows) - 1, True
 
     # --- arrays

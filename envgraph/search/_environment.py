@@ -14,11 +14,11 @@ from envgraph.env import (
     EnvgraphVectorEnv,
     Explored,
     Simulator,
-    explore,
 )
 from envgraph.errors import InvalidArgument
 from envgraph.search._domain import Domain
 from envgraph.search._family import open_family
+from envgraph.search._tables import Tables
 
 
 def make_environment(
@@ -52,7 +52,8 @@ def make_environment(
     if live:
         simulator = _simulator(domain, family, variant)
         return EnvgraphLiveEnv(simulator, render_mode=render_mode, observation=observation, **options)
-    (found,) = _explored(domain, family, () if variant is None else (variant,))
+    variants = () if variant is None else (variant,)
+    (found,) = _explored(domain, family, variants, pictures=render_mode is not None)
     return EnvgraphEnv(
         found.tabular, pictures=found.pictures, render_mode=render_mode, observation=observation, **options
     )
@@ -74,7 +75,7 @@ def make_vector_environment(
     `num_envs=60, variant=["E1", "E2"]` gives thirty of each.
     """
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
-    found = _explored(domain, family, variants)
+    found = _explored(domain, family, variants, pictures=render_mode is not None)
     return EnvgraphVectorEnv(
         [one.tabular for one in found],
         num_envs,
@@ -86,14 +87,15 @@ def make_vector_environment(
 
 
 def _explored(
-    domain: str | None, family: str | PathLike[str] | None, variants: Sequence[int | str]
+    domain: str | None, family: str | PathLike[str] | None, variants: Sequence[int | str], *, pictures: bool
 ) -> list[Explored]:
     """The tables of members by names or numbers; of the target of a family, or the domain's own model, for none."""
     if family is not None:
         opened = open_family(Path(family))
-        return [opened.explored(opened.member(one), pictures=True) for one in variants or (None,)]
+        return [opened.explored(opened.member(one), pictures=pictures) for one in variants or (None,)]
     loaded, behaviour = _loaded(domain, *variants)
-    return [explore(loaded.engine(), behaviour, loaded.keys(), pictures=True)]
+    tables = Tables.of_user()
+    return [tables.explored(loaded, behaviour, loaded.initial(), loaded.keys(), pictures=pictures)]
 
 
 def _simulator(

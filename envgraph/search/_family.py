@@ -9,13 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from envgraph.env import Behaviour, Explored, KeyIndex, Scene, explore, scene_of
+from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
 from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, LoadError, did_you_mean
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import Bundle, DiskFiles, parse_json, read_source
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._store import RunStore, dump_json
+from envgraph.search._tables import Progress, Tables
 
 FORMAT = "envgraph-family-1"
 
@@ -49,6 +50,7 @@ class Family:
         members: from the easiest to the hardest, by the measure that orders the curriculum.
         domain: what the texts say, with the overrides.
         overrides: seed, generations and population of the run where they are not those of the family file.
+        tables: where the states of the members are kept once they have been enumerated.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Family:
     members: tuple[Member, ...]
     domain: Domain = field(compare=False, repr=False)
     overrides: Mapping[str, int] = field(default_factory=dict)
+    tables: Tables = field(default_factory=Tables.of_user, compare=False, repr=False)
     _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
@@ -101,13 +104,28 @@ class Family:
         """A fresh copy of a member's model."""
         return model_from_json(member.model, self.domain.metamodel, file=f"{self.name}/{member.name}")
 
-    def explored(self, member: Member, *, pictures: bool = False) -> Explored:
-        """The table of a member's reachable states; kept, because it is asked for more than once."""
-        key = (member.name, pictures)
-        if key not in self._explored:
-            engine = self.domain.engine(self.model(member))
-            self._explored[key] = explore(engine, self.behaviour, self.keys, pictures=pictures)
-        return self._explored[key]
+    def explored(
+        self, member: Member, *, pictures: bool = False, progress: Progress | None = None
+    ) -> Explored:
+        """The table of a member's reachable states, enumerated when it is first asked for and then kept in `tables`.
+
+        Args:
+            member: of this family.
+            pictures: whether there is to be a scene of every state, if the behaviour says how to draw it.
+            progress: called with the number of states found so far, now and then; not if the table is known.
+
+        Raises:
+            InvalidArgument: the family has no environment.
+            EvaluationError: there are too many states.
+        """
+        name, kept = member.name, self._explored
+        known = kept.get((name, True)) or kept.get((name, pictures))
+        if known is None:
+            behaviour = self.behaviour  # raises where there is none
+            known = self._explored[name, pictures] = self.tables.explored(
+                self.domain, behaviour, self.model(member), self.keys, pictures=pictures, progress=progress
+            )
+        return known
 
     def scene(self, member: Member) -> Scene | None:
         """The picture of a member, or None where the behaviour says nothing about drawing."""
@@ -199,7 +217,8 @@ def family_of(store: RunStore, domain: Domain) -> Family:
             (individual.measures, model, id_, individual.parent is None and not settings.get("imported"))
         )
     name, overrides = str(settings.get("name", "family")), settings.get("overrides", {})
-    return Family(name, store.bundle(), ordered(domain, found), domain, overrides)
+    tables = Tables.of_run(store.path)
+    return Family(name, store.bundle(), ordered(domain, found), domain, overrides, tables)
 
 
 def _replayed(domain: Domain, store: RunStore, id_: int) -> str:

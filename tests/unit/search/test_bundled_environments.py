@@ -94,7 +94,7 @@ def test_live_environments_of_what_is_not_there_are_refused() -> None:
 
 
 def test_too_many_states_for_a_table_are_told_with_a_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("envgraph.search._environment.explore", limited)
+    monkeypatch.setattr("envgraph.search._tables.explore", limited)
     with pytest.raises(EvaluationError, match=r"more than 500 states[\s\S]*hint: .* \(`live=True`\)"):
         make_environment("network")
 

@@ -1,0 +1,113 @@
+"""Enumerated environments as files: NumPy's `.npz` with the arrays, and JSON for the rest; no pickle.
+
+Equal environments give equal files.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env._explore import Explored
+from envgraph.env._scene import GraphScene, GridScene, Mark, Scene
+from envgraph.env._tabular import Tabular
+from envgraph.errors import InvalidArgument
+from envgraph.metamodel import Glyph
+
+_ARRAYS = {
+    "next_state": np.int32,
+    "probability": np.float64,
+    "reward": np.float64,
+    "terminated": np.int8,
+    "observation": np.int64,
+    "start_states": np.int32,
+    "start_probability": np.float64,
+}
+_NAMES = ("n_observations", "observation_shape", "action_names", "agent_names")
+_DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Glyph)}
+_DAMAGED = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    EOFError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+def write_explored(explored: Explored, file: IO[bytes]) -> None:
+    """Write an environment to a file that is open for writing."""
+    tabular = explored.tabular
+    arrays: dict[str, Any] = {name: getattr(tabular, name) for name in _ARRAYS}
+    if tabular.turn is not None:
+        arrays["turn"] = tabular.turn
+    numbers: dict[Scene, int] = {}
+    scene = [numbers.setdefault(picture, len(numbers)) for picture in explored.pictures]
+    facts = {name: getattr(tabular, name) for name in _NAMES}
+    text = json.dumps({**facts, "scenes": _plain(tuple(numbers))}, ensure_ascii=False)
+    arrays["scene"] = np.array(scene, dtype=np.int32)
+    arrays["facts"] = np.frombuffer(text.encode("utf-8"), dtype=np.uint8)
+    np.savez_compressed(file, **arrays)
+
+
+def read_explored(path: Path) -> Explored:
+    """Read what `write_explored` wrote.
+
+    Raises:
+        InvalidArgument: there is no such file, or it was damaged or written by another version.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            bad = archive.testzip()  # first, so that no damaged size is believed
+        if bad is not None:
+            raise ValueError(f"`{bad}` is damaged")
+        with np.load(path, allow_pickle=False) as found:
+            return _explored(found)
+    except _DAMAGED as error:
+        raise InvalidArgument(f"{path} is no table of states: {error}") from error
+
+
+def _explored(found: Mapping[str, NDArray[Any]]) -> Explored:
+    facts = json.loads(found["facts"].tobytes())
+    arrays: dict[str, Any] = {name: found[name].astype(kind, copy=False) for name, kind in _ARRAYS.items()}
+    names: dict[str, Any] = {name: _made(facts[name]) for name in _NAMES}
+    turn = found["turn"].astype(np.int32, copy=False) if "turn" in found else None
+    tabular = Tabular(**arrays, **names, turn=turn)
+    tabular.check()
+    scenes = _made(facts["scenes"])
+    return Explored(tabular, tuple(scenes[number] for number in found["scene"].tolist()))
+
+
+def _plain(value: Any) -> Any:
+    """Scenes as JSON-ready data."""
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, bytes):
+        return {"bytes": value.hex()}
+    if is_dataclass(value):
+        return {
+            "is": type(value).__name__,
+            **{one.name: _plain(getattr(value, one.name)) for one in fields(value)},
+        }
+    return value
+
+
+def _made(value: Any) -> Any:
+    """What `_plain` was given."""
+    if isinstance(value, list):
+        return tuple(_made(one) for one in value)
+    if not isinstance(value, dict):
+        return value
+    if "bytes" in value:
+        return bytes.fromhex(value["bytes"])
+    return _DATA[value["is"]](**{name: _made(one) for name, one in value.items() if name != "is"})

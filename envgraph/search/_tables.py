@@ -1,0 +1,161 @@
+"""Enumerated environments, kept in files: visiting the states takes seconds to minutes, reading them a moment.
+
+A file is named after a hash of all that the states depend on: a model or a behaviour that was edited has another file,
+and no file is ever out of date. Whoever reads while somebody writes sees the whole file or none.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+from envgraph import __version__
+from envgraph.env import Behaviour, Explored, KeyIndex, explore, read_explored, write_explored
+from envgraph.errors import InvalidArgument
+from envgraph.files import replacing
+from envgraph.graph import Model, model_to_json
+from envgraph.search._domain import Domain
+from envgraph.search._store import dump_json
+
+FORMAT = 1
+"""Raised when the same texts give another table, or another file, than before."""
+
+CACHE_VARIABLE = "ENVGRAPH_CACHE"
+"""Environment variable: the directory for tables of what has no run, or "off" to keep no tables at all."""
+
+MOST_BYTES = 2**30
+"""Of the files of one place; the ones that nobody has used for longest make room."""
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Tables:
+    """Where tables are kept.
+
+    Attributes:
+        places: directories; a table is looked for in all of them, and written to the first that can be written.
+    """
+
+    places: tuple[Path, ...]
+
+    @classmethod
+    def of_run(cls, store: Path) -> Tables:
+        """Those of a run, beside its store; of a run that cannot be written, those of the user."""
+        user = cls.of_user().places
+        return cls((store.parent / "tables", *user)) if user else cls(())
+
+    @classmethod
+    def of_user(cls) -> Tables:
+        """Those of families and domains that have no run: `$ENVGRAPH_CACHE`, else `envgraph` in the user's cache."""
+        named = os.environ.get(CACHE_VARIABLE, "")
+        if named:
+            return cls(() if named == "off" else (Path(named),))
+        base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+        return cls((Path(base) / "envgraph",))
+
+    def explored(
+        self,
+        domain: Domain,
+        behaviour: Behaviour,
+        model: Model,
+        keys: KeyIndex,
+        *,
+        pictures: bool = False,
+        progress: Progress | None = None,
+    ) -> Explored:
+        """The table of a model, with a picture of every state where they are asked for and can be drawn.
+
+        It is not kept where expressions call functions of Python: no hash says what those do.
+
+        Args:
+            domain: of the model.
+            behaviour: of the domain.
+            model: the initial state; it is used up.
+            keys: the indices of its objects over the family.
+            progress: called with the number of states now and then; by default a line tells a person at a terminal.
+        """
+        name = f"{_key(domain, behaviour, model, keys)}.npz"
+        drawn = pictures and behaviour.draw is not None
+        lasting = not domain.components.function
+        known = self._read(name) if lasting else None
+        if known is not None and (known.pictures or not drawn):
+            return known
+        with _told(f"states of {behaviour.name}") as told:
+            found = explore(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress or told)
+        if lasting:
+            self._write(name, found)
+        return found
+
+    def _read(self, name: str) -> Explored | None:
+        for place in self.places:
+            path = place / name
+            try:
+                found = read_explored(path)
+            except InvalidArgument:  # not there, or damaged: then it is made anew
+                continue
+            with suppress(OSError):  # of another user
+                os.utime(path)
+            return found
+        return None
+
+    def _write(self, name: str, explored: Explored) -> None:
+        reason: OSError | None = None
+        for place in self.places:
+            try:
+                with replacing(place / name) as draft, draft.open("wb") as file:
+                    write_explored(explored, file)
+                _tidy(place)
+                return
+            except OSError as error:
+                reason = error
+        if reason is not None:
+            logging.getLogger("envgraph").warning(
+                "a table of states could not be kept, so the states will be visited again: %s; "
+                "name a directory in %s",
+                reason,
+                CACHE_VARIABLE,
+            )
+
+
+def _key(domain: Domain, behaviour: Behaviour, model: Model, keys: KeyIndex) -> str:
+    """A hash of everything that a table depends on. The family file is left out: it says how to search."""
+    bundle = domain.workspace.bundle()
+    texts = {name: text for name, text in bundle.texts.items() if name not in bundle.roots}
+    everything = [FORMAT, __version__, behaviour.name, texts, model_to_json(model), keys.to_json()]
+    return sha256(dump_json(everything).encode("utf-8", "surrogatepass")).hexdigest()[:32]
+
+
+def _tidy(place: Path) -> None:
+    """Remove the files that nobody has used for longest, if there are too many."""
+    files = [(file.stat(), file) for file in place.glob("*.npz")]
+    total = 0
+    for stat, file in sorted(files, key=lambda pair: pair[0].st_mtime, reverse=True):
+        total += stat.st_size
+        if total > MOST_BYTES:
+            file.unlink(missing_ok=True)
+
+
+@contextmanager
+def _told(what: str) -> Iterator[Progress]:
+    """A line on standard error that counts, gone at the end; nothing where nobody looks."""
+    terminal = sys.stderr
+    if terminal is None or not terminal.isatty():
+        yield lambda count: None
+        return
+
+    def told(count: int) -> None:
+        terminal.write(f"\r{what}: {count:,}")
+        terminal.flush()
+
+    try:
+        yield told
+    finally:
+        terminal.write("\r\033[K")
+        terminal.flush()

@@ -1,0 +1,95 @@
+"""Enumerated environments in files: all of it comes back, and nothing that was damaged."""
+
+from __future__ import annotations
+
+import io
+import random
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envgraph.env import Explored, explore, read_explored, write_explored
+from envgraph.errors import InvalidArgument
+from tests.unit.env import forest
+from tests.unit.env.coins import loaded
+
+GRAPH = """
+action turn = 0.5: turn()
+action grab(coin : Coin) = grab(hand, coin, _) reward 1
+on reset apply turn()
+on neg find up(_) terminate failure
+observe coin.side for coin : Coin
+draw graph Coin label name with hand at hand.holds
+"""
+
+AGENTS = """
+agent player : Hand { action wait = nothing() reward 0.5 observe player.moves in 0..2 }
+on find any(_) terminate success
+"""
+
+KINDS = {
+    "grid": lambda: explore(forest.engine(forest.published_maps()[5]), forest.behaviour(), pictures=True),
+    "graph": lambda: explore(*loaded(GRAPH), pictures=True),
+    "agents": lambda: explore(*loaded(AGENTS, "table : Table")),
+}
+
+
+def written(explored: Explored) -> bytes:
+    file = io.BytesIO()
+    write_explored(explored, file)
+    return file.getvalue()
+
+
+def read(data: bytes, directory: Path) -> Explored:
+    (directory / "table.npz").write_bytes(data)
+    return read_explored(directory / "table.npz")
+
+
+def same(one: Explored, other: Explored) -> bool:
+    for field in fields(one.tabular):
+        mine, theirs = getattr(one.tabular, field.name), getattr(other.tabular, field.name)
+        if isinstance(mine, np.ndarray):
+            if mine.dtype != theirs.dtype or not np.array_equal(mine, theirs):
+                return False
+        elif mine != theirs:
+            return False
+    return one.pictures == other.pictures
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_read_is_what_was_written(kind: str, tmp_path: Path) -> None:
+    explored = KINDS[kind]()
+    assert same(read(written(explored), tmp_path), explored)
+    assert bool(explored.pictures) == (kind != "agents") != bool(explored.tabular.agent_names)
+
+
+def test_equal_environments_give_equal_files() -> None:
+    assert written(KINDS["graph"]()) == written(KINDS["graph"]())
+
+
+def test_a_damaged_file_is_refused_or_reads_as_before(tmp_path: Path) -> None:
+    explored, rng = KINDS["graph"](), random.Random(1)
+    data = written(explored)
+    refused = 0
+    for _ in range(300):
+        place = rng.randrange(len(data))
+        spoilt = data[:place] + bytes([data[place] ^ (1 << rng.randrange(8))]) + data[place + 1 :]
+        spoilt = spoilt[: rng.randrange(len(data))] if rng.random() < 0.2 else spoilt
+        try:
+            assert same(read(spoilt, tmp_path), explored)
+        except InvalidArgument:
+            refused += 1
+    assert refused > 150
+
+
+def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
+    np.savez(tmp_path / "table.npz", facts=np.array([print], dtype=object))
+    with pytest.raises(InvalidArgument, match="is no table of states"):
+        read_explored(tmp_path / "table.npz")
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="No such file"):
+        read_explored(tmp_path / "table.npz")

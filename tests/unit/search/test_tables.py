@@ -1,0 +1,226 @@
+"""Tables of states are kept: who enumerates, and when."""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+import threading
+import time
+from pathlib import Path
+
+import gymnasium
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import envgraph.env
+from envgraph.cli import main
+from envgraph.env import Explored
+from envgraph.lang import bundled_domain
+from envgraph.search import (
+    Components,
+    Family,
+    generate,
+    make_environment,
+    make_vector_environment,
+    open_family,
+    write_family,
+)
+
+ID = "envgraph/BurningForest-v0"
+
+
+@pytest.fixture
+def visited(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """An entry for each enumeration: whether it made pictures."""
+    found: list[bool] = []
+
+    def explore(*arguments: object, pictures: bool, **options: object) -> Explored:
+        found.append(pictures)
+        return envgraph.env.explore(*arguments, pictures=pictures, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("envgraph.search._tables.explore", explore)
+    return found
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def run(tmp_path: Path, cache: Path) -> Path:
+    """A run of two members."""
+    path = tmp_path / "runs" / "forest" / "run.sqlite"
+    generate("burning_forest", path, generations=1, population=2)
+    return path
+
+
+@pytest.fixture
+def exported(run: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "family.json"
+    path.write_text(write_family(open_family(run)), encoding="utf-8")
+    return path
+
+
+def kept(place: Path) -> list[Path]:
+    return sorted(place.iterdir()) if place.exists() else []
+
+
+def test_a_run_keeps_the_states_of_its_members(run: Path, cache: Path, visited: list[bool]) -> None:
+    for _ in range(2):
+        family = open_family(run)
+        sizes = [family.explored(member).tabular.n_states for member in family.members]
+    assert visited == [False] * 2
+    assert len(kept(run.parent / "tables")) == 2 and not kept(cache)
+    assert sizes == [table.n_states for table in map(fresh, family.members, [family] * 2)]
+
+
+def fresh(member: object, family: Family) -> envgraph.env.Tabular:
+    engine = family.domain.engine(family.model(member))  # type: ignore[arg-type]
+    return envgraph.env.explore(engine, family.behaviour, family.keys).tabular
+
+
+def test_everybody_uses_them(
+    run: Path, visited: list[bool], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    family = str(run)
+    monkeypatch.setattr("sys.argv", ["envgraph", "train", "forest", "--steps", "20", "--seeds", "1"])
+    with pytest.raises(SystemExit, match="0"):
+        main()
+    assert visited == [False] * 2
+    make_environment(family=family, variant=1)
+    make_vector_environment(4, family=family, variant=[1, 2])
+    many = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="async", family=family, variant=2)
+    many.reset(seed=0)
+    many.close()
+    assert visited == [False] * 2
+
+
+def test_a_family_file_and_a_domain_have_theirs_in_the_cache_of_the_user(
+    exported: Path, cache: Path, visited: list[bool]
+) -> None:
+    for _ in range(2):
+        make_environment(family=exported, variant=1)
+        make_environment("burning_forest")
+    assert visited == [False] * 2
+    assert len(kept(cache)) == 2
+
+
+def test_pictures_are_made_for_those_who_want_to_see(
+    exported: Path, cache: Path, visited: list[bool]
+) -> None:
+    env = gymnasium.make(ID, family=exported)
+    check_env(env.unwrapped)  # makes three more, of which two can be drawn
+    make_environment(family=exported)
+    assert visited == [False, True]
+    assert len(kept(cache)) == 1
+
+
+def test_an_edited_behaviour_never_meets_an_old_table(
+    cache: Path, visited: list[bool], tmp_path: Path
+) -> None:
+    domain = tmp_path / "domain"
+    shutil.copytree(bundled_domain("burning_forest"), domain)
+    make_environment(str(domain))
+    edits = [
+        ("burning_forest.environment", "reward 10.0", "reward 11.0"),
+        ("burning_forest.rules", "rule ", "/** Edited. */ rule "),
+        ("target_8x8.model", "model ", "// Edited.\nmodel "),
+    ]
+    for name, old, new in edits:
+        text = (domain / name).read_text(encoding="utf-8")
+        assert old in text
+        (domain / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+        assert float(make_environment(str(domain)).tabular.reward.max()) == 11.0  # type: ignore[union-attr]
+    assert len(visited) == len(kept(cache)) == 4
+    text = (domain / "family.toml").read_text(encoding="utf-8")
+    (domain / "family.toml").write_text(f"# How to search changes no state.\n{text}", encoding="utf-8")
+    make_environment(str(domain))
+    assert len(visited) == 4
+
+
+def test_a_damaged_table_is_made_anew(exported: Path, cache: Path, visited: list[bool]) -> None:
+    make_environment(family=exported)
+    (file,) = kept(cache)
+    good = file.read_bytes()
+    file.write_bytes(good[:-200])
+    make_environment(family=exported)
+    assert visited == [False] * 2
+    assert file.read_bytes() == good
+
+
+def test_what_functions_of_python_do_is_not_kept(cache: Path, visited: list[bool], tmp_path: Path) -> None:
+    domain = tmp_path / "domain"
+    shutil.copytree(bundled_domain("burning_forest"), domain)
+    query = domain / "burning_forest.query"
+    text = query.read_text(encoding="utf-8")
+    package, rest = text[: (end := text.index("pattern "))], text[end:]
+    query.write_text(f"{package}function fun(n : int) : int\n{rest}", encoding="utf-8")
+    mine = Components().with_("function", "fun", lambda n: n + 1)
+    for _ in range(2):
+        family = generate(str(domain), tmp_path / f"{len(visited)}.sqlite", generations=0, components=mine)
+        family.explored(family.members[0])
+    assert visited == [False] * 2
+    assert not kept(cache) and not kept(tmp_path / "tables")
+
+
+def test_it_can_be_switched_off(run: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ENVGRAPH_CACHE", "off")
+    make_environment(family=run)
+    make_environment(family=run)
+    assert visited == [False] * 2
+    assert not kept(run.parent / "tables")
+
+
+def test_where_nothing_can_be_written_the_user_is_next_and_then_it_is_told(
+    run: Path, cache: Path, visited: list[bool], caplog: pytest.LogCaptureFixture
+) -> None:
+    (run.parent / "tables").touch()  # as good as a directory that may not be written, whoever runs the test
+    with caplog.at_level(logging.WARNING, "envgraph"):
+        make_environment(family=run)
+        make_environment(family=run)
+        assert len(visited) == len(kept(cache)) == 1 and not caplog.messages
+        shutil.rmtree(cache)
+        cache.touch()
+        make_environment(family=run)
+    (message,) = caplog.messages
+    assert "could not be kept" in message and "ENVGRAPH_CACHE" in message
+
+
+def test_what_nobody_has_used_for_longest_makes_room(
+    exported: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache.mkdir()
+    for name, age in (("old.npz", 600), ("used.npz", 0), ("notes.txt", 9000)):
+        (cache / name).write_bytes(b"x" * 1_000_000)
+        os.utime(cache / name, (time.time() - age,) * 2)
+    monkeypatch.setattr("envgraph.search._tables.MOST_BYTES", 1_500_000)
+    make_environment(family=exported, variant=1)
+    assert [path.name for path in kept(cache)][1:] == ["notes.txt", "used.npz"]
+
+
+def test_many_may_write_and_read_at_once(exported: Path, cache: Path) -> None:
+    found: list[int] = []
+
+    def work() -> None:
+        for _ in range(2):
+            found.append(open_family(exported).explored(open_family(exported).member(1)).tabular.n_states)
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 6 and len(set(found)) == 1
+    assert [path.suffix for path in kept(cache)] == [".npz"]
+
+
+def test_a_person_at_a_terminal_sees_the_states_being_counted(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    make_environment("burning_forest")
+    assert "\rstates of BurningForest: 100\r" in capsys.readouterr().err
