@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from typing import TypeVar
 
 from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes
@@ -27,6 +28,7 @@ from envgraph.rewrite import Engine
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import FamilyMeasure
 from envgraph.search._evolution import Settings
+from envgraph.search._measures import ShortestPlan
 from envgraph.search._options import Options
 from envgraph.search._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Problem, Require
 
@@ -35,14 +37,22 @@ Placed = TypeVar("Placed", ModelText, Behaviour)
 
 @dataclass(frozen=True, slots=True)
 class Reachable:
-    """Some episode ends with an outcome ("success" or "failure"); what cannot be found counts as out of reach."""
+    """Some episode ends with an outcome ("success" or "failure"); what cannot be found counts as out of reach.
+
+    Attributes:
+        plan: the measure, where the family has it: it enumerates the states in any case, and its table tells.
+    """
 
     outcome: str
     behaviour: Behaviour
+    plan: ShortestPlan | None = None
 
     def holds(self, engine: Engine) -> bool:
         """Whether the outcome can be reached."""
-        return can_end(engine, self.behaviour, {"success": 1, "failure": 2}[self.outcome])
+        end = {"success": 1, "failure": 2}[self.outcome]
+        if self.plan is not None:
+            return isfinite(self.plan.steps(engine, end))
+        return can_end(engine, self.behaviour, end)
 
     def __str__(self) -> str:
         return f"reachable {self.outcome}"
@@ -160,7 +170,7 @@ class Domain:
         return Problem(
             engine=engine,
             mutations=tuple(str(rule) for rule in self.spec.mutation.rules),
-            constraints=self._constraints(engine),
+            constraints=self._constraints(engine, measures.values()),
             measures=measures,
             diversity=diversity,
             diversity_of=str(self.spec.diversity.options["of"]),
@@ -240,7 +250,7 @@ class Domain:
     def _context(self) -> Context:
         return Context(self.metamodel, self.spec, self.behaviour)
 
-    def _constraints(self, engine: Engine) -> tuple[Constraint, ...]:
+    def _constraints(self, engine: Engine, measures: Iterable[IndividualMeasure]) -> tuple[Constraint, ...]:
         """Conformance first, then as in the file; what enumerates states comes last."""
         spec = self.spec.constraints
         conformance = conformance_patterns(self.metamodel)
@@ -253,7 +263,8 @@ class Domain:
         constraints += [CountWithin(str(name), *bounds) for name, bounds in spec.count]
         behaviour = self.behaviour
         if behaviour is not None:
-            constraints += [Reachable(str(outcome), behaviour) for outcome in spec.reachable]
+            plan = next((one for one in measures if isinstance(one, ShortestPlan)), None)
+            constraints += [Reachable(str(outcome), behaviour, plan) for outcome in spec.reachable]
         return tuple(constraints)
 
     def _violations(self) -> list[str]:

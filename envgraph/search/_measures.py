@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -89,25 +89,29 @@ def _farthest(links: dict[int, list[int]], start: int, goals: set[int]) -> int:
     return farthest
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ShortestPlan:
     """Fewest steps after which an episode can end in success, over the enumerated states of the environment.
 
-    A stochastic outcome counts as possible. Infinite where success is out of reach.
+    A stochastic outcome counts as possible. Infinite where success is out of reach. The table of the last state of the
+    model is kept: constraints ask about the state that is then measured.
     """
 
     behaviour: Behaviour
+    _known: tuple[int, Tabular] | None = field(default=None, init=False, repr=False, compare=False)
 
     def evaluate(self, engine: Engine) -> float:
         """The number of steps from a start state of the model at which the engine stands."""
-        return float(steps_to(tabular_of(engine, self.behaviour), 1))
+        return self.steps(engine, 1)
 
-
-def tabular_of(engine: Engine, behaviour: Behaviour) -> Tabular:
-    """The table of one environment, its objects numbered among themselves alone."""
-    return enumerate_states(
-        engine, behaviour, KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-    )
+    def steps(self, engine: Engine, outcome: int) -> float:
+        """`steps_to` an outcome; objects are numbered among themselves alone."""
+        model, behaviour = engine.model, self.behaviour
+        state = model.state_hash()
+        if self._known is None or self._known[0] != state:
+            keys = KeyIndex.of(model, indexed_classes(behaviour, model.metamodel))
+            self._known = state, enumerate_states(engine, behaviour, keys)
+        return steps_to(self._known[1], outcome)
 
 
 def steps_to(tabular: Tabular, outcome: int) -> float:

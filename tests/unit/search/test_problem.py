@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from numpy.random import default_rng
 
+from envgraph.env import Tabular, enumerate_states
 from envgraph.errors import InvalidArgument
 from envgraph.rewrite import Engine
 from envgraph.search import Constraint, CountWithin, Domain, Forbid, Problem, Require
@@ -73,3 +74,25 @@ def test_problems_on_one_engine_share_the_query(domain: Domain) -> None:
     domain.problem(engine)
     assert engine.library.names() == names
     assert not any("violation" in name for name in engine.patterns)
+
+
+def test_a_constraint_and_a_measure_visit_the_states_of_a_model_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    visits: list[int] = []
+
+    def counted(engine: Engine, *rest: object) -> Tabular:
+        visits.append(engine.model.state_hash())
+        return enumerate_states(engine, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("envgraph.search._measures.enumerate_states", counted)
+    monkeypatch.delattr("envgraph.search._domain.can_end")
+    domain = Domain.load("keydoor")
+    problem = domain.problem(domain.engine())
+    plan = problem.measure()["plan"] if problem.valid() else None
+    engine = problem.engine
+    savepoint = engine.model.savepoint()
+    for key in engine.model.nodes("Key"):
+        key.delete(semantics="spo")
+    assert not problem.valid() and problem.measure() == {"plan": float("inf")}
+    engine.model.rollback(savepoint)
+    assert problem.valid() and problem.measure()["plan"] == plan == 9.0
+    assert len(visits) == 3 and visits[0] == visits[2] != visits[1]
