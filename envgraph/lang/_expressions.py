@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
 from lark import Token, Tree
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, sort_diagnostics
+from envgraph.lang._ecore_types import ECORE_TYPES
 from envgraph.lang._imports import without_consequences
+from envgraph.lang._java import (
+    CASTS,
+    CONSTANTS,
+    JAVA_CLASSES,
+    JAVA_DOMAINS,
+    JAVA_TYPES,
+    METHODS,
+    OPERATORS,
+    function_of,
+)
 from envgraph.lang._parsing import Parsed, follows, span_of, tokens, trees
 from envgraph.lang._type_names import TypeNames
+from envgraph.metamodel import type_name
 from envgraph.pattern import (
     Binary,
     Conditional,
@@ -24,9 +36,7 @@ from envgraph.pattern import (
     Variable,
 )
 
-_MEANT = {"=": "==", "===": "==", "and": "&&", "or": "||"}
-_JAVA_CLASSES = frozenset({"Boolean", "Double", "Float", "Integer", "Long", "Math", "Objects", "String"})
-_JAVA_DOMAINS = frozenset({"com", "edu", "io", "java", "javax", "net", "org"})
+_MEANT = {"=": "==", "===": "==", "!==": "!=", "and": "&&", "or": "||"}
 _REFUSED = frozenset({"=", "and", "or"})
 _ORDERINGS = frozenset({"<", "<=", ">", ">="})
 
@@ -39,7 +49,7 @@ class Reading:
         diagnostics: what the tree says that no data can hold, added to while reading.
         aliases: the names after `as` of the imports, with their places.
         imported: simple to qualified name of the patterns that are imported by name.
-        data_types: other names of data types, such as `EInt` where Ecore is imported.
+        data_types: other names of data types that imports bring along.
     """
 
     parsed: Parsed
@@ -155,6 +165,9 @@ def type_of(reading: Reading, tree: Tree[Token]) -> str:
     if isinstance(alias, Token):
         reading.alias(alias)
     data = reading.data_types.get(str(name))
+    own = reading.types is not None and reading.types.metamodel is not None and reading.types.find(str(name))
+    if data is None and not own and not isinstance(alias, Token) and name in ECORE_TYPES:
+        data = type_name(ECORE_TYPES[str(name)].type)
     return data or _type_named(reading, str(name), alias if isinstance(alias, Token) else None, tree)
 
 
@@ -249,6 +262,14 @@ def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
     )
 
 
+def constant_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral | Constant:
+    """The literal of an enum; `Integer::MAX_VALUE` and its kin are numbers."""
+    parts = tuple(map(str, tokens(tree.children)))
+    if len(parts) == 2 and parts in CONSTANTS and parts[0] not in reading.aliases:
+        return Constant(CONSTANTS[parts], reading.span(tree))
+    return enum_literal_of(reading, tree)
+
+
 def _variable(reading: Reading, tree: Tree[Token]) -> Variable:
     return variable_of(reading, tokens(tree.children)[0])
 
@@ -261,28 +282,65 @@ def _group(reading: Reading, tree: Tree[Token]) -> Expression:
     )
 
 
-def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation:
+def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant:
     feature = tokens(tree.children)[0]
     owner = expression_of(reading, trees(tree.children)[0])
-    if isinstance(owner, Variable) and (
-        owner.name in reading.java or (owner.name in _JAVA_CLASSES and feature.isupper())
-    ):
-        _no_java(reading, owner.name, trees(tree.children)[0], tree)
+    path = _steps(owner)
+    if len(path) == 1 and (path[0], str(feature)) in CONSTANTS:
+        return Constant(CONSTANTS[path[0], str(feature)], reading.span(tree))
+    if _is_java(reading, path) and (len(path) > 1 or path[0] in reading.java or feature.isupper()):
+        cls = ".".join(path)
+        reading.used.add(path[-1])
+        hint = "write its value, or declare a function for it: `function name() : int;`"
+        reading.error("java-call", f"`{cls}.{feature}` is a constant of Java", tree, hint)
+        reading.gap(tree)
     return Navigation(owner, str(feature), reading.span(tree), feature_span=reading.span(feature))
 
 
-def _method(reading: Reading, tree: Tree[Token]) -> FunctionCall:
+def _method(reading: Reading, tree: Tree[Token]) -> Expression:
     """`text.startsWith("a")` is another spelling of `startsWith(text, "a")`."""
     name = tokens(tree.children)[0]
     owner = expression_of(reading, trees(tree.children)[0])
-    arguments = expressions_of(reading, tree)
     path = _steps(owner)
-    known = path[0] in _JAVA_CLASSES or path[0] in reading.java if len(path) == 1 else False
-    if known or (path and path[0] in _JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])):
-        _no_java(reading, ".".join(path), trees(tree.children)[0], tree)
-        return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
-    arguments = (owner, *arguments)
-    return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
+    if _is_java(reading, path):
+        return _static(reading, tree, ".".join(path), name)
+    return _called(reading, tree, METHODS.get(name, str(name)), name, (owner, *expressions_of(reading, tree)))
+
+
+def _static_method(reading: Reading, tree: Tree[Token]) -> Expression:
+    """`Math::max(a, b)`."""
+    cls, name = tokens(tree.children)
+    return _static(reading, tree, str(cls), name)
+
+
+def _static(reading: Reading, tree: Tree[Token], cls: str, name: Token) -> Expression:
+    """A function of a class of Java: one of ours, or one that has to be declared."""
+    reading.used.add(cls.rpartition(".")[2])
+    ours = function_of(cls, str(name))
+    return _called(
+        reading, tree, ours or str(name), name, expressions_of(reading, tree), owner=None if ours else cls
+    )
+
+
+def _called(
+    reading: Reading,
+    tree: Tree[Token],
+    function: str,
+    name: Token,
+    arguments: tuple[Expression, ...],
+    owner: str | None = None,
+) -> Expression:
+    span = reading.span(tree)
+    if owner is None and function in OPERATORS and len(arguments) == 2:
+        return Binary(OPERATORS[function], arguments[0], arguments[1], span)
+    return FunctionCall(function, arguments, span, function_span=reading.span(name), owner=owner)
+
+
+def _is_java(reading: Reading, path: Sequence[str]) -> bool:
+    """Whether the names of `a.b.C` are those of a class of Java."""
+    if len(path) == 1:
+        return path[0] in JAVA_CLASSES or path[0] in reading.java
+    return bool(path) and path[0] in JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])
 
 
 def _steps(owner: Expression) -> list[str]:
@@ -294,19 +352,25 @@ def _steps(owner: Expression) -> list[str]:
     return [owner.name, *reversed(names)] if isinstance(owner, Variable) else []
 
 
-def _no_java(reading: Reading, name: str, where: Tree[Token], tree: Tree[Token]) -> None:
-    reading.used.add(name)
-    hint = "expressions have a library of functions of their own: `abs(x)`, `toString(x)` ..."
-    reading.error("java-call", f"`{name}` is a class of Java", where, hint)
-    reading.gap(tree)
-
-
 def _cast(reading: Reading, tree: Tree[Token]) -> Expression:
-    """`x as Type`, which is refused."""
-    type_ = tokens(tree.children)[0]
-    inner = trees(tree.children)[0]
-    hint = f"constrain it outside of the expression: `{type_}({reading.text(inner)})`"
-    reading.error("cast", "there are no casts in expressions", tree, hint)
+    """`x as Integer` makes a number an int, as `toInt(x)` does; only values have casts."""
+    name = tokens(tree.children)[0]
+    inner = expression_of(reading, trees(tree.children)[0])
+    span = reading.span(tree)
+    type_ = JAVA_TYPES.get(name) or (type_name(ECORE_TYPES[name].type) if name in ECORE_TYPES else str(name))
+    if type_ == "bool":
+        return Binary("==", inner, Constant(True, reading.span(name)), span)
+    if type_ in CASTS:
+        return FunctionCall(CASTS[type_], (inner,), span, function_span=reading.span(name))
+    return _no_cast(reading, tree)
+
+
+def _no_cast(reading: Reading, tree: Tree[Token]) -> Expression:
+    """`x as Ship`, `x instanceof Ship`."""
+    name, inner = tokens(tree.children)[0], trees(tree.children)[0]
+    what = "casts to classes" if tree.data == "cast" else "tests of types"
+    hint = f"constrain it outside of the expression: `{name}({reading.text(inner)})`"
+    reading.error("cast", f"there are no {what} in expressions", tree, hint)
     reading.gap(tree)
     return expression_of(reading, inner)
 
@@ -373,14 +437,17 @@ _READERS: Mapping[str, Callable[[Reading, Tree[Token]], Expression]] = {
     "true": _plain_literal,
     "false": _plain_literal,
     "none": _plain_literal,
-    "enum_literal": enum_literal_of,
-    "aliased_literal": enum_literal_of,
+    "enum_literal": constant_of,
+    "aliased_literal": constant_of,
     "group": _group,
     "navigation": _navigation,
     "method": _method,
+    "static_method": _static_method,
     "cast": _cast,
+    "instance_test": _no_cast,
     "function": _function,
     "unary": _unary,
     "binary": _binary,
     "conditional": _conditional,
+    "if_else": _conditional,
 }

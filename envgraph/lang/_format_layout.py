@@ -33,7 +33,7 @@ from envgraph.lang._format_spacing import spaced
 from envgraph.lang._format_tokens import Gap, Item, Part, Remark, Tokens
 
 _LEVELS: Final[Mapping[str, int]] = {
-    "||": 1, "or": 1, "&&": 2, "and": 2, "==": 3, "===": 3, "!=": 3, "=": 3,
+    "||": 1, "or": 1, "&&": 2, "and": 2, "==": 3, "===": 3, "!=": 3, "!==": 3, "=": 3,
     "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
 }  # fmt: skip
 """How tightly operators bind."""

@@ -13,13 +13,13 @@ _ARROWS: Final = frozenset({"forward", "backward", "half_arrow", "unnamed"})
 
 _CALLS: Final = frozenset(
     {
-        "annotation", "arguments", "call", "domains", "evaluation", "function", "method", "parameters", "terms",
-        "unwind",
+        "annotation", "arguments", "call", "domains", "evaluation", "function", "method", "parameters",
+        "static_method", "terms", "unwind",
     }
 )  # fmt: skip
 """What has its `(` directly behind a name."""
 
-_TYPES: Final = frozenset({"aliased_literal", "enum_literal", "type"})
+_TYPES: Final = frozenset({"aliased_literal", "enum_literal", "static_method", "type"})
 
 
 def spaced(tokens: Tokens, index: int) -> bool:

@@ -14,14 +14,17 @@ VALUE_WORDS = frozenset(
 
 _VALUES = frozenset(
     ["a name", "a string", "a whole number", "a number", "`_`", "`#`", "`+`", "`-`", "`!`", "`(`", "`::`"]
-    + [f"`{word}`" for word in VALUE_WORDS]
+    + [f"`{word}`" for word in (*VALUE_WORDS, "if")]
 )
 _OPERATORS = frozenset(
     f"`{sign}`"
-    for group in (".?+-*/%<>=", ("<=", ">=", "==", "===", "!=", "&&", "||", "and", "or", "as", "instanceof"))
+    for group in (
+        ".?+-*/%<>=",
+        ("<=", ">=", "==", "===", "!=", "!==", "&&", "||", "and", "or", "as", "instanceof"),
+    )
     for sign in group
 )
-_COMPARISONS = ("==", "===", "!=", "=", "<", "<=", ">", ">=")
+_COMPARISONS = ("==", "===", "!=", "!==", "=", "<", "<=", ">", ">=")
 _MOST_SHOWN = 9
 _BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
 """What starts a definition of which kind of file."""
@@ -80,12 +83,8 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
         return "a condition on a feature stands in `check(..)`"
     if word == "{" and before[1] in ("(", "return"):
         return "one expression stands here: there are no blocks of statements"
-    if word == "(" and before[0] == "::":
-        return f"functions have no class before them: `{before[1]}(..)`"
     if before[1] == "new":
         return "no objects are made in an expression"
-    if before[1] == ")" and _opened_by(lexemes, index - 1) == "if":
-        return "write `condition ? value : other`"
     if word in ("+", "-", "*", "/", "%") and after != ">" and grammar.accepts(states, signs[")"]):
         return "a computed value stands in `eval(..)`"
     if word == "." and grammar.accepts(states, signs["::"]):
@@ -93,13 +92,3 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
             return f"a literal of an enum is written `{before[1]}::{after}`"
         return "a feature is read in `check(..)`, in `eval(..)`, or by a path"
     return None
-
-
-def _opened_by(lexemes: Sequence[Lexeme], closing: int) -> str:
-    """What stands before the bracket that another one closes."""
-    depth = 0
-    for place in range(closing, 0, -1):
-        depth += {")": 1, "(": -1}.get(lexemes[place].value, 0)
-        if depth == 0:
-            return lexemes[place - 1].value
-    return ""

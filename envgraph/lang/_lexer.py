@@ -197,10 +197,13 @@ class _Scanner:
             self._doc = ("\n".join(prose).strip(), before)
 
     def _number(self, kind: str, text: str, start: int, end: int) -> None:
-        digits = text.rstrip("lL")
+        if text[:2] in ("0x", "0X"):
+            digits = str(int(text[2:18], 16)) if len(text.lstrip("0xX")) <= 16 else "9" * 20
+        else:
+            digits = text.replace("_", "").rstrip("lLfFdDbBiI")
         size = len(digits.lstrip("0"))
         if kind == "FLOAT":
-            too_large = math.isinf(float(text))
+            too_large = math.isinf(float(digits))
         else:
             # The length first: int() refuses numbers of thousands of digits. The least one is `-9223372036854775808`.
             sign = bool(self._scan.lexemes) and self._scan.lexemes[-1].value == "-"

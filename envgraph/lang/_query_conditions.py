@@ -10,13 +10,14 @@ from lark import Token, Tree
 from envgraph.errors import did_you_mean
 from envgraph.lang._expressions import (
     Reading,
-    enum_literal_of,
+    constant_of,
     expression_of,
     literal_of,
     type_of,
     type_span_of,
     variable_of,
 )
+from envgraph.lang._java import JAVA_TYPES
 from envgraph.lang._parsing import qualified_name_of, tokens, trees
 from envgraph.pattern import (
     Aggregate,
@@ -41,16 +42,6 @@ from envgraph.pattern import (
 )
 
 AggregateFunction = Literal["count", "sum", "min", "max", "avg"]
-
-JAVA_TYPES: Mapping[str, str] = {
-    **dict.fromkeys(
-        ("int", "Integer", "long", "Long", "short", "Short", "byte", "Byte", "BigInteger"), "int"
-    ),
-    **dict.fromkeys(("double", "Double", "float", "Float", "BigDecimal"), "float"),
-    **dict.fromkeys(("boolean", "Boolean"), "bool"),
-    **dict.fromkeys(("String", "char", "Character", "CharSequence"), "string"),
-}
-"""Java's names for the data types, without their packages."""
 
 
 def conditions_of(reading: Reading, statements: Iterable[Tree[Token]]) -> tuple[Constraint, ...]:
@@ -184,7 +175,7 @@ def _comparison(reading: Reading, tree: Tree[Token]) -> Comparison | Check | Non
     match str(comparator):
         case "==" | "===":
             return Comparison("==", left, right, span)
-        case "!=":
+        case "!=" | "!==":
             return Comparison("!=", left, right, span)
         case "=":
             reading.error("unexpected-token", "`=` does not compare", comparator, "write `==`")
@@ -280,8 +271,8 @@ def _aggregate(reading: Reading, tree: Tree[Token]) -> Term:
 
 _TERMS: Mapping[str, Callable[[Reading, Tree[Token]], Term]] = {
     "variable": _variable,
-    "enum_literal": enum_literal_of,
-    "aliased_literal": enum_literal_of,
+    "enum_literal": constant_of,
+    "aliased_literal": constant_of,
     "constant": _constant,
     "positive": _positive,
     "hash": _hash,

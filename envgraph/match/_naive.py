@@ -28,7 +28,7 @@ from envgraph.match._naive_body import (
     mentioned,
     resolved,
 )
-from envgraph.metamodel import Attribute, EnumType, Value
+from envgraph.metamodel import Attribute, AttributeType, Value
 from envgraph.pattern import (
     Closure,
     Library,
@@ -210,8 +210,8 @@ class NaiveMatcher:
             case Positive(relation, terms):
                 for row in self._tuples(pattern, relation, terms, known):
                     yield {**known, **dict(zip(terms, row, strict=True))}
-            case Values(enum, (name,)):
-                for value in self._values(enum):
+            case Values(type_, (name,)):
+                for value in self._values(type_):
                     yield from _with(known, name, value)
             case Negative():
                 if not any(True for _ in self._group(pattern, item, known)):
@@ -288,9 +288,9 @@ class NaiveMatcher:
             ]
         return [argument] if self._is(argument, name, exact) else []  # type: ignore[arg-type, list-item]
 
-    def _values(self, enum: EnumType) -> list[Value]:
+    def _values(self, type_: AttributeType) -> list[Value]:
         """Those that occur in the model, each once."""
-        attributes = [one for one in self.library.metamodel.attributes if one.type == enum]
+        attributes = [one for one in self.library.metamodel.attributes if one.type == type_]
         values = [
             self.model.value(node, attribute)
             for attribute in attributes

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import count
 
-from envgraph.metamodel import EnumType, Value
+from envgraph.metamodel import AttributeType, Value
 from envgraph.pattern import (
     Aggregate,
     Body,
@@ -100,9 +100,9 @@ class Valuation:
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """An attribute of some object has the value, which is of the enum."""
+    """An attribute of this type has the value, at some object."""
 
-    enum: EnumType
+    type: AttributeType
     terms: tuple[str, ...]
 
 
@@ -128,8 +128,8 @@ def flatten(pattern: Pattern, body: Body, library: Library) -> FlatBody:
             )
     for constraint in body.constraints:
         reader.read(constraint)
-    for name, enum in library.bound_by_type(pattern.qualified_name, pattern.bodies.index(body)):
-        reader.items.append(Values(enum, (name,)))
+    for name, type_ in library.bound_by_type(pattern.qualified_name, pattern.bodies.index(body)):
+        reader.items.append(Values(type_, (name,)))
     parameters = {parameter.name for parameter in pattern.parameters}
     return FlatBody(
         tuple(_with_locals(reader.items, parameters | reader.constants.keys())),

@@ -4,7 +4,7 @@ from envgraph.pattern._bodies import children, navigations, terms_in, terms_of, 
 from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
-from envgraph.pattern._expressions import check_expression
+from envgraph.pattern._expressions import check_expression, is_method
 from envgraph.pattern._failure import explained
 from envgraph.pattern._functions import DeclaredFunction, FunctionDeclaration
 from envgraph.pattern._library import PATHS, VALUES, Library
@@ -181,6 +181,7 @@ __all__ = [
     "evaluate",
     "explained",
     "holds",
+    "is_method",
     "navigations",
     "renumbered_relation",
     "static_type",

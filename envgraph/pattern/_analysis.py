@@ -7,11 +7,21 @@ from dataclasses import dataclass, field, replace
 
 from envgraph.metamodel import Metamodel
 from envgraph.pattern._binding import Binding
-from envgraph.pattern._bodies import Reading, grouped_relations, positive_relations
+from envgraph.pattern._bodies import (
+    Reading,
+    children,
+    expressions,
+    grouped_relations,
+    positive_relations,
+    rewritten,
+)
+from envgraph.pattern._expressions import ExpressionChecker, is_method
 from envgraph.pattern._header import too_long
 from envgraph.pattern._inference import BodyTypes, Callee, Signature
 from envgraph.pattern._lowered import StaticType
+from envgraph.pattern._operations import FUNCTIONS
 from envgraph.pattern._queries import Body, Closure, Pattern, PatternCall
+from envgraph.pattern._terms import Expression, FunctionCall, Navigation
 from envgraph.pattern._types import joins, static_type
 
 
@@ -97,12 +107,14 @@ class Entry:
         calls: name in a call -> qualified name; kept, because patterns added later must not change what it means.
         types: of the parameters, declared or else inferred; None where unknown.
         inputs: numbers of the `in` parameters that callers have to bind.
+        written: the pattern as it was added, where it is another one.
     """
 
     pattern: Pattern
     calls: Mapping[str, str]
     types: tuple[StaticType | None, ...] = ()
     inputs: tuple[int, ...] = ()
+    written: Pattern | None = None
 
     @property
     def signature(self) -> Signature:
@@ -135,6 +147,7 @@ class Analysis:
         for name, pattern in self._new.items():
             self.entries[name] = Entry(pattern, self._resolved(pattern), self._declared(pattern))
         self._solve_types()
+        self._spell_out()
         self._solve_inputs()
 
     @property
@@ -193,6 +206,27 @@ class Analysis:
             above = joins(known, self.metamodel) if known else []
             yield above[0] if above else None
 
+    def _spell_out(self) -> None:
+        """`text.length` becomes the call that it is, `length(text)`, where types tell that it is no feature."""
+        for name, pattern in self._new.items():
+            if not any(map(too_long, pattern.bodies)):
+                bodies = tuple(self._spelled_out(pattern, body) for body in pattern.bodies)
+                if any(new is not old for new, old in zip(bodies, pattern.bodies, strict=True)):
+                    self._new[name] = replace(pattern, bodies=bodies)
+                    self.entries[name] = replace(self.entries[name], pattern=self._new[name], written=pattern)
+
+    def _spelled_out(self, pattern: Pattern, body: Body) -> Body:
+        if not any(_may_be_method(each) for each, _ in expressions(body)):
+            return body
+        checker = ExpressionChecker(self.body_types(pattern, body).types, self.metamodel, True)
+
+        def call(node: Expression) -> Expression:
+            if isinstance(node, Navigation) and is_method(node, checker.type_of(node.object)):
+                return FunctionCall(node.feature, (node.object,), node.span, node.feature_span)
+            return node
+
+        return rewritten(body, call)
+
     def _solve_inputs(self) -> None:
         """The `in` parameters of data types that some body cannot enumerate; the fewest that explain each other."""
         pending = [
@@ -228,6 +262,16 @@ class Analysis:
             Binding(self.body_types(pattern, body), pattern.parameters, others).binds(name)
             for body in pattern.bodies
         )
+
+
+def _may_be_method(expression: Expression) -> bool:
+    """Whether a path in an expression ends as a function is called; without recursion, as `depth` is."""
+    waiting = [expression]
+    for one in waiting:
+        if isinstance(one, Navigation) and one.feature in FUNCTIONS:
+            return True
+        waiting += children(one)
+    return False
 
 
 def is_closure(call: PatternCall) -> bool:

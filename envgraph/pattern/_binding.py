@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from envgraph.metamodel import EnumType, Metamodel
+from envgraph.metamodel import AttributeType, EnumType, Metamodel
 from envgraph.pattern._bodies import (
     Use,
     expressions,
@@ -41,7 +41,7 @@ class Binding:
         body_types: the body with its types.
         parameters: of the pattern.
         given: names of parameters that the caller binds.
-        by_type: whether the type of a variable enumerates the values of an enum; see `bound_by_type`.
+        by_type: whether the type of a variable enumerates its values; see `bound_by_type`.
     """
 
     def __init__(
@@ -57,6 +57,7 @@ class Binding:
         self._groups = {
             id(rel): number for number, (rel, _) in enumerate(grouped_relations(self._reading.body))
         }
+        self._asked = {self._reading.root(one.name) for one in parameters if one.direction == "in"}
         self.bound = {self._reading.root(name) for name in given}
         self.bound.update(self._reading.root(name) for name in self._at_once(parameters))
         before = -1
@@ -84,7 +85,7 @@ class Binding:
         for relation in positive_relations(self._reading.body):
             terms = terms_of(relation)
             if is_data_type(relation, self._types.metamodel):
-                if self._by_type and isinstance(self._types.columns(relation)[0], EnumType):
+                if self._by_type and self._root_of(terms[0]) not in self._asked:
                     self._bind(terms[0])
                 continue
             if all(self._ready(terms[position]) for position in inputs_of(relation, self._types)):
@@ -98,9 +99,13 @@ class Binding:
                     if not isinstance(other, Variable) and self._ready(other):
                         self._bind(term)
 
+    def _root_of(self, term: Term) -> str | None:
+        return self._reading.root(term.name) if isinstance(term, Variable) and not term.anonymous else None
+
     def _bind(self, term: Term) -> None:
-        if isinstance(term, Variable) and not term.anonymous:
-            self.bound.add(self._reading.root(term.name))
+        root = self._root_of(term)
+        if root is not None:
+            self.bound.add(root)
 
     def _ready(self, term: Term) -> bool:
         match term:
@@ -130,20 +135,27 @@ def declared_enum(parameter: Parameter, metamodel: Metamodel) -> EnumType | None
     return type_ if isinstance(type_, EnumType) else None
 
 
-def bound_by_type(body_types: BodyTypes, parameters: Sequence[Parameter]) -> tuple[tuple[str, EnumType], ...]:
-    """Variables of enums that nothing but their type enumerates: they have the values that occur in the model."""
+def bound_by_type(
+    body_types: BodyTypes, parameters: Sequence[Parameter]
+) -> tuple[tuple[str, AttributeType], ...]:
+    """Variables that nothing but their type enumerates: they have the values of that type that occur in the model.
+
+    `Kind(k)` and `int(n)` do that for a value, and the declared type of a parameter if it is an enum.
+    """
     metamodel, reading = body_types.metamodel, body_types.reading
-    found = [(p.name, enum) for p in parameters if (enum := declared_enum(p, metamodel))]
+    found: list[tuple[str, AttributeType]] = [
+        (p.name, enum) for p in parameters if (enum := declared_enum(p, metamodel))
+    ]
     for relation in positive_relations(reading.body):
         if isinstance(relation, TypeConstraint) and isinstance(relation.term, Variable):
             type_ = static_type(relation.type, metamodel)
-            if isinstance(type_, EnumType) and not relation.term.anonymous:
+            if not (type_ is None or isinstance(type_, ObjectType) or relation.term.anonymous):
                 found.append((relation.term.name, type_))
     if not found:
         return ()
     given = [parameter.name for parameter in parameters if parameter.direction == "in"]
     others = Binding(body_types, parameters, given, by_type=False)
-    unbound = {reading.root(name): (name, enum) for name, enum in reversed(found) if not others.binds(name)}
+    unbound = {reading.root(name): (name, type_) for name, type_ in reversed(found) if not others.binds(name)}
     return tuple(reversed(unbound.values()))
 
 

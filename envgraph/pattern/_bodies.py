@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum
-from typing import Final
+from typing import Any, Final, TypeVar
 
 from envgraph.errors import Span
 from envgraph.pattern._queries import (
@@ -33,6 +33,8 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
+
+Data = TypeVar("Data")
 
 LONGEST_NESTED: Final = 4
 """How many operators of a chain are compiled inside each other; a longer one has one level."""
@@ -157,6 +159,43 @@ def with_children(expression: Expression, parts: Sequence[Expression]) -> Expres
             return replace(expression, arguments=tuple(parts))
         case _:
             return expression
+
+
+def rewritten(data: Data, change: Callable[[Expression], Expression]) -> Data:
+    """A definition, or a part of one, with other expressions; itself if none changes.
+
+    Args:
+        data: frozen data, also tuples of it.
+        change: what becomes of an expression, whose operands are the changed ones.
+    """
+    try:
+        return _rewritten(data, change)  # type: ignore[no-any-return]
+    except RecursionError:  # expressions that are nested too deeply are refused where they are checked
+        return data
+
+
+def _rewritten(data: Any, change: Callable[[Expression], Expression]) -> Any:
+    if isinstance(data, tuple):
+        parts = tuple(_rewritten(part, change) for part in data)
+        return data if _same(parts, data) else parts
+    if isinstance(data, Expression):
+        operands = children(data)
+        parts = tuple(_rewritten(part, change) for part in operands)
+        return change(data if _same(parts, operands) else with_children(data, parts))
+    if not is_dataclass(data) or isinstance(data, type):
+        return data
+    changed = {}
+    for part in fields(data):
+        if part.compare:
+            old = getattr(data, part.name)
+            new = _rewritten(old, change)
+            if new is not old:
+                changed[part.name] = new
+    return replace(data, **changed) if changed else data
+
+
+def _same(parts: Sequence[object], others: Sequence[object]) -> bool:
+    return all(one is other for one, other in zip(parts, others, strict=True))
 
 
 def variables_in(expression: Expression) -> Iterator[Variable]:

@@ -211,9 +211,10 @@ class _BodyCheck:
             found.extend(usage.negation(place))
         for constraint in self._body.constraints:
             if isinstance(constraint, Comparison):
-                found.extend(self.types_check.comparison(constraint))
+                wrong = list(self.types_check.comparison(constraint))
+                found.extend(wrong)
                 found.extend(usage.comparison(constraint))
-                found.extend(_trivial(constraint))
+                found.extend(() if has_errors(wrong) else _trivial(constraint))
         found.extend(usage.problems())
         for place in sound:
             found.extend(usage.inputs(place))

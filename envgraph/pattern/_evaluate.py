@@ -108,9 +108,11 @@ def raw_value(node: Expression, values: Mapping[str, Any], read: Reader | None) 
         case EnumLiteral():
             return node.literal
         case Navigation():
+            owner = raw_value(node.object, values, read)
+            if isinstance(owner, str):  # `text.length`: objects are ints
+                return FUNCTIONS[node.feature].implementation(owner)
             if read is None:
                 raise InvalidArgument(f"no model to read `{node.feature}` from")
-            owner = raw_value(node.object, values, read)
             return None if owner is None else read(owner, node.feature)
         case Unary():
             operand = _present(node.operand, values, read)

@@ -214,11 +214,11 @@ class ExpressionChecker:
         if owner is None:
             return None
         span = node.feature_span or node.span
+        if is_method(node, owner):
+            return FUNCTIONS[node.feature].result
         if not isinstance(owner, ObjectType):
             message = f"{with_article(type_text(owner))} has no features"
-            is_function = owner is Scalar.STRING and node.feature in FUNCTIONS
-            advice = f"write `.{node.feature}()` for the function" if is_function else "leave the feature out"
-            self._at("unknown-feature", message, span, f"{advice}: only objects have features")
+            self._at("unknown-feature", message, span, "leave the feature out: only objects have features")
             return None
         feature = self.metamodel.feature(owner.cls, node.feature)
         if feature is None:
@@ -422,12 +422,9 @@ class ExpressionChecker:
     def _call(self, node: FunctionCall) -> StaticType | None:
         if node.declaration is not None:
             return self._declared(node, node.declaration)
-        function = FUNCTIONS.get(node.function)
+        function = FUNCTIONS.get(node.function) if node.owner is None else None
         if function is None:
-            hint = self._getter_hint(node) or _OF_JAVA.get(node.function)
-            hint = hint or name_hint(node.function, {**(node.declared or {}), **FUNCTIONS})
-            span = node.function_span or node.span
-            self._at("unknown-function", f"unknown function `{node.function}`", span, hint)
+            self._unknown_function(node)
             return None
         if not function.accepts_count(len(node.arguments)):
             message = f"`{function.name}` does not take {len(node.arguments)} arguments"
@@ -438,6 +435,34 @@ class ExpressionChecker:
             for position, argument in enumerate(node.arguments)
         ]
         return function.result or _common_number(function, types)
+
+    def _unknown_function(self, node: FunctionCall) -> None:
+        span = node.function_span or node.span
+        declare = self._declaring(node)
+        if node.owner is not None:
+            if node.function in FUNCTIONS:
+                declare = f"write `{FUNCTIONS[node.function].signature}` if that is meant"
+            message = f"`{node.owner}.{node.function}` is a function of Java"
+            self._at("java-call", message, span, declare)
+            return
+        hint = self._getter_hint(node) or _OF_JAVA.get(node.function)
+        hint = hint or did_you_mean(node.function, {**(node.declared or {}), **FUNCTIONS})
+        self._at("unknown-function", f"unknown function `{node.function}`", span, hint or declare)
+
+    def _declaring(self, node: FunctionCall) -> str:
+        """How to declare a function for a call."""
+        known, parameters = len(self.problems), []
+        for number, argument in enumerate(node.arguments):
+            type_ = self.type_of(argument)
+            if self._is_object(argument) or isinstance(type_, ObjectType):
+                del self.problems[known:]
+                return "declare a function, which takes values: pass features of the object"
+            name = argument.name if isinstance(argument, Variable) else f"{'abcdefgh'[number % 8]}"
+            name = argument.feature if isinstance(argument, Navigation) else name
+            parameters.append(f"{name} : {type_text(type_) if type_ else 'int'}")
+        del self.problems[known:]
+        declaration = f"function {node.function}({', '.join(parameters)}) : bool;"
+        return f"declare it, such as `{declaration}`, and give the engine its code"
 
     def _declared(self, node: FunctionCall, function: DeclaredFunction) -> StaticType | None:
         """The type of a call of a declared function, which takes values of the types that it says."""
@@ -479,9 +504,7 @@ _KINDS: Final[Mapping[str, str]] = {
 
 
 _OF_JAVA: Final[Mapping[str, str]] = {
-    "equals": "write `a == b`",
     "equalsIgnoreCase": "write `toLower(a) == toLower(b)`",
-    "concat": "write `a + b`",
     "compareTo": "write `a < b`, `a == b` or `a > b`",
     "matches": "there are no regular expressions, but `startsWith`, `endsWith`, `contains` and `indexOf`",
     "valueOf": "write `toInt(x)`, `toFloat(x)` or `toString(x)`",
@@ -490,6 +513,12 @@ _OF_JAVA: Final[Mapping[str, str]] = {
     "size": "write `n == count Type.feature(x, _);` outside of the expression",
 }
 """What to write for methods of Java."""
+
+
+def is_method(node: Navigation, owner: StaticType | None) -> bool:
+    """Whether `text.length` is the function of a string, without its brackets."""
+    function = FUNCTIONS.get(node.feature)
+    return owner is Scalar.STRING and function is not None and function.parameters == ("string",)
 
 
 def _is_none(node: Expression) -> bool:

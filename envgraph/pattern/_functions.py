@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isfinite
 from reprlib import repr as short
-from typing import Any, TypeVar
 
 from envgraph.errors import Diagnostic, FunctionError, Note, Span
 from envgraph.metamodel import AttributeType, Metamodel, Value, accepts
-from envgraph.pattern._bodies import children, with_children
+from envgraph.pattern._bodies import Data, rewritten
 from envgraph.pattern._lowered import ObjectType
 from envgraph.pattern._operations import FUNCTIONS, MOST_CHARACTERS
 from envgraph.pattern._queries import Parameter
-from envgraph.pattern._terms import Binary, Conditional, FunctionCall, Navigation, Unary
+from envgraph.pattern._terms import Expression, FunctionCall
 from envgraph.pattern._types import coerced, static_type, type_hint, type_text
-
-Data = TypeVar("Data")
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,35 +183,11 @@ def _types(
 
 def resolved(data: Data, functions: Functions) -> Data:
     """A definition whose calls of functions know those that are declared; itself if that is so already."""
-    try:
-        return _resolved(data, functions)  # type: ignore[no-any-return]
-    except RecursionError:  # expressions that are nested too deeply are refused where they are checked
-        return data
 
+    def known(expression: Expression) -> Expression:
+        if isinstance(expression, FunctionCall) and expression.declared is not functions:
+            builtin = expression.function in FUNCTIONS
+            return expression if builtin else replace(expression, declared=functions)
+        return expression
 
-def _resolved(data: Any, functions: Functions) -> Any:
-    match data:
-        case tuple():
-            parts = tuple(_resolved(part, functions) for part in data)
-            return data if _same(parts, data) else parts
-        case FunctionCall() | Binary() | Unary() | Conditional() | Navigation():
-            old = children(data)
-            new = [_resolved(part, functions) for part in old]
-            found = data if _same(new, old) else with_children(data, new)
-            if isinstance(found, FunctionCall) and found.function not in FUNCTIONS:
-                return found if found.declared is functions else replace(found, declared=functions)
-            return found
-    if not is_dataclass(data) or isinstance(data, type | Span):
-        return data
-    changed = {}
-    for each in fields(data):
-        if each.compare:
-            old_part = getattr(data, each.name)
-            part = _resolved(old_part, functions)
-            if part is not old_part:
-                changed[each.name] = part
-    return replace(data, **changed) if changed else data
-
-
-def _same(parts: Sequence[object], others: Sequence[object]) -> bool:
-    return all(one is other for one, other in zip(parts, others, strict=True))
+    return rewritten(data, known)

@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
-from envgraph.metamodel import EnumType, Metamodel
+from envgraph.metamodel import AttributeType, Metamodel, type_name
 from envgraph.pattern._analysis import Analysis, Entry, Names
 from envgraph.pattern._binding import bound_by_type
-from envgraph.pattern._bodies import Reading
+from envgraph.pattern._bodies import Data, Reading
 from envgraph.pattern._check import check_patterns
-from envgraph.pattern._functions import Data, FunctionDeclaration, Functions, declared, resolved
+from envgraph.pattern._functions import FunctionDeclaration, Functions, declared, resolved
 from envgraph.pattern._inference import BodyTypes, Signature
 from envgraph.pattern._lowered import LoweredPattern, StaticType
 from envgraph.pattern._normal import lower_body
@@ -23,7 +23,7 @@ from envgraph.pattern._types import type_text
 PATHS = "#path"
 """Package of the patterns that are generated for paths; no text spells it."""
 VALUES = "#values"
-"""Package of those that are generated for the values of enums."""
+"""Package of those that are generated for the values of data types and enums."""
 
 
 class Checked(NamedTuple):
@@ -58,7 +58,7 @@ class Library:
     @property
     def patterns(self) -> tuple[Pattern, ...]:
         """The registered patterns, in the order they were added."""
-        return tuple(entry.pattern for entry in self._entries.values())
+        return tuple(entry.written or entry.pattern for entry in self._entries.values())
 
     def names(self) -> tuple[str, ...]:
         """Qualified names of the registered patterns, in the order they were added."""
@@ -208,8 +208,8 @@ class Library:
         parameters = entry.pattern.parameters
         return BodyTypes(Reading(body, parameters), parameters, self.metamodel, callee)
 
-    def bound_by_type(self, qualified_name: str, number: int) -> tuple[tuple[str, EnumType], ...]:
-        """Variables of a body (from 0) that have all values of an enum that occur in the model.
+    def bound_by_type(self, qualified_name: str, number: int) -> tuple[tuple[str, AttributeType], ...]:
+        """Variables of a body (from 0) that have all values of a type that occur in the model.
 
         Raises:
             InvalidArgument: there is no such pattern.
@@ -217,21 +217,24 @@ class Library:
         entry = self._entry(qualified_name)
         return bound_by_type(self._types(entry, entry.pattern.bodies[number]), entry.pattern.parameters)
 
-    def _generate(self, wanted: ResolvedPath | EnumType) -> str:
-        """Register the pattern of a path or an enum; the same one always has the same name."""
-        return self._enum_pattern(wanted) if isinstance(wanted, EnumType) else self._path_pattern(wanted)
+    def _generate(self, wanted: ResolvedPath | AttributeType) -> str:
+        """Register the pattern of a path or of the values of a type; the same one always has the same name."""
+        return (
+            self._path_pattern(wanted) if isinstance(wanted, ResolvedPath) else self._values_pattern(wanted)
+        )
 
-    def _enum_pattern(self, enum: EnumType) -> str:
-        name = f"{VALUES}.{enum.name}"
+    def _values_pattern(self, type_: AttributeType) -> str:
+        name = f"{VALUES}.{type_name(type_)}"
         if name not in self._generated:
             value = Variable("value")
             bodies = tuple(
                 Body((PathConstraint(attribute.owner, (attribute.name,), Variable("_"), value),))
                 for attribute in self.metamodel.attributes
-                if attribute.type == enum
+                if attribute.type == type_
             )
-            pattern = Pattern(enum.name, (Parameter("value", enum.name),), bodies, VALUES, private=True)
-            self._generated[name] = Entry(pattern, {}, (enum,))
+            parameter = Parameter("value", type_name(type_))
+            pattern = Pattern(type_name(type_), (parameter,), bodies, VALUES, private=True)
+            self._generated[name] = Entry(pattern, {}, (type_,))
         return name
 
     def _path_pattern(self, path: ResolvedPath) -> str:

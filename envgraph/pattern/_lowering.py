@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Scalar
+from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Scalar
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import base_of, children, none_test, terms_of, with_children
 from envgraph.pattern._evaluate import holds, value_of
@@ -54,7 +54,7 @@ from envgraph.pattern._terms import (
 )
 from envgraph.pattern._types import coerced, comparable, static_type, value_type
 
-Generate = Callable[[ResolvedPath | EnumType], str]
+Generate = Callable[[ResolvedPath | AttributeType], str]
 """Registers the generated pattern of a path, or of the values of an enum, and gives its qualified name."""
 
 
@@ -79,8 +79,8 @@ class BodyLowering:
         for parameter in parameters:
             self.slots.fresh(body_types.of(parameter.name), parameter.name)
         self.atoms = self._lower(body_types.reading.body.constraints)
-        for name, enum in bound_by_type(body_types, parameters):
-            self.atoms.append(CallAtom(generate(enum), (self.slots.named(name, enum),)))
+        for name, type_ in bound_by_type(body_types, parameters):
+            self.atoms.append(CallAtom(generate(type_), (self.slots.named(name, type_),)))
 
     def _lower(self, constraints: Sequence[Constraint]) -> list[Atom]:
         buckets: list[list[Atom]] = []

@@ -137,6 +137,7 @@ class FunctionCall:
     """`function(arguments)`, of the standard library of expressions, or of a function that is declared.
 
     Attributes:
+        owner: the class of Java that stands before it, where the library has no such function.
         declared: functions of the engine that the call was added to, by name; put there by `Library.resolved`.
     """
 
@@ -144,6 +145,7 @@ class FunctionCall:
     arguments: tuple[Expression, ...]
     span: Span | None = field(default=None, compare=False, repr=False)
     function_span: Span | None = field(default=None, compare=False, repr=False)
+    owner: str | None = field(default=None, compare=False, repr=False)
     declared: Mapping[str, Any] | None = field(default=None, compare=False, repr=False)
 
     @property

@@ -196,6 +196,8 @@ class TypeCheck:
     def comparison(self, comparison: Comparison) -> Iterator[Diagnostic]:
         """Sides of different types."""
         left, right = comparison.left, comparison.right
+        if isinstance(left, Constant) and isinstance(right, Constant):
+            yield from self._constants(left, right, comparison)
         for term, other in ((left, right), (right, left)):
             if isinstance(term, Constant | EnumLiteral):
                 if isinstance(other, Constant | EnumLiteral):
@@ -206,6 +208,13 @@ class TypeCheck:
                     yield from self.literal(term, None, term.span)
         if not isinstance(left, Constant | EnumLiteral) and not isinstance(right, Constant | EnumLiteral):
             yield from self._values(comparison)
+
+    def _constants(self, left: Constant, right: Constant, comparison: Comparison) -> Iterator[Diagnostic]:
+        one, other = self._types.of_term(left), self._types.of_term(right)
+        if one and other and not comparable(one, other, self._metamodel):
+            message = f"`{comparison.operator}` cannot compare `{type_text(one)}` with `{type_text(other)}`"
+            hint = f"compare {with_article(type_text(one))} with another one"
+            yield Diagnostic("type-conflict", message, comparison.span, hint)
 
     def _compared_literal(
         self, term: Constant | EnumLiteral, other: Term, comparison: Comparison

@@ -29,6 +29,7 @@ from envgraph.pattern import (
     check_expression,
     children,
     compile_expression,
+    is_method,
     with_children,
 )
 from envgraph.rewrite._plan import (
@@ -349,6 +350,8 @@ class PathReader:
     def without_paths(self, node: Expression, needed: bool = False) -> Expression:
         """The expression without paths; `needed` where the operator around it takes no None."""
         match node:
+            case Navigation() if is_method(node, self._type(node.object)):
+                return FunctionCall(node.feature, (self.without_paths(node.object, True),), node.span)
             case Navigation():
                 return self._path(node, needed)
             case Unary() | Binary() | FunctionCall():
@@ -374,7 +377,7 @@ class PathReader:
         return Variable(name)
 
     def _read(self, node: Navigation) -> tuple[str, Attribute | Reference]:
-        owner, _ = check_expression(node.object, self.types, self.metamodel)
+        owner = self._type(node.object)
         assert isinstance(owner, ObjectType), "the expression has been checked"
         feature = self.metamodel.feature(owner.cls, node.feature)
         assert feature is not None
@@ -387,6 +390,9 @@ class PathReader:
         temporary = f"t{len(self.writer.namespace)}"
         self.writer.namespace[temporary] = None
         return f"(None if ({temporary} := {base}) is None else {read}({temporary}, {constant}))", feature
+
+    def _type(self, node: Expression) -> StaticType | None:
+        return check_expression(node, self.types, self.metamodel)[0]
 
     def _base(self, node: Expression) -> str:
         if isinstance(node, Variable):

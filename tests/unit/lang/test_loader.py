@@ -364,3 +364,14 @@ def test_tables_and_grids_of_the_samples_hold_what_they_say() -> None:
     assert rooms.model is not None
     assert [key.colour for key in rooms.model.nodes("Key")] == ["red"]
     assert rooms.model["hero"].at.cls == "Floor"
+
+
+def test_what_is_read_again_is_what_the_engine_has() -> None:
+    files = {
+        "m.metamodel": "metamodel m\nclass P { string s }",
+        "p.query": 'import "m.metamodel"\nfunction f(s : string) : bool;\n'
+        "pattern p(x : P) { P.s(x, s); check(s.length > 1 && Util::f(s) && s.trim.equals(s)); }",
+    }
+    engine = load_workspace(["p.query"], files=TextFiles(files)).engine()
+    engine.add(*(one for one in load_workspace(["p.query"], files=TextFiles(files)).functions))
+    assert engine.definitions == load_workspace(["p.query"], files=TextFiles(files)).definitions

@@ -153,7 +153,8 @@ CASES = [
         ["W:cartesian-product"],
         [one("k : Key, c : Colour", isa("Key", "k"), ne("c", "::red"))],
     ),
-    ("a type constraint with a data type is none", ["not-enumerable"], [one("n", isa("int", "n"))]),
+    ("a data type enumerates", [], [one("n : int", isa("int", "n"))]),
+    ("a declared data type does not", ["not-enumerable"], [one("n : int", check(op("n", ">", 1)))]),
     ("two variables that only equal each other", ["not-enumerable"], [one("a, b", eq("a", "b"))]),
     (
         "a local in two negations",

@@ -95,3 +95,20 @@ def test_a_path_that_leads_nowhere_clears_a_reference_and_an_optional_attribute(
     assert (a.note, a.next) == ("y", None)
     made.apply("r", a=a)
     assert (a.note, a.next) == (None, None) and not check_conformance(made.model)
+
+
+def test_functions_of_strings_need_no_brackets() -> None:
+    made = engine(
+        """
+        rule measure(x : Item) {
+            lhs { x : Item; check(x.next.label.length > 1); }
+            modify { set x.n = x.next.label.trim.length + x.label.length; }
+        }
+        unit each { all measure where check(x.label.isEmpty); }
+        """,
+        model=chain(3),
+    )
+    for node, label in zip(made.model.nodes("Item"), ("", " abc ", "de"), strict=True):
+        node.label = label
+    assert made.run("each").applications == 1
+    assert [node.n for node in made.model.nodes("Item")] == [3, 1, 2]

@@ -1,0 +1,73 @@
+"""Java in expressions: the types, constants and functions that queries of VIATRA use, in our words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import e, pi
+from sys import float_info
+from typing import Final
+
+from envgraph.metamodel import Value
+
+_INTS: Final = ("Integer", "Long", "Short", "Byte")
+_FLOATS: Final = ("Double", "Float")
+
+JAVA_TYPES: Final[Mapping[str, str]] = {
+    **dict.fromkeys((*_INTS, "int", "long", "short", "byte", "BigInteger"), "int"),
+    **dict.fromkeys((*_FLOATS, "double", "float", "BigDecimal"), "float"),
+    **dict.fromkeys(("boolean", "Boolean"), "bool"),
+    **dict.fromkeys(("String", "char", "Character", "CharSequence"), "string"),
+}
+"""Java's names for the data types, without their packages."""
+
+JAVA_CLASSES: Final = frozenset({*_INTS, *_FLOATS, "Boolean", "Math", "Objects", "String"})
+"""Classes that need no import."""
+
+JAVA_DOMAINS: Final = frozenset({"com", "edu", "io", "java", "javax", "net", "org"})
+"""What the full name of a class begins with."""
+
+CASTS: Final[Mapping[str, str]] = {"int": "toInt", "float": "toFloat", "string": "toString"}
+"""The function that stands for a cast to a data type."""
+
+METHODS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("intValue", "longValue"), "toInt"),
+    **dict.fromkeys(("doubleValue", "floatValue"), "toFloat"),
+}
+"""Methods of values that are functions of another name here."""
+
+OPERATORS: Final[Mapping[str, str]] = {"equals": "==", "concat": "+"}
+"""Methods that are operators here."""
+
+CONSTANTS: Final[Mapping[tuple[str, str], Value]] = {
+    ("Integer", "MAX_VALUE"): 2**31 - 1,
+    ("Integer", "MIN_VALUE"): -(2**31),
+    ("Long", "MAX_VALUE"): 2**63 - 1,
+    ("Long", "MIN_VALUE"): -(2**63),
+    ("Double", "MAX_VALUE"): float_info.max,
+    ("Math", "PI"): pi,
+    ("Math", "E"): e,
+    ("Boolean", "TRUE"): True,
+    ("Boolean", "FALSE"): False,
+}
+
+_MATH: Final = ("abs", "ceil", "exp", "floor", "log", "max", "min", "pow", "round", "sqrt")
+
+_FUNCTIONS: Final[Mapping[tuple[str, str], str]] = {
+    **{("Math", name): name for name in _MATH},
+    ("Math", "floorMod"): "mod",
+    **{(cls, name): name for cls in (*_INTS, *_FLOATS) for name in ("max", "min")},
+    **{(cls, "valueOf"): "toInt" for cls in _INTS},
+    **{(cls, "valueOf"): "toFloat" for cls in _FLOATS},
+    **{(cls, "toString"): "toString" for cls in (*_INTS, *_FLOATS, "Boolean")},
+    ("String", "valueOf"): "toString",
+    ("Objects", "equals"): "equals",
+}
+
+
+def function_of(cls: str, name: str) -> str | None:
+    """What a static function of Java is called here, or None.
+
+    >>> function_of("Math", "floorMod"), function_of("java.lang.Math", "max"), function_of("Math", "cbrt")
+    ('mod', 'max', None)
+    """
+    return _FUNCTIONS.get((cls.rpartition(".")[2], name))
