@@ -47,7 +47,7 @@ from envgraph.rewrite._plan import (
     Unlink,
 )
 from envgraph.rewrite._sight import LinkKey, ResolvedEdge, Sight
-from envgraph.rewrite._variables import equated, is_named, node_names, path_edges
+from envgraph.rewrite._variables import equated, is_named, may_be_one, node_names, path_edges
 
 TypesOf = Callable[[LoweredBlock], Mapping[str, StaticType | None]]
 
@@ -510,9 +510,10 @@ class BlockBuilder:
 
     def _may_coincide(self, one: str, other: str) -> bool:
         """Whether two variables may stand for one object in a match of this rule."""
-        if one == other or frozenset((one, other)) in self.sight.equated:
+        same = self.sight.equated
+        if one == other or frozenset((one, other)) in same:
             return True
-        if self.rule.injective and not any(one in g and other in g for g in self.rule.homomorphic):
+        if self.rule.injective and not may_be_one(one, other, self.rule.homomorphic, same):
             return False
         left, right = self.sight.before(one), self.sight.before(other)
         return bool(left and right and self.sight.metamodel.overlap(left, right))

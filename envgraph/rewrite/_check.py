@@ -4,26 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
-from itertools import combinations, zip_longest
+from dataclasses import dataclass, replace
+from itertools import chain, combinations, zip_longest
 from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
 from envgraph.pattern import (
+    Aggregate,
     Block,
+    Constraint,
     Create,
     Library,
     Modification,
+    Negation,
     Node,
     ObjectType,
     Parameter,
     Pattern,
+    PatternCall,
     RightSide,
     Rule,
     StaticType,
     TypeConstraint,
     Variable,
     static_type,
+    terms_in,
 )
 from envgraph.rewrite._block import BlockBuilder
 from envgraph.rewrite._header import (
@@ -85,8 +90,9 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     lowering = LeftLowering(rule, library)
     lowered = lowering.lower(_created(rule))
     patterns = tuple(lowering.patterns)
-    problems += lowering.problems
-    problems += _left_problems(library, lowering, problems)
+    called = _called_types(rule, library)
+    problems += [_with_class(one, called) for one in lowering.problems]
+    problems += _left_problems(library, lowering, called, problems)
     known = None
     if not has_errors(problems):
         known = copy(library)  # a library never changes what it has: a shallow copy is one of its own
@@ -123,11 +129,17 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     return CheckedRule(rule, patterns, plan, tuple(problems))
 
 
-def _left_problems(library: Library, lowering: LeftLowering, told: Sequence[Diagnostic]) -> list[Diagnostic]:
+def _left_problems(
+    library: Library,
+    lowering: LeftLowering,
+    called: Mapping[str, StaticType | None],
+    told: Sequence[Diagnostic],
+) -> list[Diagnostic]:
     """The errors that the library finds in left sides, without what has been told of the same places and names."""
     places = {problem.span for problem in told if problem.span}
     declared: list[Parameter | Node] = [*lowering.rule.parameters, *_nodes(lowering.rule)]
     unknown = {one.name for one in declared if one.type and not static_type(one.type, library.metamodel)}
+    unknown |= {name for name, type_ in called.items() if type_ is None}
 
     def echoes(problem: Diagnostic) -> bool:
         names = {"untyped-source": unknown, "not-enumerable": lowering.unclear}.get(problem.code, set())
@@ -137,8 +149,41 @@ def _left_problems(library: Library, lowering: LeftLowering, told: Sequence[Diag
 
     said = left_problems(library, *lowering.patterns)
     found = [one for one in said if one.severity is Severity.ERROR or (one.code in _LINTS and one.span)]
-    fresh = [one for one in found if not echoes(one)]
+    fresh = [_with_class(one, called) for one in found if not echoes(one)]
     return fresh if fresh or has_errors(told) else found
+
+
+def _called_types(rule: Rule, library: Library) -> dict[str, StaticType | None]:
+    """What calls of patterns say about variables, wherever they stand in a rule; None if one has a mistake."""
+    found: dict[str, StaticType | None] = {}
+    parts: list[Rule | Block] = [rule]
+    for part in parts:  # which grows
+        parts += part.blocks
+        for call in chain.from_iterable(map(_calls, part.left.constraints)):
+            pattern = library.resolve(call.pattern, rule.package)
+            sound = pattern is not None and len(pattern.parameters) == len(call.arguments)
+            types = library.parameter_types(pattern.qualified_name) if pattern and sound else ()
+            for term, type_ in zip_longest(call.arguments, types):
+                if isinstance(term, Variable) and (type_ is None or term.name not in found):
+                    found[term.name] = type_
+    return found
+
+
+def _calls(constraint: Constraint) -> Iterator[PatternCall]:
+    """The calls of patterns in a condition, those under `neg` and in aggregates included."""
+    relations = [constraint.relation if isinstance(constraint, Negation) else constraint]
+    relations += [term.over for term in terms_in(constraint) if isinstance(term, Aggregate)]
+    yield from (relation for relation in relations if isinstance(relation, PatternCall))
+
+
+def _with_class(problem: Diagnostic, called: Mapping[str, StaticType | None]) -> Diagnostic:
+    """Of a variable that has no type where it is: with the class that a call at another place says."""
+    if problem.code not in ("untyped-source", "untyped-variable"):
+        return problem
+    for name, type_ in called.items():
+        if f"`{name}`" in problem.message and isinstance(type_, ObjectType):
+            return replace(problem, hint=f"write `{name} : {type_.cls}`")
+    return problem
 
 
 def _nodes(part: Rule | Block) -> Iterator[Node]:

@@ -48,6 +48,7 @@ from envgraph.rewrite._variables import (
     all_names,
     equated,
     is_named,
+    may_be_one,
     own_variables,
 )
 
@@ -96,7 +97,6 @@ class LeftLowering:
         self.untyped: set[str] = set()
         self.unclear: set[str] = set()
         self._numbers = count(1)
-        self._groups = [frozenset(group) for group in rule.homomorphic]
 
     def lower(self, created: set[str]) -> LoweredBlock:
         """The rule itself; parameters among the `created` names are left out of the match."""
@@ -259,17 +259,15 @@ class LeftLowering:
     ) -> Iterator[Constraint]:
         if not self.rule.injective:
             return
-        same = equated(left)
+        groups, same = self.rule.homomorphic, equated(self.rule.left, left)
         for position, one in enumerate(own):
             for other in (*own[position + 1 :], *enclosing):
-                if self._must_differ(one, other, types) and frozenset((one, other)) not in same:
+                if self._overlap(types[one], types[other]) and not may_be_one(one, other, groups, same):
                     yield Comparison("!=", Variable(one), Variable(other))
 
-    def _must_differ(self, one: str, other: str, types: Types) -> bool:
-        left, right = types[one], types[other]
+    def _overlap(self, left: StaticType | None, right: StaticType | None) -> bool:
+        """Whether an object may be of both types."""
         if not (isinstance(left, ObjectType) and isinstance(right, ObjectType)):
-            return False
-        if any(one in group and other in group for group in self._groups):
             return False
         known = self.metamodel.classes
         return left.cls in known and right.cls in known and self.metamodel.overlap(left.cls, right.cls)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import combinations
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from itertools import chain, combinations
 
 from envgraph.errors import Span
 from envgraph.metamodel import Attribute, Metamodel, Reference
@@ -115,10 +115,10 @@ def all_names(left: LeftSide) -> set[str]:
     return set(node_names(left)) | {v.name for c in left.constraints for v in mentioned(c)}
 
 
-def equated(left: LeftSide) -> set[frozenset[str]]:
+def equated(*lefts: LeftSide) -> set[frozenset[str]]:
     """Pairs of variables that `==` says are the same, transitively."""
     groups: list[set[str]] = []
-    for constraint in left.constraints:
+    for constraint in chain.from_iterable(left.constraints for left in lefts):
         if isinstance(constraint, Comparison) and constraint.operator == "==":
             sides = {term.name for term in (constraint.left, constraint.right) if isinstance(term, Variable)}
             if len(sides) == 2:
@@ -126,6 +126,16 @@ def equated(left: LeftSide) -> set[frozenset[str]]:
                 groups = [group for group in groups if not group & sides]
                 groups.append(sides.union(*touching))
     return {frozenset(pair) for group in groups for pair in combinations(sorted(group), 2)}
+
+
+def may_be_one(
+    one: str, other: str, groups: Iterable[Collection[str]], same: Collection[frozenset[str]]
+) -> bool:
+    """Whether two variables are the same by `==`, or may be by `@hom`: an alias is in the groups of what it is."""
+    if frozenset((one, other)) in same:
+        return True
+    first, second = ({name}.union(*(pair for pair in same if name in pair)) for name in (one, other))
+    return any(not first.isdisjoint(group) and not second.isdisjoint(group) for group in groups)
 
 
 class TypeReader:

@@ -439,8 +439,17 @@ class Matching:
         return all(env[a] != env[b] or self.may_coincide(a, b, left) for a, b in new)
 
     def may_coincide(self, one: str, other: str, left: LeftSide) -> bool:
-        listed = any(one in group and other in group for group in self.rule.homomorphic)
-        return listed or any(is_equation(c) and {one, other} == names_in(c) for c in left.constraints)
+        """What `==` makes one counts as one for `@hom`, too."""
+        first, second = self.aliases(one, left), self.aliases(other, left)
+        listed = any(first & set(group) and second & set(group) for group in self.rule.homomorphic)
+        return listed or other in first
+
+    def aliases(self, name: str, left: LeftSide) -> set[str]:
+        found = {name}
+        equations = [names_in(c) for c in (*self.rule.left.constraints, *left.constraints) if is_equation(c)]
+        for _ in equations:
+            found = found.union(*(names for names in equations if names & found and len(names) == 2))
+        return found
 
     def conditions(self, blocks: Sequence[Block], env: Env) -> bool:
         return all(self.holds(block, env) for block in blocks)

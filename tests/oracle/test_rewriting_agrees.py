@@ -8,10 +8,11 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from envgraph.errors import EvaluationError, RuleError, Source
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError, Source
 from envgraph.graph import Model
 from envgraph.lang import format_text, to_text
 from envgraph.lang._parsing import parse
@@ -140,11 +141,11 @@ def test_what_is_bound_in_advance_chooses_among_the_matches(seed: int) -> None:
         assert engine.count(rule.name, **bound) == len(wanted)
         said = apply_quietly(engine, rule.name, **bound)
         assert not said.startswith("(") or said in map(str, rows)
-        # A name for something that is not there, or that is something else.
         things = [name for name in order if isinstance(chosen[name], Thing)]
         if things:
             other = max(state.classes) + 1000
-            assert engine.matches(rule.name, **plain(values | {things[0]: Thing(other)})) == []
+            with pytest.raises(InvalidArgument, match="which there is not"):
+                engine.matches(rule.name, **plain(values | {things[0]: Thing(other)}))
 
 
 def plain(env: Env) -> dict[str, object]:

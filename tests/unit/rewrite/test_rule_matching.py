@@ -162,6 +162,27 @@ def test_an_object_of_another_class_has_no_match() -> None:
     assert made.matches("r", s=0) == []
 
 
+def test_an_alias_may_be_what_the_name_may_be_that_it_stands_for() -> None:
+    made = engine(
+        """
+        @hom(a, b) rule some(out c : Item) { lhs { a : Item; b : Item; c == a; } }
+        @hom(a, b) rule chained(out d : Item) { lhs { a : Item; b : Item; c : Item; c == a; d == c; } }
+        rule none(out c : Item) { lhs { a : Item; b : Item; c == a; } }
+        @hom(a, d) rule inside(out c : Item) {
+            lhs { a : Item; c == a; }
+            forall { lhs { d : Item; } modify { set d.n = 7; } }
+        }
+        @hom(a, d) rule deleted(out c : Item) { lhs { a : Item; d : Item; c == d; } modify { delete a; set d.n = 1; } }
+        """,
+        model=chain(1),
+    )
+    assert [made.count(name) for name in ("some", "chained", "none", "inside")] == [1, 1, 0, 1]
+    assert made.apply("inside") is not None and made.model.node(0).n == 7
+    with pytest.raises(RuleError) as caught:
+        made.apply("deleted")
+    assert caught.value.reason == "identification"
+
+
 def test_wrong_arguments_are_refused() -> None:
     made = engine("rule r { lhs { first : Item; Item.label(first, text); } }", model=chain(2))
     with pytest.raises(InvalidArgument, match="did you mean `first`"):
