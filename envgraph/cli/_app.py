@@ -44,7 +44,10 @@ Seed = Annotated[
     ),
 ]
 
-Model = Annotated[str, typer.Argument(help="A .model or .xmi file, or a model as JSON.", show_default=False)]
+Model = Annotated[
+    str,
+    typer.Argument(help="A .model or .xmi file, any model of EMF, or one as JSON.", show_default=False),
+]
 Metamodel = Annotated[
     list[str] | None,
     typer.Option(
@@ -365,12 +368,15 @@ def show(
     ] = ShowFormat.TEXT,
 ) -> None:
     """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
-    from envgraph.cli._picture import DEFINITIONS, PICTURED, show_file
+    from envgraph.cli._kinds import DEFINITIONS, METAMODELS, MODELS
+    from envgraph.cli._picture import show_file
+    from envgraph.lang import DiskFiles, file_format
 
-    if run.endswith(PICTURED):
+    shown = file_format(DiskFiles(), run)
+    if shown in (*MODELS, *METAMODELS):
         show_file(run, variant, metamodel, format)
         return
-    if run.endswith(DEFINITIONS):
+    if shown in DEFINITIONS:
         raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
     from envgraph.cli._family import show_family
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import envgraph.lang
+from envgraph.cli._kinds import A_METAMODEL, A_MODEL, METAMODELS, MODELS, take
 from envgraph.cli._output import print_line
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
@@ -29,27 +30,19 @@ def convert_file(file: str, output: Path, metamodels: list[str] | None) -> None:
 
 
 def read_model(file: str, metamodels: list[str] | None) -> Model:
-    """The model of a `.model` or `.xmi` file, or of a JSON file, which needs a metamodel."""
-    paths = metamodel_paths(metamodels)
-    if not file.endswith(".json"):
-        workspace = envgraph.lang.load_workspace([*paths, file])
-        workspace.raise_errors()
-        if not workspace.models:
-            raise InvalidArgument(f"`{file}` has no model")
-        return workspace.model()
-    workspace = envgraph.lang.load_workspace(paths)
+    """The model of a file, or of a family."""
+    take(file, (*MODELS, "toml"), A_MODEL)
+    workspace = envgraph.lang.load_workspace([*metamodel_paths(metamodels), file])
     workspace.raise_errors()
-    if workspace.metamodel is None:
-        raise InvalidArgument("a model as JSON needs a metamodel; name it with --metamodel")
-    source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), file)
-    return envgraph.lang.parse_model(source, workspace.metamodel)
+    if not workspace.models:
+        raise InvalidArgument(f"`{file}` has no model")
+    return workspace.model()
 
 
 def metamodel_paths(metamodels: list[str] | None) -> list[str]:
     """The values of `--metamodel`, if any were given."""
     for one in metamodels or ():
-        if not one.endswith((".ecore", ".metamodel")):
-            raise InvalidArgument(f"`{one}` is no metamodel: its name would end with .ecore or .metamodel")
+        take(one, METAMODELS, A_METAMODEL)
     return metamodels or []
 
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from envgraph.cli._kinds import take
 from envgraph.cli._output import (
     OutputFormat,
     print_diagnostics,
@@ -138,6 +139,7 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
 
 def import_family(file: Path, domain: str, name: str | None, directory: Path, format: OutputFormat) -> None:
     """Read a ga4cl file into a run, and print it."""
+    take(str(file), ("json",), "a ga4cl family, which is JSON")
     source = read_source(DiskFiles(), str(file))
     path = _run_path(directory, name or file.stem)
     family, warnings = import_ga4cl(source, domain, path)

@@ -74,9 +74,11 @@ def _format_input(files: list[str], check: bool, language: str | None) -> int:
     class Input(TextFiles):
         """Standard input as a file, for its errors."""
 
+        data = sys.stdin.buffer.read()
+
         def read(self, name: str, most: int = 0) -> bytes:
             """All of it."""
-            return sys.stdin.buffer.read()
+            return self.data
 
     if len(files) > 1:
         raise InvalidArgument("`-` is standard input, and stands alone")
@@ -111,11 +113,12 @@ def _formatted(name: str) -> tuple[str, str]:
     from envgraph.lang import LANGUAGES, DiskFiles, format_text, language_of, read_source
 
     language = language_of(name)
-    source = read_source(DiskFiles(), name)
-    if language is None:
+    if language is None and DiskFiles().exists(name):
         message = f"`{name}` is a file of none of the languages"
         hint = "there are " + ", ".join(f".{one}" for one in (*LANGUAGES, "vql"))
         raise LoadError([Diagnostic("unknown-language", message, Source(name, "").span(0, 0), hint)])
+    source = read_source(DiskFiles(), name)
+    assert language is not None  # else reading has failed
     return source.text, format_text(language, source.text, name)
 
 

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from envgraph.cli._convert import metamodel_paths
+from envgraph.cli._kinds import MODELS
 from envgraph.cli._output import ShowFormat, print_json, print_lines, print_table
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model, model_to_json
-from envgraph.lang import load_workspace
+from envgraph.lang import DiskFiles, file_format, load_workspace
 from envgraph.metamodel import Attribute, Class, Metamodel
-
-PICTURED = (".model", ".metamodel", ".ecore", ".xmi")
-"""Files that are shown as they are; everything else is a run."""
-
-DEFINITIONS = (".query", ".vql", ".rules", ".environment")
-"""Files that cannot be shown."""
 
 
 def show_file(path: str, variant: str | None, metamodels: list[str] | None, format: ShowFormat) -> None:
     """Print a model or a metamodel: as a table, as JSON, or as a picture."""
     if variant is not None:
         raise InvalidArgument("`--variant` chooses from a run; a file has no variants")
-    of_model = path.endswith((".model", ".xmi"))
+    of_model = file_format(DiskFiles(), path) in MODELS
     known = metamodel_paths(metamodels)
     workspace = load_workspace([*known, path] if of_model else [path, *known])
     workspace.raise_errors()

@@ -8,6 +8,7 @@ from typing import Any
 
 import envgraph.lang
 from envgraph.cli._convert import metamodel_paths, model_text
+from envgraph.cli._kinds import A_MODEL, DEFINITIONS, MODELS, THE_DEFINITIONS, take
 from envgraph.cli._output import (
     OutputFormat,
     print_diagnostics,
@@ -25,8 +26,6 @@ from envgraph.rewrite import Application, Engine, Firing, RunResult, trace_to_te
 
 _SAMPLES = {Scalar.INT: "3", Scalar.FLOAT: "2.5", Scalar.BOOL: "true"}
 """A value of a type, for messages."""
-
-_NO_MODELS = (".metamodel", ".ecore", ".query", ".vql", ".rules", ".environment")
 
 
 def print_matches(
@@ -54,27 +53,14 @@ def print_matches(
 
 def open_engine(model: str, definitions: str, metamodels: list[str] | None, seed: int = 0) -> Engine:
     """An engine on a `.model` or `.xmi` file, or on a model as JSON, such as `envgraph apply --output` writes."""
-    if model.endswith(_NO_MODELS):
-        raise InvalidArgument(f"`{model}` is no model; a model is a .model, .xmi or .json file")
+    take(model, (*MODELS, "toml"), A_MODEL)
     if not Path(definitions).exists() and "." not in Path(definitions).name:
         hint = "the model comes first, then the file with the rules or patterns, then the name of one"
         raise InvalidArgument(f"`{definitions}` is no file: {hint}")
-    paths = [*metamodel_paths(metamodels), definitions]
-    if not model.endswith(".json"):
-        workspace = envgraph.lang.open_workspace(*paths, model)
-        engine = workspace.engine(seed=seed)
-        _warn(workspace.diagnostics)
-        return engine
-    workspace = envgraph.lang.load_workspace(paths)
-    workspace.raise_errors()
+    take(definitions, DEFINITIONS, THE_DEFINITIONS)
+    workspace = envgraph.lang.open_workspace(*metamodel_paths(metamodels), definitions, model)
+    engine = workspace.engine(seed=seed)
     _warn(workspace.diagnostics)
-    if workspace.metamodel is None:
-        raise InvalidArgument(
-            f"{definitions} imports no metamodel, and a model as JSON needs one; name it with --metamodel"
-        )
-    source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), model)
-    engine = Engine(envgraph.lang.parse_model(source, workspace.metamodel), seed=seed)
-    engine.add(*workspace.definitions)
     return engine
 
 

@@ -21,8 +21,9 @@ from envgraph.lang._family import (
 )
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import find_family, load_family
-from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, read_source
+from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, file_format, read_source
 from envgraph.lang._format import format_text, language_of
+from envgraph.lang._formats import FORMATS
 from envgraph.lang._from_text import from_text
 from envgraph.lang._json import JsonPath, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open, open_workspace
@@ -41,6 +42,7 @@ from envgraph.lang._xmi import parse_xmi
 
 __all__ = [
     "COMPONENTS",
+    "FORMATS",
     "LANGUAGES",
     "Bundle",
     "ComponentSpec",
@@ -66,6 +68,7 @@ __all__ = [
     "check_family",
     "conformance",
     "data_path",
+    "file_format",
     "find_family",
     "format_text",
     "from_text",

@@ -8,6 +8,7 @@ from dataclasses import replace
 from envgraph.env import Behaviour, check_behaviour
 from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors
 from envgraph.graph import Model, Violation, check_conformance
+from envgraph.lang._formats import HEAD, format_of
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._model import ModelText
 from envgraph.lang._workspace import Workspace
@@ -51,7 +52,7 @@ def conformance(text: ModelText) -> list[Diagnostic]:
             "conformance",
             violation.message,
             text.spans.get(violation.node, text.span),
-            _completion(violation, xml=text.span.source.name.endswith(".xmi")),
+            _completion(violation, text.span.source.text.lstrip()[:1]),
             Severity.WARNING,
         )
         for violation in violations[:_MOST]
@@ -62,13 +63,15 @@ def conformance(text: ModelText) -> list[Diagnostic]:
     return found
 
 
-def _completion(violation: Violation, *, xml: bool) -> str:
-    """What to write so that an object has what it lacks."""
+def _completion(violation: Violation, start: str) -> str:
+    """What to write so that an object has what it lacks, in a text that starts so."""
     feature = violation.feature
     if violation.kind == "too-many":
         return f"leave some of `{feature.name}` out"
     many = isinstance(feature, Reference) and feature.many
-    if xml:
+    if start == "{":
+        return f'add `"{feature.name}": {"[..]" if many else ".."}` to its features'
+    if start == "<":
         inside = isinstance(feature, Reference) and feature.containment
         return f"add a tag `<{feature.name} ..>` inside" if inside else f'add `{feature.name}="..."`'
     return f"add `{feature.name} = {'[..]' if many else '..'}`"
@@ -123,11 +126,12 @@ def _same_names(behaviours: Iterable[Behaviour], what: str) -> list[Diagnostic]:
 
 def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
     """One diagnostic, where something needs a metamodel and no file has or imports one."""
-    metamodels = (".metamodel", ".ecore")
-    if has_errors(workspace.diagnostics) or any(name.endswith(metamodels) for name in workspace.sources):
+    formats = [format_of(name, text[:HEAD].encode()) for name, text in workspace.sources.items()]
+    if has_errors(workspace.diagnostics) or {"metamodel", "ecore"} & set(formats):
         return []
     needing = [one.span for one in (*workspace.definitions, *workspace.behaviours) if one.span]
-    needing = [text.span for text in workspace.models if not text.span.source.name.endswith(".xmi")] + needing
+    ours = [text.span for text in workspace.models if text.span.source.name.endswith(".model")]
+    needing = ours + needing
     hint = 'write `import "name.metamodel"` at the top'
     if not needing:
         needing = [text.span for text in workspace.models]

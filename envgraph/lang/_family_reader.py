@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
 
-from envgraph.errors import Diagnostic, LoadError, Span, did_you_mean
+from envgraph.errors import Diagnostic, LoadError, Source, Span, did_you_mean
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._family import (
     ComponentSpec,
@@ -24,7 +24,8 @@ from envgraph.lang._family import (
     Sequences,
     TrainingSpec,
 )
-from envgraph.lang._files import DiskFiles, Files, read_source
+from envgraph.lang._files import DiskFiles, Files, file_format, read_source
+from envgraph.lang._formats import FORMATS
 from envgraph.lang._toml import TomlText, parse_toml
 
 FAMILY_FILE = "family.toml"
@@ -110,6 +111,9 @@ def find_family(path: str, files: Files | None = None) -> str:
     files = files or DiskFiles()
     name = family_path(str(path), files)
     try:
+        format = file_format(files, name)
+        if format != "toml" and files.exists(name):
+            raise LoadError([_other_format(name, format)])
         read_source(files, name)
     except LoadError as error:
         inside = files.is_directory(files.name(str(path)))
@@ -129,6 +133,12 @@ def read_family(name: str, files: Files) -> FamilyFile:
     spec = reader.family()
     problems = sorted(reader.diagnostics, key=lambda one: one.span.start if one.span else 0)
     return FamilyFile(spec, tuple(problems), reader.complete)
+
+
+def _other_format(name: str, format: str | None) -> Diagnostic:
+    message = f"this is {FORMATS[format] if format else 'of no format that is known'}, not a family file"
+    hint = f"name a `{FAMILY_FILE}`, a directory with one, or a bundled domain"
+    return Diagnostic("no-family", message, Source(name, "").span(0, 0), hint)
 
 
 def _no_family(path: str, problem: Diagnostic) -> Diagnostic:

@@ -11,6 +11,7 @@ from typing import NoReturn, Protocol
 
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, did_you_mean, limit, listed
 from envgraph.files import open_input
+from envgraph.lang._formats import HEAD, format_of
 from envgraph.lang._xml import xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
@@ -20,9 +21,9 @@ LARGEST_QUERIES = 4 * 1024 * 1024
 """Of files with definitions that are checked together, which takes about 10 seconds for each MB."""
 
 _XML = ("ecore", "xmi")
-_MODELS = ("xmi", "json", "trace")
+_WRITTEN = ("xmi", "json", "family", "trace")
 _DIVIDED = ("query", "vql", "rules", "environment")
-_LARGEST = dict.fromkeys(_MODELS, LARGEST_MODEL) | dict.fromkeys(_DIVIDED, LARGEST_QUERIES)
+_LARGEST = dict.fromkeys(_WRITTEN, LARGEST_MODEL) | dict.fromkeys(_DIVIDED, LARGEST_QUERIES)
 
 
 class Files(Protocol):
@@ -142,6 +143,17 @@ def bundle(roots: Iterable[str], texts: Mapping[str, str]) -> Bundle:
     )
 
 
+def file_format(files: Files, name: str) -> str | None:
+    """What a file is (see `format_of`); None where nothing says it, or the file cannot be read."""
+    known = format_of(name, b"")
+    if known is not None and known != "json":
+        return known
+    try:
+        return format_of(name, files.read(name, HEAD))
+    except (OSError, ValueError):
+        return known
+
+
 def read_source(files: Files, name: str) -> Source:
     """The text of a file.
 
@@ -150,8 +162,8 @@ def read_source(files: Files, name: str) -> Source:
             model as XMI or JSON, a trace: 256 MB; queries, rules and environments: 4 MB), or not UTF-8 (XML: not what
             it declares). The diagnostic is at the start of the file.
     """
-    extension = name.rpartition(".")[2]
-    most = limit(_LARGEST.get(extension, LARGEST_FILE))
+    format = file_format(files, name)
+    most = limit(_LARGEST.get(format or "", LARGEST_FILE))
     try:
         if files.is_directory(name):
             raise IsADirectoryError
@@ -167,9 +179,9 @@ def read_source(files: Files, name: str) -> Source:
     except (OSError, ValueError) as error:
         _refuse(name, "unreadable-file", f"the file cannot be read: {_reason(error)}", None)
     if len(data) > most:
-        divide = "divide it: files can import each other; " if extension in _DIVIDED else ""
+        divide = "divide it: files can import each other; " if format in _DIVIDED else ""
         _refuse(name, "file-too-large", f"the file has more than {most / 2**20:g} MB", divide + RAISE_LIMIT)
-    if extension in _XML:
+    if format in _XML:
         return xml_source(name, data)
     try:
         return Source(name, data.decode("utf-8-sig"))

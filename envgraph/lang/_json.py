@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import posixpath
 import re
 from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
+from functools import cached_property
 
 from envgraph.errors import Diagnostic, LoadError, Source, Span
 from envgraph.graph import Model, model_from_json
+from envgraph.lang._model import ModelText
 from envgraph.metamodel import LARGEST_INT, Metamodel
 
 JsonPath = tuple[str | int, ...]
@@ -38,6 +41,44 @@ def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
     ({'x': [1, 20]}, '20')
     """
     return _decoded(source), dict(locate(source))
+
+
+def read_json_model(source: Source, metamodel: Metamodel | None) -> tuple[ModelText, tuple[Diagnostic, ...]]:
+    """The model of a JSON text, and all that is wrong with it; without a metamodel only whether it is JSON."""
+    start = source.span(0, 0)
+    name = posixpath.basename(source.name).rpartition(".")[0] or source.name
+    try:
+        if metamodel is None:
+            _decoded(source)
+            return ModelText(name, start, "", None, {}), ()
+        model = parse_model(source, metamodel)
+    except LoadError as error:
+        return ModelText(name, start, "", None, {}), tuple(error.diagnostics)
+    return ModelText(model.name, start, metamodel.name, model, _Places(source)), ()
+
+
+class _Places(Mapping[int, Span]):
+    """Where each object of a model stands; looked for when somebody asks."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    @cached_property
+    def _spans(self) -> Mapping[int, Span]:
+        ids = [one["id"] for one in json.loads(self._source.text)["objects"]]
+        spans = {
+            path[1]: span for path, span in locate(self._source) if len(path) == 2 and path[0] == "objects"
+        }
+        return {node: spans[index] for index, node in enumerate(ids)}
+
+    def __getitem__(self, node: int) -> Span:
+        return self._spans[node]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._spans)
+
+    def __len__(self) -> int:
+        return len(self._spans)
 
 
 def parse_model(source: Source, metamodel: Metamodel) -> Model:

@@ -31,7 +31,8 @@ from envgraph.lang._expressions import Reading
 from envgraph.lang._family import FamilySpec
 from envgraph.lang._family_check import COMPONENTS, check_family
 from envgraph.lang._family_reader import FAMILY_FILE, read_family
-from envgraph.lang._files import DiskFiles, Files, in_directory, read_source
+from envgraph.lang._files import DiskFiles, Files, file_format, in_directory, read_source
+from envgraph.lang._formats import FORMATS, suffix_of
 from envgraph.lang._grammar import grammar
 from envgraph.lang._import_check import (
     ImportedFile,
@@ -41,6 +42,7 @@ from envgraph.lang._import_check import (
     without_calls,
 )
 from envgraph.lang._imports import Import, near_uri, without_consequences
+from envgraph.lang._json import read_json_model
 from envgraph.lang._lexer import Lexeme
 from envgraph.lang._metamodel import MetamodelFile, read_metamodel
 from envgraph.lang._model import ModelText, imports_of, read_models
@@ -63,8 +65,8 @@ _ABSENT = {"no-actions", "no-observation", "no-success"}
 
 LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
 
-_FOREIGN = {"ecore": "metamodel", "xmi": "model", "vql": "query"}
-"""Endings of other tools' files, and what they are read as."""
+_FOREIGN = {"ecore": "metamodel", "xmi": "model", "json": "model", "vql": "query"}
+"""Formats that are none of the five languages, and what they are read as."""
 
 _LANGUAGE_OF = {**{language: language for language in LANGUAGES}, **_FOREIGN}
 
@@ -248,8 +250,8 @@ class _Loader:
             self._read(name)
 
     def _known_files(self, directory: str) -> list[str]:
-        known = (*_LANGUAGE_OF, "toml")
-        return [name for name in self.files.entries(directory) if name.rpartition(".")[2] in known]
+        known = (*_LANGUAGE_OF.keys() - {"json"}, "toml")  # many things are kept as JSON
+        return [name for name in self.files.entries(directory) if suffix_of(name) in known]
 
     def _read(self, first: str, asked: Import | None = None) -> None:
         """Reads a file and all that it imports, depth first, without recursion: chains of imports may be long."""
@@ -262,23 +264,24 @@ class _Loader:
 
     def _read_one(self, name: str, asked: Import | None) -> list[tuple[str, Import | None]]:
         """Reads one file and returns the names of what it imports."""
-        extension = name.rpartition(".")[2] if "." in name else ""
+        format = file_format(self.files, name)
         try:
-            if extension == "toml" and asked is None:
+            if format == "toml" and asked is None:
                 return self._family(name)
+            if format not in _LANGUAGE_OF and self.files.exists(name):
+                self._no_language(name, format, asked)
             source = read_source(self.files, name)
-            if extension not in _LANGUAGE_OF:
-                self._no_language(name, extension, asked)
         except LoadError as error:
             self.diagnostics.extend(self._at_import(one, asked, name) for one in error.diagnostics)
             self.incomplete = True
             return []
-        self.sources[name] = as_utf8(source.text) if extension in ("ecore", "xmi") else source.text
+        assert format is not None
+        self.sources[name] = as_utf8(source.text) if format in ("ecore", "xmi") else source.text
         file = self.read[name] = ImportedFile()
-        imports = self._take(extension, source, asked)
+        imports = self._take(format, source, asked)
         self.named.extend((one, name) for one in imports if not _is_path(one.path))
         found = [(one, self.files.name(one.path, beside=name)) for one in imports if _is_path(one.path)]
-        if extension == "ecore":
+        if format == "ecore":
             found = self._other_packages(self.ecore[name][0])
         file.imports += found
         return [(target, one) for one, target in found]
@@ -293,10 +296,12 @@ class _Loader:
                 found.append((Import(text, span), target))
         return found
 
-    def _no_language(self, name: str, extension: str, asked: Import | None) -> NoReturn:
+    def _no_language(self, name: str, format: str | None, asked: Import | None) -> NoReturn:
         span = asked.span if asked else Source(name, "").span(0, 0)
-        hint = did_you_mean(extension, _LANGUAGE_OF) if extension else None
-        message = f"`{name.rpartition('/')[2]}` is a file of none of the languages"
+        suffix = suffix_of(name)
+        hint = did_you_mean(suffix, _LANGUAGE_OF) if suffix and format is None else None
+        what = f"{FORMATS[format]}, and" if format else "a file"
+        message = f"`{name.rpartition('/')[2]}` is {what} of none of the languages"
         raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
 
     def _at_import(self, problem: Diagnostic, asked: Import | None, name: str) -> Diagnostic:
@@ -315,17 +320,20 @@ class _Loader:
             return Diagnostic("missing-file", message, asked.span, _NAME_IT)
         return Diagnostic(problem.code, message, asked.span, problem.hint)
 
-    def _take(self, extension: str, source: Source, asked: Import | None) -> Sequence[Import]:
+    def _take(self, format: str, source: Source, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""
-        if extension == "ecore":
+        if format == "ecore":
             self.ecore[source.name] = EcoreDocument(source), asked
             return ()
-        if extension == "xmi":
+        if format == "json":
+            self.models.append(source)
+            return ()
+        if format == "xmi":
             self.models.append(source)
             self.xml[source.name] = source
             self.schemas += [self.files.name(path, source.name) for path in schema_paths(source)]
             return ()
-        return self._take_text(_LANGUAGE_OF[extension], source, asked)
+        return self._take_text(_LANGUAGE_OF[format], source, asked)
 
     def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
         parsed, lexemes = parse_tokens(grammar(language), source)
@@ -594,6 +602,10 @@ class _Loader:
                 read = read_models(parsed, metamodel, lost)
                 models.extend(read.models)
                 self.diagnostics.extend(read.diagnostics)
+            elif parsed.name not in self.xml:
+                json, problems = read_json_model(parsed, metamodel)
+                models.append(json)
+                self.diagnostics.extend(problems)
             elif parsed.name not in parts:
                 document = read_xmi(parsed, metamodel, lost, self._fetch)
                 models.append(document.text)
@@ -648,7 +660,7 @@ def _file(problem: Diagnostic) -> str | None:
 
 def _is_path(text: str) -> bool:
     """Whether an import is a path by its looks; else it may be the uri or the name of a metamodel."""
-    return "://" not in text and text.rpartition(".")[2] in _LANGUAGE_OF
+    return "://" not in text and suffix_of(text) in _LANGUAGE_OF
 
 
 def _extensions() -> str:

@@ -12,7 +12,7 @@ from typing import Any
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
 from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, LoadError, did_you_mean
 from envgraph.graph import Model, model_from_json, model_to_json
-from envgraph.lang import Bundle, DiskFiles, parse_json, read_source
+from envgraph.lang import FORMATS, Bundle, DiskFiles, file_format, parse_json, read_source
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._store import RunStore, dump_json
@@ -190,9 +190,12 @@ def open_family(
         InvalidArgument: there is no such run or file, or the run has no family yet.
         LoadError: the file is no family file.
     """
-    path = Path(location)
-    if path.suffix == ".json":
-        return read_family(path, components)
+    format = file_format(DiskFiles(), str(location))
+    if format in ("family", "json"):
+        return read_family(Path(location), components)
+    if format != "sqlite" and Path(location).is_file():
+        what = FORMATS[format] if format else "of no format that is known"
+        raise InvalidArgument(f"`{location}` is {what}, not a run (run.sqlite) or a family as JSON")
     with RunStore.open(run_file(location, directory)) as store:
         settings = store.settings()
         domain = Domain.from_bundle(store.bundle(), components)

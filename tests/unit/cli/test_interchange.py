@@ -105,9 +105,9 @@ def test_metamodels_and_models_are_converted(run: Run, tmp_path: Path) -> None:
     [
         (("railway.xmi", "out.xml"), "of no format that can be written; did you mean `.xmi`?"),
         (("railway.xmi", "out.ecore"), "names its `.ecore` or `.metamodel` file too"),
-        (("railway.vql", "out.xmi"), "no metamodel has the uri"),
-        (("railway.ecore", "out.json"), "has no model"),
-        (("nothing.json", "out.xmi"), "name it with --metamodel"),
+        (("railway.vql", "out.xmi"), "is a file of patterns, not a model (.model, .xmi, .json)"),
+        (("railway.ecore", "out.json"), "is a metamodel, not a model (.model, .xmi, .json)"),
+        (("nothing.json", "out.xmi"), "there is no such file"),
         (("nothing.xmi", "out.json"), "there is no such file"),
     ],
 )
@@ -120,8 +120,11 @@ def test_what_cannot_be_converted_is_told(run: Run, arguments: tuple[str, str], 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("railway.ecore", "railway.vql", "posLength"), "railway.ecore` is no model"),
-        (("railway.xmi", "railway.vql", "posLength", "-m", "railway.vql"), "`railway.vql` is no metamodel"),
+        (("railway.ecore", "railway.vql", "posLength"), "railway.ecore` is a metamodel, not a model"),
+        (
+            ("railway.xmi", "railway.vql", "posLength", "-m", str(DATA / "railway.vql")),
+            "railway.vql` is a file of patterns, not a metamodel",
+        ),
         (
             ("railway.xmi", "railway.vql", "posLength", "-m", "rail.ecore"),
             "rail.ecore:1:1: there is no such file",
@@ -154,7 +157,7 @@ def test_a_broken_model_as_json_is_told_with_positions(run: Run, tmp_path: Path)
         assert code == 1 and message in err
     (tmp_path / "dir.json").mkdir()
     (tmp_path / "empty.json").touch()
-    for name, message in (("dir.json", "this is a directory"), ("empty.json", "the file is empty")):
+    for name, message in (("dir.json", "the directory holds no file"), ("empty.json", "the file is empty")):
         code, _, err = run("match", name, DATA / "railway.vql", "posLength", "-m", DATA / "railway.ecore")
         assert code == 1 and message in err
 

@@ -103,4 +103,4 @@ def test_convert_writes_the_namespaces_of_a_model_and_one_metamodel(run: Run) ->
 
 def test_a_wrong_name_among_metamodels_is_told(run: Run) -> None:
     code, _, err = run("check", "q.vql", "-m", CLUB, "-m", "m.xmi")
-    assert code == 1 and "`m.xmi` is no metamodel" in err
+    assert code == 1 and "`m.xmi` is a model, not a metamodel" in err

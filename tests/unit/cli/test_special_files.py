@@ -85,11 +85,10 @@ def test_devices_are_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 @pytest.mark.usefixtures("forest")
 def test_directories_are_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     for kind, command in (
-        ("json", "match FILE forest/burning_forest.query p"),
+        ("query", "match forest/running_4x4.model FILE p"),
         ("trace", "replay forest/running_4x4.model forest/burning_forest.rules FILE"),
         ("txt", "import FILE"),
-        ("json", "show FILE"),
     ):
         os.makedirs(f"one.{kind}", exist_ok=True)
         output = said(command.replace("FILE", f"one.{kind}"), monkeypatch, capsys)
-        assert "this is a directory, not a file" in output
+        assert "is a directory, not a" in output

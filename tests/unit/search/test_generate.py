@@ -192,7 +192,7 @@ def test_files_that_are_no_family_are_refused_with_a_position(tmp_path: Path, te
 
 
 def test_a_missing_family_file_is_a_diagnostic(tmp_path: Path) -> None:
-    with pytest.raises(LoadError, match="cannot be read"):
+    with pytest.raises(LoadError, match="there is no such file"):
         read_family(tmp_path / "missing.json")
 
 

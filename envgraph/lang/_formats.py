@@ -1,0 +1,62 @@
+"""What a file is: its suffix says so, or else how it begins."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+FORMATS: Mapping[str, str] = {
+    **dict.fromkeys(("metamodel", "ecore"), "a metamodel"),
+    **dict.fromkeys(("model", "xmi"), "a model"),
+    "json": "a file of JSON",
+    **dict.fromkeys(("query", "vql"), "a file of patterns"),
+    "rules": "a file of rules",
+    "environment": "an environment",
+    "toml": "a family file",
+    "family": "a family as JSON",
+    "trace": "a trace",
+    "sqlite": "a run store",
+}
+"""What a file of each format is, for messages."""
+
+HEAD = 4096
+"""So many bytes say what a file is."""
+
+_ECORE = "http://www.eclipse.org/emf/2002/Ecore"
+_ROOT = re.compile(r"(?:<[?!].*?>\s*)*<(?:[\w.-]+:)?([\w.-]+)([^>]*)", re.DOTALL)
+_OURS = re.compile(r'"format"\s*:\s*"envgraph-(model|family|trace)-')
+
+
+def suffix_of(name: str) -> str:
+    """What stands after the last dot of the name of a file; "" without one.
+
+    >>> suffix_of("a.b/c.query"), suffix_of("a.b/c")
+    ('query', '')
+    """
+    return name.rpartition("/")[2].rpartition(".")[2] if "." in name.rpartition("/")[2] else ""
+
+
+def format_of(name: str, head: bytes) -> str | None:
+    """One of `FORMATS`: the suffix where it is one of them, else by how the file begins; None if nothing says it.
+
+    XML is a metamodel where its first tag is a package of Ecore, and else a model: EMF gives models the suffix of
+    their metamodel, `.cyberphysicalsystem`.
+
+    >>> format_of("a.query", b""), format_of("a.cps", b"<cps:System/>"), format_of("a.txt", b"Hello")
+    ('query', 'xmi', None)
+    """
+    suffix = suffix_of(name)
+    if suffix in FORMATS and suffix != "json":
+        return suffix
+    wide = "utf-16" if head[:2] in (b"\xff\xfe", b"\xfe\xff") else None
+    wide = {b"<\0": "utf-16-le", b"\0<": "utf-16-be"}.get(head[:2], wide)
+    text = head.decode(wide or "utf-8", errors="replace").lstrip("\ufeff \t\r\n")
+    if text.startswith("<"):
+        root = _ROOT.match(text)
+        return "ecore" if root and root.group(1) == "EPackage" and _ECORE in root.group(2) else "xmi"
+    if text.startswith("SQLite format 3\0"):
+        return "sqlite"
+    if suffix != "json" and text[:1] not in ("{", "["):
+        return None
+    ours = _OURS.search(text)
+    return ours.group(1) if ours and ours.group(1) != "model" else "json"
