@@ -58,6 +58,13 @@ Metamodel = Annotated[
         show_default=False,
     ),
 ]
+Unresolved = Annotated[
+    bool,
+    typer.Option(
+        "--allow-unresolved",
+        help="Leave links of EMF models to files and objects that are nowhere out, with a warning.",
+    ),
+]
 
 RUNS = Path("runs")
 
@@ -150,12 +157,14 @@ def check(
         ),
     ],
     metamodel: Metamodel = None,
+    allow_unresolved: Unresolved = False,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
     from envgraph.cli._check import check_files
+    from envgraph.cli._inputs import Inputs
 
-    raise typer.Exit(check_files(files, metamodel, format))
+    raise typer.Exit(check_files(files, Inputs(metamodel or (), allow_unresolved), format))
 
 
 @app.command("format")
@@ -208,12 +217,14 @@ def match(
         ),
     ] = None,
     metamodel: Metamodel = None,
+    allow_unresolved: Unresolved = False,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Print the matches of a pattern in a model."""
+    from envgraph.cli._inputs import Inputs
     from envgraph.cli._query import print_matches
 
-    print_matches(model, queries, pattern, where or [], metamodel, format)
+    print_matches(model, queries, pattern, where or [], Inputs(metamodel or (), allow_unresolved), format)
 
 
 @app.command()
@@ -231,6 +242,7 @@ def apply(
         ),
     ] = None,
     metamodel: Metamodel = None,
+    allow_unresolved: Unresolved = False,
     times: Annotated[int, typer.Option(min=1, help="How often; ends early when nothing matches.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Chooses among the matches.")] = 0,
     output: Annotated[
@@ -253,6 +265,7 @@ def apply(
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Apply a rule to a model, at matches drawn at random, and print what was done."""
+    from envgraph.cli._inputs import Inputs
     from envgraph.cli._query import apply_rule
 
     apply_rule(
@@ -260,7 +273,7 @@ def apply(
         rules,
         rule,
         where or [],
-        metamodels=metamodel,
+        inputs=Inputs(metamodel or (), allow_unresolved),
         times=times,
         seed=seed,
         output=output,
@@ -275,6 +288,7 @@ def replay(
     rules: Annotated[str, typer.Argument(metavar="RULESFILE", help="A .rules file.", show_default=False)],
     trace: Annotated[Path, typer.Argument(help="What `envgraph apply --trace` wrote.", show_default=False)],
     metamodel: Metamodel = None,
+    allow_unresolved: Unresolved = False,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -287,9 +301,11 @@ def replay(
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Do again what a trace says, and compare each state with the recorded one. Exit code 1 where they differ."""
+    from envgraph.cli._inputs import Inputs
     from envgraph.cli._replay import replay_trace
 
-    replay_trace(model, rules, trace, metamodels=metamodel, output=output, format=format)
+    inputs = Inputs(metamodel or (), allow_unresolved)
+    replay_trace(model, rules, trace, inputs=inputs, output=output, format=format)
 
 
 @app.command()
@@ -309,11 +325,13 @@ def convert(
         ),
     ],
     metamodel: Metamodel = None,
+    allow_unresolved: Unresolved = False,
 ) -> None:
     """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON."""
     from envgraph.cli._convert import convert_file
+    from envgraph.cli._inputs import Inputs
 
-    convert_file(file, output, metamodel)
+    convert_file(file, output, Inputs(metamodel or (), allow_unresolved))
 
 
 @app.command()
@@ -362,19 +380,20 @@ def show(
     ] = None,
     directory: Directory = RUNS,
     metamodel: Metamodel = None,
+    allow_unresolved: Unresolved = False,
     format: Annotated[
         ShowFormat,
         typer.Option("--format", help="text or json; models and metamodels also as a picture: dot or svg."),
     ] = ShowFormat.TEXT,
 ) -> None:
     """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
-    from envgraph.cli._kinds import DEFINITIONS, METAMODELS, MODELS
+    from envgraph.cli._inputs import DEFINITIONS, METAMODELS, MODELS, Inputs
     from envgraph.cli._picture import show_file
     from envgraph.lang import DiskFiles, file_format
 
     shown = file_format(DiskFiles(), run)
     if shown in (*MODELS, *METAMODELS):
-        show_file(run, variant, metamodel, format)
+        show_file(run, variant, Inputs(metamodel or (), allow_unresolved), format)
         return
     if shown in DEFINITIONS:
         raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from envgraph.cli._convert import metamodel_paths
+from envgraph.cli._inputs import Inputs
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
 from envgraph.errors import Diagnostic, LoadError, has_errors, sort_diagnostics
 
 
-def check_files(files: list[str], metamodels: list[str] | None, format: OutputFormat) -> int:
+def check_files(files: list[str], inputs: Inputs, format: OutputFormat) -> int:
     """Print all problems of the files, each group of which is read with the metamodels; the exit code."""
-    known = metamodel_paths(metamodels)
-    groups = [[*known, *group] for group in _groups(files)]
-    diagnostics = tuple(dict.fromkeys(one for group in groups for one in _problems(group)))
+    inputs.check()
+    diagnostics = tuple(dict.fromkeys(one for group in _groups(files) for one in _problems(group, inputs)))
     failed = has_errors(diagnostics)
     if format is OutputFormat.JSON:
         print_json({"ok": not failed, "diagnostics": [diagnostic.to_dict() for diagnostic in diagnostics]})
@@ -30,13 +29,13 @@ def _groups(files: list[str]) -> list[list[str]]:
     return [[name] for name in files if name not in loose] + ([loose] if loose else [])
 
 
-def _problems(files: list[str]) -> list[Diagnostic]:
+def _problems(files: list[str], inputs: Inputs) -> list[Diagnostic]:
     """What is wrong with files that are read together; of families also what only a search would meet."""
     from envgraph.lang import load_workspace
     from envgraph.search import domain_problems, option_problems
 
     try:
-        workspace = load_workspace(files)
+        workspace = load_workspace([*inputs.metamodels, *files], allow_unresolved=inputs.allow_unresolved)
     except LoadError as error:
         return list(error.diagnostics)
     found = list(workspace.diagnostics)

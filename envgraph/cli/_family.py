@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from envgraph.cli._kinds import take
+from envgraph.cli._inputs import take
 from envgraph.cli._output import (
     OutputFormat,
     print_diagnostics,

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from envgraph.cli._convert import metamodel_paths
-from envgraph.cli._kinds import MODELS
+from envgraph.cli._inputs import MODELS, Inputs
 from envgraph.cli._output import ShowFormat, print_json, print_lines, print_table
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model, model_to_json
-from envgraph.lang import DiskFiles, file_format, load_workspace
+from envgraph.lang import DiskFiles, file_format
 from envgraph.metamodel import Attribute, Class, Metamodel
 
 
-def show_file(path: str, variant: str | None, metamodels: list[str] | None, format: ShowFormat) -> None:
+def show_file(path: str, variant: str | None, inputs: Inputs, format: ShowFormat) -> None:
     """Print a model or a metamodel: as a table, as JSON, or as a picture."""
     if variant is not None:
         raise InvalidArgument("`--variant` chooses from a run; a file has no variants")
     of_model = file_format(DiskFiles(), path) in MODELS
-    known = metamodel_paths(metamodels)
-    workspace = load_workspace([*known, path] if of_model else [path, *known])
-    workspace.raise_errors()
+    workspace = inputs.load(path, own=not of_model)
     shown = workspace.model() if of_model else workspace.metamodel
     if shown is None:
         raise InvalidArgument(f"there is no metamodel in {path}")

@@ -6,18 +6,16 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import envgraph.lang
-from envgraph.cli._convert import metamodel_paths, model_text
-from envgraph.cli._kinds import A_MODEL, DEFINITIONS, MODELS, THE_DEFINITIONS, take
+from envgraph.cli._convert import model_text
+from envgraph.cli._inputs import A_MODEL, DEFINITIONS, MODELS, THE_DEFINITIONS, Inputs, take
 from envgraph.cli._output import (
     OutputFormat,
-    print_diagnostics,
     print_json,
     print_line,
     print_lines,
     print_table,
 )
-from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean, listed, name_hint, with_article
+from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, with_article
 from envgraph.files import replace_file
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
@@ -33,11 +31,11 @@ def print_matches(
     queries: str,
     pattern: str,
     where: list[str],
-    metamodels: list[str] | None,
+    inputs: Inputs,
     format: OutputFormat,
 ) -> None:
     """Print the matches of a pattern."""
-    engine = open_engine(model, queries, metamodels)
+    engine = open_engine(model, queries, inputs)
     bound = _bound(engine, _pattern_types(engine, pattern), where)
     matches = engine.matches(pattern, bound=bound)
     if format is OutputFormat.JSON:
@@ -51,22 +49,14 @@ def print_matches(
     print_table(count, names or ("",), [tuple(_shown(match[name]) for name in names) for match in matches])
 
 
-def open_engine(model: str, definitions: str, metamodels: list[str] | None, seed: int = 0) -> Engine:
+def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> Engine:
     """An engine on a `.model` or `.xmi` file, or on a model as JSON, such as `envgraph apply --output` writes."""
     take(model, (*MODELS, "toml"), A_MODEL)
     if not Path(definitions).exists() and "." not in Path(definitions).name:
         hint = "the model comes first, then the file with the rules or patterns, then the name of one"
         raise InvalidArgument(f"`{definitions}` is no file: {hint}")
     take(definitions, DEFINITIONS, THE_DEFINITIONS)
-    workspace = envgraph.lang.open_workspace(*metamodel_paths(metamodels), definitions, model)
-    engine = workspace.engine(seed=seed)
-    _warn(workspace.diagnostics)
-    return engine
-
-
-def _warn(diagnostics: Iterable[Diagnostic]) -> None:
-    """Prints the warnings of definitions; what a model lacks is for `envgraph check` to say."""
-    print_diagnostics(one for one in diagnostics if one.code != "conformance")
+    return inputs.load(definitions, model).engine(seed=seed)
 
 
 def write_model(engine: Engine, output: Path, format: OutputFormat) -> None:
@@ -82,7 +72,7 @@ def apply_rule(
     rule: str,
     where: list[str],
     *,
-    metamodels: list[str] | None,
+    inputs: Inputs,
     times: int,
     seed: int,
     output: Path | None,
@@ -90,7 +80,7 @@ def apply_rule(
     format: OutputFormat,
 ) -> None:
     """Apply a rule or a unit some times, and print each application."""
-    engine = open_engine(model, rules, metamodels, seed)
+    engine = open_engine(model, rules, inputs, seed)
     signature = engine.signature(rule)
     taken = (*signature.parameters, *signature.variables)
     bound = _bound(engine, {one.name: one.type for one in taken}, where)

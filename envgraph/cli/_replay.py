@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import envgraph.lang
-from envgraph.cli._kinds import take
+from envgraph.cli._inputs import Inputs, take
 from envgraph.cli._output import OutputFormat, print_json, print_line
 from envgraph.cli._query import open_engine, write_model
 from envgraph.graph import model_to_json
@@ -16,13 +16,13 @@ def replay_trace(
     rules: str,
     trace: Path,
     *,
-    metamodels: list[str] | None,
+    inputs: Inputs,
     output: Path | None,
     format: OutputFormat,
 ) -> None:
     """Do what a trace says, and compare the states with those that it has."""
     take(str(trace), ("trace",), "a trace, which `envgraph apply --trace` writes")
-    engine = open_engine(model, rules, metamodels)
+    engine = open_engine(model, rules, inputs)
     source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), str(trace))
     read = envgraph.lang.parse_trace(source, engine)
     engine.replay(read)

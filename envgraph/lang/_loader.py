@@ -78,13 +78,15 @@ _NAME_IT = "name its file too, for example with `--metamodel`, or import the pat
 StrPath = str | PathLike[str]
 
 
-def open(*paths: StrPath, seed: int = 0) -> Engine:
+def open(*paths: StrPath, seed: int = 0, allow_unresolved: bool = False) -> Engine:
     """An engine with everything that the files and their imports say.
 
     Args:
         paths: files of any language, a family file, a directory that holds one, or the name of a bundled domain.
             Without a model among them and what they import, the engine's model is empty.
         seed: of the engine's random choices.
+        allow_unresolved: whether links of EMF models to files and objects that are nowhere are left out; else they are
+            mistakes.
 
     Raises:
         LoadError: all that is wrong with all of the files, together.
@@ -94,12 +96,12 @@ def open(*paths: StrPath, seed: int = 0) -> Engine:
     >>> engine.count("burningTile")
     20
     """
-    return open_workspace(*paths).engine(seed=seed)
+    return open_workspace(*paths, allow_unresolved=allow_unresolved).engine(seed=seed)
 
 
-def open_workspace(*paths: StrPath) -> Workspace:
+def open_workspace(*paths: StrPath, allow_unresolved: bool = False) -> Workspace:
     """What `open` makes an engine of, and all that is wrong with it, warnings too."""
-    return load_workspace(_family_first(paths))
+    return load_workspace(_family_first(paths), allow_unresolved=allow_unresolved)
 
 
 def load(engine: Engine, *paths: StrPath) -> None:
@@ -140,6 +142,7 @@ def load_workspace(
     files: Files | None = None,
     components: Mapping[str, Collection[str]] = COMPONENTS,
     metamodel: Metamodel | None = None,
+    allow_unresolved: bool = False,
 ) -> Workspace:
     """Reads and checks files and what they import; errors are in `diagnostics` of the result.
 
@@ -150,9 +153,10 @@ def load_workspace(
         components: the kinds of measures and selections that a family file may name, by role (see `check_family`).
         metamodel: what the files are about if none of them is a metamodel, or imports one by its path; they may
             import this one by its uri or its name.
+        allow_unresolved: whether links of EMF models to what is nowhere are warnings, and left out.
     """
     with _without_collection():
-        loader = _Loader(files or DiskFiles(), components, metamodel)
+        loader = _Loader(files or DiskFiles(), components, metamodel, allow_unresolved)
         for path in paths:
             loader.add_root(fspath(path))
         return loader.workspace()
@@ -202,6 +206,7 @@ class _Loader:
     files: Files
     components: Mapping[str, Collection[str]]
     given: Metamodel | None = None
+    allow_unresolved: bool = False
     diagnostics: list[Diagnostic] = field(default_factory=list)
     roots: list[str] = field(default_factory=list)
     order: dict[str, int] = field(default_factory=dict)
@@ -607,7 +612,9 @@ class _Loader:
                 models.append(json)
                 self.diagnostics.extend(problems)
             elif parsed.name not in parts:
-                document = read_xmi(parsed, metamodel, lost, self._fetch)
+                document = read_xmi(
+                    parsed, metamodel, lost, self._fetch, allow_unresolved=self.allow_unresolved
+                )
                 models.append(document.text)
                 self.diagnostics.extend(document.diagnostics)
                 parts.update(name for name in document.documents if name != parsed.name)

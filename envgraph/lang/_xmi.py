@@ -45,6 +45,8 @@ def read_xmi(
     metamodel: Metamodel | None,
     lost: frozenset[str] = frozenset(),
     fetch: Fetch | None = None,
+    *,
+    allow_unresolved: bool = False,
 ) -> XmiFile:
     """The model of an `.xmi` file, and all that is wrong with it.
 
@@ -53,9 +55,11 @@ def read_xmi(
         metamodel: what its objects are instances of; None when that could not be loaded: then only the XML is checked.
         lost: names that errors elsewhere may have taken away.
         fetch: reads another file, by its path and the name of the file that names it; None when there are no others.
+        allow_unresolved: whether links to what is nowhere are left out, with a warning.
     """
     name = posixpath.basename(source.name).rpartition(".")[0] or source.name
-    reading = Reading(Model(metamodel or Metamodel("", ()), name), lost, fetch)
+    model = Model(metamodel or Metamodel("", ()), name)
+    reading = Reading(model, lost, fetch, allow_unresolved=allow_unresolved)
     with reading.model.loading():
         first = reading.enter(source)
         if metamodel is None:
@@ -74,13 +78,18 @@ def read_xmi(
     return XmiFile(text, tuple(reading.documents), tuple(kept))
 
 
-def parse_xmi(source: Source, metamodel: Metamodel) -> Model:
-    """The model of the text of an `.xmi` file; it may not name other files.
+def parse_xmi(source: Source, metamodel: Metamodel, *, allow_unresolved: bool = False) -> Model:
+    """The model of the text of an `.xmi` file, which names no others.
+
+    Args:
+        source: the text.
+        metamodel: what its objects are instances of.
+        allow_unresolved: whether links to what is not in the text are left out; else they are mistakes.
 
     Raises:
         LoadError: all that is wrong with it.
     """
-    found = read_xmi(source, metamodel)
+    found = read_xmi(source, metamodel, allow_unresolved=allow_unresolved)
     if found.text.model is None:
         raise LoadError(sort_diagnostics(found.diagnostics))
     return found.text.model

@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from envgraph.errors import Diagnostic, Note, Source, Span
+from envgraph.errors import Diagnostic, Note, Severity, Source, Span
 from envgraph.graph import Model, usual_value
 from envgraph.lang._xml import Stop, XmlPlaces
 from envgraph.metamodel import Attribute, Feature, Reference
@@ -47,13 +47,22 @@ class Link:
 
 
 class Reading:
-    """One model, from one document and those that it names."""
+    """One model, from one document and those that it names.
 
-    def __init__(self, model: Model, lost: frozenset[str], fetch: Fetch | None) -> None:
+    Attributes:
+        allow_unresolved: whether links to what is nowhere are left out with a warning, and are no mistakes.
+    """
+
+    def __init__(
+        self, model: Model, lost: frozenset[str], fetch: Fetch | None, *, allow_unresolved: bool = False
+    ) -> None:
         self.model = model
         self.metamodel = model.metamodel
         self.lost = lost
         self.fetch = fetch
+        self.allow_unresolved = allow_unresolved
+        self.errors = 0
+        self._unresolved = 0
         self.diagnostics: list[Diagnostic] = []
         self.documents: dict[str, Document | None] = {}
         self._tables: dict[str, Table] = {}
@@ -91,12 +100,25 @@ class Reading:
             Stop: there have been enough.
         """
         self.diagnostics.append(diagnostic)
-        if len(self.diagnostics) == MOST_ERRORS:
+        self.errors += 1
+        if self.errors == MOST_ERRORS:
             message = "too many mistakes: the rest of the file is not read"
             self.diagnostics.append(
                 Diagnostic("too-many-errors", message, diagnostic.span, "mend these first")
             )
             raise Stop
+
+    def unresolved(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
+        """Notes a link to what is nowhere: a mistake, or a warning, of which a hundred are shown."""
+        if not self.allow_unresolved:
+            self.add(Diagnostic(code, message, span, hint))
+            return
+        self._unresolved += 1
+        if self._unresolved == MOST_ERRORS + 1:
+            code, message = "too-many-warnings", "there are more links to what is nowhere"
+        if self._unresolved <= MOST_ERRORS + 1:
+            hint = "links to it are left out"
+            self.diagnostics.append(Diagnostic(code, message, span, hint, Severity.WARNING))
 
 
 class Spans(Mapping[int, Span]):

@@ -6,13 +6,15 @@ import re
 from collections.abc import Iterator
 from urllib.parse import unquote
 
-from envgraph.errors import Diagnostic, LoadError, Note, RuleError, TypeMismatch, name_hint, with_article
+from envgraph.errors import LoadError, Note, RuleError, TypeMismatch, name_hint, with_article
 from envgraph.graph import arrange_targets
 from envgraph.lang._refused_links import link_hint
 from envgraph.lang._xmi_document import LOST, Document, Link, Spans, plural, short
 from envgraph.metamodel import Reference
 
 _NAMED = "objects are named by `xmi:id`, by an `iD` attribute of the metamodel, or by place: `//@...`"
+
+_LEAVE_OUT = "`--allow-unresolved` leaves out links to what is nowhere"
 
 _MANY = 1000
 """Among more names than this, nobody looks for the nearest."""
@@ -48,24 +50,21 @@ class Linker:
         )
         if re.match(r"[a-zA-Z][a-zA-Z0-9+.-]+:", path):
             message = f"`{short(path)}` is not read: only files beside this one are"
-            self._document.report(
-                "other-file", message, span, "keep a copy of it beside this file, and name that"
-            )
+            self._reading.unresolved("other-file", message, span, _LEAVE_OUT)
             return None
         if self._reading.fetch is None:
             message = f"`{short(path)}`: there is no such file"
-            self._document.report("missing-file", message, span, "a text that is no file names no others")
+            self._reading.unresolved("missing-file", message, span, "a text that is no file names no others")
             return None
         try:
             source = self._reading.fetch(path, self._document.source.name)
         except LoadError as error:
             for problem in error.diagnostics:
-                inside = problem.span is not None and problem.span.source.text
-                self._reading.add(
-                    problem
-                    if inside
-                    else Diagnostic(problem.code, f"`{path}`: {problem.message}", span, problem.hint)
-                )
+                if problem.span is not None and problem.span.source.text:
+                    self._reading.add(problem)
+                else:
+                    message, hint = f"`{path}`: {problem.message}", problem.hint or _LEAVE_OUT
+                    self._reading.unresolved(problem.code, message, span, hint)
             return None
         known = self._reading.documents.get(source.name)  # by another path
         document = known or self._reading.enter(source)
@@ -161,10 +160,8 @@ class Linker:
                 hint = _NAMED
             if hint is None and fragment.startswith("/"):
                 hint = "a path begins at the root, and counts from 0: `//@reference.0`"
-            self._document.report(
-                "unknown-object",
-                f"there is no object `{short(word)}`",
-                self._document.where(link, word),
-                hint,
+            where = self._document.where(link, word)
+            self._reading.unresolved(
+                "unknown-object", f"there is no object `{short(word)}`", where, hint or _LEAVE_OUT
             )
         return found

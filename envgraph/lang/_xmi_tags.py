@@ -78,7 +78,7 @@ class TagReader:
             opened = [note.span.start for note in problem.notes if note.span]
             found[:] = [one for one in found if not (opened and one.span and one.span.start > opened[0])]
             self._reading.add(problem)
-        if problem or len(found) > MOST_ERRORS:
+        if problem or self._reading.errors >= MOST_ERRORS:
             raise Stop
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
