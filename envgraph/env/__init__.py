@@ -18,6 +18,7 @@ from envgraph.env._behaviour import (
     Domain,
     DrawGraph,
     DrawGrid,
+    DrawnLink,
     EachStep,
     Effect,
     Observation,
@@ -37,12 +38,12 @@ from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._pixels import scene_rgb
 from envgraph.env._reaching import can_end
 from envgraph.env._render import render_rgb, render_svg, render_text
-from envgraph.env._scene import Draw, GraphScene, GridScene, Mark, Scene, scene_of
+from envgraph.env._scene import Draw, Edge, GraphScene, GridScene, Key, Mark, Scene, legend, scene_of
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._svg import scene_svg
 from envgraph.env._table_file import read_explored, write_explored
 from envgraph.env._tabular import Tabular
-from envgraph.env._text import scene_text
+from envgraph.env._text import scene_text, scene_title
 from envgraph.env._vector import EnvgraphVectorEnv
 from envgraph.env.registration import register, register_entry_point
 
@@ -56,7 +57,9 @@ __all__ = [
     "Draw",
     "DrawGraph",
     "DrawGrid",
+    "DrawnLink",
     "EachStep",
+    "Edge",
     "Effect",
     "EnvgraphEnv",
     "EnvgraphLiveEnv",
@@ -64,6 +67,7 @@ __all__ = [
     "Explored",
     "GraphScene",
     "GridScene",
+    "Key",
     "KeyIndex",
     "Mark",
     "Observation",
@@ -84,6 +88,7 @@ __all__ = [
     "enumerate_states",
     "explore",
     "indexed_classes",
+    "legend",
     "read_explored",
     "register",
     "register_entry_point",
@@ -94,6 +99,7 @@ __all__ = [
     "scene_rgb",
     "scene_svg",
     "scene_text",
+    "scene_title",
     "write_explored",
 ]
 

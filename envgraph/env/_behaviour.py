@@ -169,12 +169,24 @@ class DrawGrid:
 
 
 @dataclass(frozen=True, slots=True)
+class DrawnLink:
+    """`, Link label latency` of `draw graph`: objects that are drawn as edges have this attribute beside them."""
+
+    cls: str
+    label: str | None = None
+    span: Span | None = field(default=None, compare=False, repr=False)
+    cls_span: Span | None = field(default=None, compare=False, repr=False)
+    label_span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
 class DrawGraph:
-    """`draw graph Node label name with ..`."""
+    """`draw graph Node label name, Link label latency with ..`."""
 
     cls: str
     label: str | None = None
     tokens: tuple[Token, ...] = ()
+    links: tuple[DrawnLink, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
     cls_span: Span | None = field(default=None, compare=False, repr=False)
     label_span: Span | None = field(default=None, compare=False, repr=False)

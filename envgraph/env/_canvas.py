@@ -8,33 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env._font import write
-
-Colour = tuple[float, float, float]
-"""Red, green and blue, 0 to 255."""
-
-INK: Colour = (33.0, 37.0, 41.0)
-PAPER: Colour = (255.0, 255.0, 255.0)
-
-
-def parse_colour(text: str) -> Colour:
-    """The colour that "#rrggbb" stands for.
-
-    >>> parse_colour("#0080ff")
-    (0.0, 128.0, 255.0)
-    """
-    return float(int(text[1:3], 16)), float(int(text[3:5], 16)), float(int(text[5:7], 16))
-
-
-def blend(one: Colour, other: Colour, share: float) -> Colour:
-    """A mixture with the given share of the second colour."""
-    red, green, blue = ((1.0 - share) * a + share * b for a, b in zip(one, other, strict=True))
-    return red, green, blue
-
-
-def ink_on(background: Colour) -> Colour:
-    """A colour that can be read on the background: dark on light, white on dark."""
-    red, green, blue = background
-    return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140.0 else PAPER
+from envgraph.metamodel.picture import PAPER, Colour
 
 
 class Canvas:
@@ -71,15 +45,27 @@ class Canvas:
         distance = np.hypot(xs - ax - along * ux, ys - ay - along * uy)
         self._paint(xs, ys, np.clip(half - distance + 0.5, 0.0, 1.0), colour)
 
-    def text(self, x: float, y: float, text: str, scale: int, colour: Colour, strength: float = 1.0) -> None:
-        """Write one line of text around a centre; `strength` below 1 lets the background through."""
+    def text(self, x: float, y: float, text: str, scale: int, colour: Colour) -> None:
+        """Write one line of text around a centre."""
         shape = write(text, scale)
         height, width = shape.shape
         top, left = floor(y - height / 2 + 0.5), floor(x - width / 2 + 0.5)
         bottom, right = self._pixels.shape[:2]
         visible = shape[max(0, -top) : max(0, bottom - top), max(0, -left) : max(0, right - left)]
         area = self._pixels[max(0, top) : max(0, top + height), max(0, left) : max(0, left + width)]
-        area[visible] = (1.0 - strength) * area[visible] + strength * np.array(colour)
+        area[visible] = np.array(colour)
+
+    def label(self, x: float, y: float, text: str, scale: int, colour: Colour) -> None:
+        """Write one line of text on a patch of paper, so that it can be read above lines."""
+        height, width = write(text, scale).shape
+        self.rectangle(
+            round(x - width / 2) - scale,
+            round(y - height / 2) - scale,
+            width + 2 * scale,
+            height + 2 * scale,
+            PAPER,
+        )
+        self.text(x, y, text, scale, colour)
 
     def _around(
         self, left: float, top: float, right: float, bottom: float

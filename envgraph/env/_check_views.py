@@ -5,6 +5,7 @@ from __future__ import annotations
 from envgraph.env._behaviour import (
     DrawGraph,
     DrawGrid,
+    DrawnLink,
     Observation,
     ObserveAttribute,
     ObserveFind,
@@ -14,6 +15,7 @@ from envgraph.env._behaviour import (
 )
 from envgraph.env._check_base import Checking, Scope, a_type, type_names
 from envgraph.env._clauses import condition_question, count_question
+from envgraph.env._looks import edge_ends
 from envgraph.errors import Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
 from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, check_expression
@@ -115,8 +117,26 @@ class ViewChecking(Checking):
                 self._drawn_attribute(cls.cls, name, span or draw.span, whole=True)
         if cls is not None and isinstance(draw, DrawGraph) and draw.label is not None:
             self._drawn_attribute(cls.cls, draw.label, draw.label_span or draw.span, whole=False)
+        for link in draw.links if isinstance(draw, DrawGraph) else ():
+            self._link(link, cls)
         for token in draw.tokens:
             self._token(token, cls, scope)
+
+    def _link(self, link: DrawnLink, nodes: ObjectType | None) -> None:
+        cls = self.known_class(link.cls, link.cls_span or link.span)
+        if cls is None or nodes is None:
+            return
+        if link.label is not None:
+            self._drawn_attribute(cls.cls, link.label, link.label_span or link.span, whole=False)
+        kinds = [
+            kind
+            for kind in self.metamodel.concrete(cls.cls)
+            if len(edge_ends(self.metamodel, kind, nodes.cls)) < 2
+        ]
+        if kinds:
+            message = f"{a_type(ObjectType(kinds[0]))} has no two ends: it cannot be drawn between nodes"
+            hint = f"an edge is an object with two single references to {a_type(nodes)}"
+            self.report("wrong-type", message, link.cls_span or link.span, hint)
 
     def _drawn_attribute(self, cls: str, name: str, span: Span | None, whole: bool) -> None:
         features = self.metamodel.features(cls)

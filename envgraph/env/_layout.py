@@ -7,10 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, hypot, pi, sin
 
-from envgraph.env._scene import GraphScene, Mark
+from envgraph.env._scene import Edge, GraphScene, Mark
+from envgraph.errors import visible
 
 NODE_RADIUS = 0.42
 _SPACING = 2.4
+_EDGE_LABELS = 3.4
+"""At least so far apart are nodes with labels between them."""
+
+LABEL_SHARE = 0.76
+"""Where on an edge its label stands: nearer to the end, so that those of an edge and of its way back are apart."""
+
+_LONGEST = 24
+"""Letters of a label; a longer one is cut."""
+
 _LABEL_GAP = NODE_RADIUS + 0.32
 _EDGE_SHIFT = 0.13
 
@@ -19,13 +29,20 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class GraphLayout:
-    """Size of the picture, centre of every node and of its label, start and end of every edge."""
+    """Where a graph is drawn.
+
+    Attributes:
+        nodes, labels: the centre of every node and of its label.
+        names: the labels, cut where they are long.
+        edges: those between two nodes, with start and end.
+    """
 
     width: float
     height: float
     nodes: tuple[Point, ...]
     labels: tuple[Point, ...]
-    edges: tuple[tuple[Point, Point], ...]
+    names: tuple[str, ...]
+    edges: tuple[tuple[Edge, tuple[Point, Point]], ...]
 
 
 def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
@@ -36,8 +53,11 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
         letter_width: width of a letter of a label.
     """
     count = len(scene.labels)
-    radius = 0.0 if count < 2 else max(1.6, _SPACING / (2 * sin(pi / count)))
-    side = _LABEL_GAP + max((len(label) for label in scene.labels), default=0) * letter_width + 0.1
+    names = tuple(map(_cut, map(visible, scene.labels)))
+    longest = max(map(len, names), default=0) * letter_width
+    spacing = max(_SPACING, longest + 0.3, *(_EDGE_LABELS * bool(edge.label) for edge in scene.edges))
+    radius = 0.0 if count < 2 else max(1.6, spacing / (2 * sin(pi / count)))
+    side = _LABEL_GAP + longest + 0.1
     rise = _LABEL_GAP + 0.3
     width, height = 2 * (radius + side), 2 * (radius + rise)
     angles = [2 * pi * number / max(count, 1) - pi / 2 for number in range(count)]
@@ -47,10 +67,18 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
             x + cos(angle) * (_LABEL_GAP + len(label) * letter_width / 2),
             y + sin(angle) * _LABEL_GAP,
         )
-        for (x, y), angle, label in zip(nodes, angles, scene.labels, strict=True)
+        for (x, y), angle, label in zip(nodes, angles, names, strict=True)
     )
-    edges = tuple(_edge(nodes[a], nodes[b]) for a, b in scene.edges if a != b)
-    return GraphLayout(width, height, nodes, labels, edges)
+    edges = tuple(
+        (edge, _edge(nodes[edge.source], nodes[edge.target]))
+        for edge in scene.edges
+        if edge.source != edge.target
+    )
+    return GraphLayout(width, height, nodes, labels, names, edges)
+
+
+def _cut(label: str) -> str:
+    return label if len(label) <= _LONGEST else label[: _LONGEST - 1] + "\N{HORIZONTAL ELLIPSIS}"
 
 
 def _edge(start: Point, end: Point) -> tuple[Point, Point]:
@@ -64,6 +92,11 @@ def _edge(start: Point, end: Point) -> tuple[Point, Point]:
         (ax + ux * gap + shift_x, ay + uy * gap + shift_y),
         (bx - ux * gap + shift_x, by - uy * gap + shift_y),
     )
+
+
+def between(start: Point, end: Point, share: float) -> Point:
+    """The point of a line that leaves a share of it behind."""
+    return start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share
 
 
 def arrow_head(start: Point, end: Point, size: float) -> tuple[Point, Point]:

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import hypot
+
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env._canvas import INK, PAPER, Canvas, Colour, blend, ink_on, parse_colour
+from envgraph.env._canvas import Canvas
 from envgraph.env._font import ADVANCE, HEIGHT
-from envgraph.env._layout import NODE_RADIUS, Point, arrow_head, disc_places, graph_layout
+from envgraph.env._layout import (
+    LABEL_SHARE,
+    NODE_RADIUS,
+    Point,
+    arrow_head,
+    between,
+    disc_places,
+    graph_layout,
+)
 from envgraph.env._scene import EMPTY, GraphScene, GridScene, Mark, Scene
 from envgraph.errors import InvalidArgument
+from envgraph.metamodel.picture import INK, PAPER, Colour, blend, ink_on, parse_colour
 
 MOST_PIXELS = 64_000_000
 
-_EDGE: Colour = (134.0, 142.0, 150.0)
+_DASH = 0.22
+"""Length of a dash, and of the gap after it."""
 
 
 def scene_rgb(scene: Scene, cell: int = 32) -> NDArray[np.uint8]:
@@ -73,7 +86,7 @@ def _tile(canvas: Canvas, left: int, top: int, cell: int, colour: Colour, letter
         canvas.rectangle(left + cell - 1, top, 1, cell, blend(colour, INK, 0.16))
     if cell >= 12:
         middle = cell / 2
-        canvas.text(left + middle, top + middle, letter, _scale(cell), ink_on(colour), 0.62)
+        canvas.text(left + middle, top + middle, letter, _scale(cell), ink_on(colour, 0.62))
 
 
 def _disc(canvas: Canvas, mark: Mark, at: Point, radius: float, cell: int) -> None:
@@ -90,16 +103,20 @@ def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
     small = max(1, _scale(cell) // 2)
     layout = graph_layout(scene, ADVANCE * small / cell)
     canvas = _canvas(layout.width * cell, layout.height * cell)
-    for edge in layout.edges:
-        _arrow(canvas, *edge, cell)
+    for edge, (start, end) in layout.edges:
+        _arrow(canvas, start, end, cell, parse_colour(edge.colour), bool(edge.kind))
+    for edge, (start, end) in layout.edges:
+        if edge.label:
+            x, y = between(start, end, LABEL_SHARE)
+            canvas.label(x * cell, y * cell, edge.label, small, INK)
     below = {mark.place[0] for mark in scene.marks}
     for number, ((x, y), glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
         colour = parse_colour(glyph.colour)
         canvas.disc(x * cell, y * cell, NODE_RADIUS * cell, blend(colour, INK, 0.3))
         canvas.disc(x * cell, y * cell, NODE_RADIUS * cell - max(1.0, cell / 24), colour)
         if number not in below:
-            canvas.text(x * cell, y * cell, glyph.letter, _scale(cell), ink_on(colour), 0.62)
-    for (x, y), label in zip(layout.labels, scene.labels, strict=True):
+            canvas.text(x * cell, y * cell, glyph.letter, _scale(cell), ink_on(colour, 0.62))
+    for (x, y), label in zip(layout.labels, layout.names, strict=True):
         canvas.text(x * cell, y * cell, label, small, INK)
     for mark, (dx, dy), radius in disc_places(scene.marks):
         x, y = layout.nodes[mark.place[0]]
@@ -107,9 +124,13 @@ def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
     return canvas.array()
 
 
-def _arrow(canvas: Canvas, start: Point, end: Point, cell: int) -> None:
+def _arrow(canvas: Canvas, start: Point, end: Point, cell: int, colour: Colour, broken: bool) -> None:
     width = max(1.0, cell / 20)
+    length = hypot(end[0] - start[0], end[1] - start[1])
+    pieces = max(1, round(length / _DASH)) if broken else 1
+    points = [between(start, end, number / pieces) for number in range(pieces + 1)]
+    for one, other in list(pairwise(points))[::2]:
+        canvas.line((one[0] * cell, one[1] * cell), (other[0] * cell, other[1] * cell), width, colour)
     tip = end[0] * cell, end[1] * cell
-    canvas.line((start[0] * cell, start[1] * cell), tip, width, _EDGE)
     for x, y in arrow_head(start, end, 0.22):
-        canvas.line(tip, (x * cell, y * cell), width, _EDGE)
+        canvas.line(tip, (x * cell, y * cell), width, colour)

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from envgraph.env._canvas import INK, Colour, blend, ink_on, parse_colour
-from envgraph.env._layout import NODE_RADIUS, Point, arrow_head, disc_places, graph_layout
-from envgraph.env._scene import EMPTY, GraphScene, GridScene, Mark, Scene
-from envgraph.metamodel.picture import markup
+from envgraph.env._layout import (
+    LABEL_SHARE,
+    NODE_RADIUS,
+    Point,
+    arrow_head,
+    between,
+    disc_places,
+    graph_layout,
+)
+from envgraph.env._scene import EMPTY, Edge, GraphScene, GridScene, Mark, Scene
+from envgraph.env._text import scene_title
+from envgraph.metamodel.picture import INK, Colour, blend, colour_text, ink_on, markup, parse_colour
 
 _LETTER_WIDTH = 0.2
+_HALO = ' paint-order="stroke" stroke="#ffffff" stroke-width="0.12" stroke-linejoin="round"'
 
 
 def scene_svg(scene: Scene, cell: int = 32) -> str:
@@ -24,20 +33,17 @@ def scene_svg(scene: Scene, cell: int = 32) -> str:
     else:
         layout = graph_layout(scene, _LETTER_WIDTH)
         width, height, parts = layout.width, layout.height, list(_graph(scene))
+    title = markup(scene_title(scene))
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(width)} {_n(height)}" '
         f'width="{_n(width * cell)}" height="{_n(height * cell)}" role="img" '
-        'font-family="ui-monospace, monospace" text-anchor="middle">'
+        f'aria-label="{title}" font-family="ui-monospace, monospace" text-anchor="middle">\n<title>{title}</title>'
     )
     return "\n".join([head, *parts, "</svg>"])
 
 
 def _n(number: float) -> str:
     return f"{number:.3f}".rstrip("0").rstrip(".")
-
-
-def _hex(colour: Colour) -> str:
-    return "#" + "".join(f"{round(part):02x}" for part in colour)
 
 
 def _grid(scene: GridScene) -> Iterator[str]:
@@ -50,20 +56,19 @@ def _grid(scene: GridScene) -> Iterator[str]:
         colour = parse_colour(glyph.colour)
         yield (
             f'<rect x="{column}" y="{row}" width="1" height="1" fill="{markup(glyph.colour)}" '
-            f'stroke="{_hex(blend(colour, INK, 0.16))}" stroke-width="0.03"/>'
+            f'stroke="{colour_text(blend(colour, INK, 0.16))}" stroke-width="0.03"/>'
         )
         if (column, row) not in below:
-            yield _text((column + 0.5, row + 0.5), glyph.letter, 0.5, ink_on(colour), 0.62)
+            yield _text((column + 0.5, row + 0.5), glyph.letter, 0.5, ink_on(colour, 0.62))
     for mark, (dx, dy), radius in disc_places(scene.marks):
         yield from _disc(mark, (mark.place[0] + 0.5 + dx, mark.place[1] + 0.5 + dy), radius)
 
 
-def _text(at: Point, text: str, size: float, colour: Colour, strength: float = 1.0) -> str:
+def _text(at: Point, text: str, size: float, colour: Colour, style: str = "") -> str:
     # The middle of a letter is about a third of its size above its line. `dominant-baseline` says so better, but many
     # viewers other than browsers do not know it.
-    shade = f' fill-opacity="{strength}"' if strength < 1.0 else ""
     place = f'x="{_n(at[0])}" y="{_n(at[1] + size * 0.35)}" font-size="{_n(size)}"'
-    return f'<text {place} fill="{_hex(colour)}"{shade}>{markup(text)}</text>'
+    return f'<text {place} fill="{colour_text(colour)}"{style}>{markup(text)}</text>'
 
 
 def _disc(mark: Mark, at: Point, radius: float) -> Iterator[str]:
@@ -76,24 +81,36 @@ def _disc(mark: Mark, at: Point, radius: float) -> Iterator[str]:
 
 def _graph(scene: GraphScene) -> Iterator[str]:
     layout = graph_layout(scene, _LETTER_WIDTH)
-    for start, end in layout.edges:
+    yield f'<rect width="{_n(layout.width)}" height="{_n(layout.height)}" fill="#ffffff"/>'
+    for edge, (start, end) in layout.edges:
+        broken = ' stroke-dasharray="0.18 0.14"' if edge.kind else ""
         one, other = arrow_head(start, end, 0.22)
         points = " L".join(f"{_n(x)} {_n(y)}" for x, y in (one, end, other))
         yield (
-            f'<path d="M{_n(start[0])} {_n(start[1])} L{_n(end[0])} {_n(end[1])} M{points}" '
-            'fill="none" stroke="#868e96" stroke-width="0.05" stroke-linecap="round"/>'
+            f'<g fill="none" stroke="{markup(edge.colour)}" stroke-width="0.05" stroke-linecap="round">'
+            f"<title>{markup(_title(scene, edge))}</title>"
+            f'<path d="M{_n(start[0])} {_n(start[1])} L{_n(end[0])} {_n(end[1])}"{broken}/><path d="M{points}"/></g>'
         )
+    for edge, (start, end) in layout.edges:
+        if edge.label:
+            yield _text(between(start, end, LABEL_SHARE), edge.label, 0.3, INK, _HALO)
     below = {mark.place[0] for mark in scene.marks}
     for number, (at, glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
         colour = parse_colour(glyph.colour)
         yield (
             f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(NODE_RADIUS)}" fill="{markup(glyph.colour)}" '
-            f'stroke="{_hex(blend(colour, INK, 0.3))}" stroke-width="0.05"/>'
+            f'stroke="{colour_text(blend(colour, INK, 0.3))}" stroke-width="0.05"/>'
         )
         if number not in below:
-            yield _text(at, glyph.letter, 0.5, ink_on(colour), 0.62)
-    for at, label in zip(layout.labels, scene.labels, strict=True):
+            yield _text(at, glyph.letter, 0.5, ink_on(colour, 0.62))
+    for at, label in zip(layout.labels, layout.names, strict=True):
         yield _text(at, label, 0.32, INK)
     for mark, (dx, dy), radius in disc_places(scene.marks):
         x, y = layout.nodes[mark.place[0]]
         yield from _disc(mark, (x + dx, y + dy), radius * 0.9)
+
+
+def _title(scene: GraphScene, edge: Edge) -> str:
+    """What is said of an edge under the mouse."""
+    ends = f"{scene.labels[edge.source]} to {scene.labels[edge.target]}"
+    return ", ".join(text for text in (ends, edge.label, edge.kind) if text)

@@ -15,6 +15,7 @@ from envgraph.env import (
     Domain,
     DrawGraph,
     DrawGrid,
+    DrawnLink,
     EachStep,
     Observation,
     ObserveAttribute,
@@ -286,18 +287,44 @@ def chain_of(reading: Reading, tree: Tree[Token]) -> Expression:
 
 def drawing_of(reading: Reading, tree: Tree[Token]) -> DrawGrid | DrawGraph:
     """The data of `draw grid ...` or `draw graph ...`."""
-    type_ = trees(tree.children, "type")[0]
-    cls, span, cls_span = type_of(reading, type_), reading.span(tree), type_span_of(reading, type_)
+    span = reading.span(tree)
     drawn = _drawn_tokens(reading, trees(tree.children, "tokens"))
+    if tree.data == "draw_graph":
+        nodes, *links = (_drawn_link(reading, part) for part in trees(tree.children, "drawn"))
+        return DrawGraph(
+            nodes.cls,
+            nodes.label,
+            drawn,
+            tuple(links),
+            span,
+            cls_span=nodes.cls_span,
+            label_span=nodes.label_span,
+        )
+    type_ = trees(tree.children, "type")[0]
     names = tokens(tree.children, "NAME")
     spans = reading.spans(names)
-    if tree.data == "draw_grid":
-        column, row = (str(name) for name in names)
-        return DrawGrid(
-            cls, column, row, drawn, span, cls_span=cls_span, column_span=spans[0], row_span=spans[1]
-        )
-    label = str(names[0]) if names else None
-    return DrawGraph(cls, label, drawn, span, cls_span=cls_span, label_span=next(iter(spans), None))
+    column, row = (str(name) for name in names)
+    return DrawGrid(
+        type_of(reading, type_),
+        column,
+        row,
+        drawn,
+        span,
+        cls_span=type_span_of(reading, type_),
+        column_span=spans[0],
+        row_span=spans[1],
+    )
+
+
+def _drawn_link(reading: Reading, tree: Tree[Token]) -> DrawnLink:
+    type_, labels = trees(tree.children)[0], tokens(tree.children, "NAME")
+    return DrawnLink(
+        type_of(reading, type_),
+        str(labels[0]) if labels else None,
+        reading.span(tree),
+        type_span_of(reading, type_),
+        next(iter(reading.spans(labels)), None),
+    )
 
 
 def _drawn_tokens(reading: Reading, groups: Iterable[Tree[Token]]) -> tuple[DrawnToken, ...]:

@@ -36,10 +36,11 @@ from envgraph.metamodel import (
 )
 
 _REFERENCE_ANNOTATIONS = ("derived", "frozen")
-_ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range")
+_ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range", "glyph", "colour")
 _PLACES = {
     "key": "classes",
-    "glyph": "classes",
+    "glyph": "classes and attributes",
+    "colour": "attributes",
     "derived": "features",
     "frozen": "classes and features",
     "range": "attributes",

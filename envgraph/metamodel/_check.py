@@ -13,6 +13,7 @@ from envgraph.metamodel._features import (
     Class,
     EnumType,
     Feature,
+    Glyph,
     Reference,
     Scalar,
     accepts,
@@ -48,6 +49,8 @@ def _problems(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterator[D
         yield from _check_types(cls, declared)
         yield from _check_key(cls, table)
         yield from _check_glyph(cls)
+        for attribute in (one for one in cls.features if isinstance(one, Attribute)):
+            yield from _check_looks(attribute)
     yield from _check_glyphs_differ(classes)
 
 
@@ -319,20 +322,43 @@ def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
 def _check_glyph(cls: Class) -> Iterator[Diagnostic]:
     if cls.glyph is None:
         return
-    if len(cls.glyph.letter) != 1:
-        yield Diagnostic(
-            "bad-glyph",
-            f"the glyph of `{cls.name}` is not a single letter",
-            place(cls, "letter"),
-            "write one letter",
-        )
-    if not re.fullmatch("#[0-9a-fA-F]{6}", cls.glyph.colour):
-        yield Diagnostic(
-            "bad-glyph",
-            f"the glyph of `{cls.name}` has no colour `{cls.glyph.colour}`",
-            place(cls, "colour"),
-            "write `#rrggbb`",
-        )
+    yield from _glyph_problems(cls.glyph, cls.name, place(cls, "letter"), place(cls, "colour"))
+
+
+def _glyph_problems(
+    glyph: Glyph, name: str, letter: Span | None, colour: Span | None
+) -> Iterator[Diagnostic]:
+    if len(glyph.letter) != 1:
+        message = f"the glyph of `{name}` is not a single letter"
+        yield Diagnostic("bad-glyph", message, letter, "write one letter")
+    if not re.fullmatch("#[0-9a-fA-F]{6}", glyph.colour):
+        message = f"the glyph of `{name}` has no colour `{glyph.colour}`"
+        yield Diagnostic("bad-glyph", message, colour, "write `#rrggbb`")
+
+
+def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
+    """`@glyph` is for Booleans, and `@colour` for enums."""
+    for mark in attribute.annotations:
+        if mark.name == "glyph" and attribute.type is not Scalar.BOOL:
+            message = f"`@glyph` is for classes and for a `bool`, and `{attribute.name}` is none"
+            hint = (
+                "`@colour` shows the value of an enum"
+                if isinstance(attribute.type, EnumType)
+                else "leave it out"
+            )
+            yield Diagnostic("bad-glyph", message, mark.span, hint)
+        elif mark.name == "glyph":
+            if mark.named or not 1 <= len(mark.arguments) <= 2:
+                message = "`@glyph` takes a letter and a colour, both in quotes"
+                yield Diagnostic("bad-annotation", message, mark.span, 'write `@glyph("o", "#868e96")`')
+            else:
+                glyph = Glyph(*map(str, mark.arguments))
+                yield from _glyph_problems(glyph, attribute.name, mark.span, mark.span)
+        elif mark.name == "colour" and not isinstance(attribute.type, EnumType):
+            message = f"`@colour` is for an attribute of an enum, and `{attribute.name}` is none"
+            yield Diagnostic(
+                "bad-annotation", message, mark.span, "declare an enum whose literals are colours"
+            )
 
 
 def _check_glyphs_differ(classes: Sequence[Class]) -> Iterator[Diagnostic]:

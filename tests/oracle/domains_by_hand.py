@@ -114,6 +114,9 @@ KEYDOOR: dict[str, Callable[[Model], Rows]] = {
     "keyless": lambda m: ids(
         (d,) for d in every(m, "Door") if d.colour not in {key.colour for key in every(m, "Key")}
     ),
+    "buried": lambda m: ids(
+        (c,) for c in every(m, "Wall") if c.item or c in [h.at for h in every(m, "Hero")]
+    ),
     "keyOf": lambda m: ids((key, key.colour) for key in every(m, "Key")),
 }
 
@@ -166,6 +169,7 @@ WAREHOUSE: dict[str, Callable[[Model], Rows]] = {
     "drivable": _drivable,
     "fetchable": _fetchable,
     "stranded": lambda m: {(p.id,) for p in every(m, "Parcel")} - {(p,) for p, _ in _fetchable(m)},
+    "stuck": lambda m: ids((r,) for r in every(m, "Robot") if r.at.cls == "Shelf"),
     "pending": lambda m: ids((p,) for p in every(m, "Parcel") if not p.shipped),
     "empty": lambda m: ids((r,) for r in every(m, "Robot") if r.battery == 0),
     "parcels": lambda m: ids((hall, len(hall.parcels)) for hall in every(m, "Hall")),

@@ -8,8 +8,20 @@ digraph "small" {
 }
 """
 
+from envgraph.metamodel.picture._colour import (
+    INK,
+    PAPER,
+    Colour,
+    blend,
+    colour_text,
+    contrast,
+    ink_on,
+    parse_colour,
+)
 from envgraph.metamodel.picture._picture import (
     LAYOUTS,
+    LINE_COLOUR,
+    MARK,
     End,
     Picture,
     PictureEdge,
@@ -21,13 +33,23 @@ from envgraph.metamodel.picture._picture import (
 )
 
 __all__ = [
+    "INK",
     "LAYOUTS",
+    "LINE_COLOUR",
+    "MARK",
+    "PAPER",
+    "Colour",
     "End",
     "Picture",
     "PictureEdge",
     "PictureNode",
+    "blend",
     "class_colours",
+    "colour_text",
+    "contrast",
+    "ink_on",
     "markup",
+    "parse_colour",
     "shortened",
     "shown_value",
 ]

@@ -10,13 +10,14 @@ from envgraph.errors import visible
 from envgraph.metamodel.picture._layout import Frame, arrange
 from envgraph.metamodel.picture._picture import (
     INK,
+    LINE_COLOUR,
     MARK,
     End,
     Picture,
     PictureEdge,
     PictureNode,
-    ink_on,
     markup,
+    text_on,
 )
 
 _ENDS: Mapping[End, str] = {"none": "none", "arrow": "vee", "diamond": "diamond", "triangle": "onormal"}
@@ -45,7 +46,7 @@ def _statements(picture: Picture) -> Iterator[str]:
         graph.update(label=picture.note, labelloc="b")
     yield f"  graph {_attributes(graph)};"
     yield f"  node {_attributes({'shape': 'box', 'style': 'filled', 'fontname': _FONT, 'fontsize': '10'})};"
-    yield f"  edge {_attributes({'color': '#868e96', 'fontname': _FONT, 'fontsize': '9', 'arrowsize': '0.7'})};"
+    yield f"  edge {_attributes({'color': LINE_COLOUR, 'fontname': _FONT, 'fontsize': '9', 'arrowsize': '0.7'})};"
     for node in picture.nodes:
         yield f"  {_quoted(node.key)} {_node(node, frames.get(node.key))};"
     degrees = Counter(end for edge in picture.edges for end in (edge.source, edge.target))
@@ -70,7 +71,7 @@ def _quoted(text: str) -> str:
 
 
 def _node(node: PictureNode, frame: Frame | None) -> str:
-    attributes = {"fillcolor": node.fill, "fontcolor": ink_on(node.fill), "margin": "0.05,0.03"}
+    attributes = {"fillcolor": node.fill, "fontcolor": text_on(node.fill), "margin": "0.05,0.03"}
     if node.marks is not None:
         attributes.update(color=MARK, penwidth="3")
     if frame is not None:

@@ -8,6 +8,7 @@ from html import escape
 from typing import TYPE_CHECKING, Literal
 
 from envgraph.errors import InvalidArgument, visible
+from envgraph.metamodel.picture._colour import colour_text, ink_on, parse_colour
 
 if TYPE_CHECKING:
     from envgraph.metamodel._features import Class
@@ -20,6 +21,8 @@ LAYOUTS = ("dot", "neato", "fdp", "sfdp", "circo", "twopi")
 
 INK = "#212529"
 MARK = "#e03131"
+LINE_COLOUR = "#5c636a"
+"""Of a line between two boxes."""
 
 TIMEOUT = 10.0
 """How long Graphviz may take for a picture, in seconds."""
@@ -145,11 +148,10 @@ def class_colours(classes: Iterable[Class]) -> dict[str, str]:
     }
 
 
-def ink_on(fill: str) -> str:
+def text_on(fill: str) -> str:
     """The colour of text that can be read on another.
 
-    >>> ink_on("#ffffff"), ink_on("#343a40")
+    >>> text_on("#ffffff"), text_on("#343a40")
     ('#212529', '#ffffff')
     """
-    red, green, blue = (int(fill[at : at + 2], 16) for at in (1, 3, 5))
-    return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else "#ffffff"
+    return colour_text(ink_on(parse_colour(fill)))

@@ -10,13 +10,14 @@ from envgraph.metamodel.picture._dot import graphviz_svg, picture_dot
 from envgraph.metamodel.picture._layout import LINE, Frame, arrange, head_lines, text_width
 from envgraph.metamodel.picture._picture import (
     INK,
+    LINE_COLOUR,
     MARK,
     End,
     Picture,
     PictureEdge,
     PictureNode,
-    ink_on,
     markup,
+    text_on,
 )
 
 _BORDER = 20.0
@@ -82,7 +83,7 @@ def _node(node: PictureNode, frame: Frame) -> Iterator[str]:
         f'<rect x="{_n(left)}" y="{_n(top)}" width="{_n(2 * frame.half_width)}" '
         f'height="{_n(2 * frame.half_height)}" fill="{node.fill}" {stroke}/>'
     )
-    ink = f'fill="{ink_on(node.fill)}"'
+    ink = f'fill="{text_on(node.fill)}"'
     y = top + 4 + LINE / 2
     head = head_lines(node)
     for number, line in enumerate(head):
@@ -94,7 +95,7 @@ def _node(node: PictureNode, frame: Frame) -> Iterator[str]:
         rule = y - LINE / 2 + 2
         yield (
             f'<line x1="{_n(left)}" y1="{_n(rule)}" x2="{_n(frame.x + frame.half_width)}" y2="{_n(rule)}" '
-            f'stroke="{ink_on(node.fill)}" stroke-width="0.5"/>'
+            f'stroke="{text_on(node.fill)}" stroke-width="0.5"/>'
         )
     for line in node.lines:
         yield _text(left + 8, y + 3, line, ink)
@@ -119,7 +120,7 @@ def _edge(edge: PictureEdge, bend: float, frames: dict[str, Frame]) -> Iterator[
         path, start, end, controls, middle = _loop(source, abs(bend))
     else:
         path, start, end, controls, middle = _curve(source, target, bend)
-    colour = INK if {"diamond", "triangle"} & {edge.tail, edge.head} else "#868e96"
+    colour = INK if {"diamond", "triangle"} & {edge.tail, edge.head} else LINE_COLOUR
     yield f'<path d="{path}" fill="none" stroke="{colour}"/>'
     yield from _end(edge.tail, start, controls[0], colour)
     yield from _end(edge.head, end, controls[1], colour)

@@ -154,9 +154,9 @@ def test_a_copy_goes_on_by_itself(copied: Callable[[EnvgraphEnv], EnvgraphEnv]) 
 def test_rendering_shows_the_present_state() -> None:
     env = EnvgraphEnv(TARGET.tabular, pictures=TARGET.pictures, render_mode="ansi")
     env.reset()
-    assert str(env.render()).startswith("(S) V  V")
+    assert str(env.render()).startswith("(F) V  V")
     env.step(2)
-    assert str(env.render()).startswith(" S (V) V")
+    assert str(env.render()).startswith(" S (F) V")
 
 
 def test_pixels_have_the_size_of_the_grid() -> None:

@@ -96,9 +96,9 @@ def test_the_network_is_drawn_without_its_packet_as_an_edge() -> None:
     engine, behaviour = loaded()
     assert behaviour.draw is not None
     assert render_text(engine.model, behaviour.draw, behaviour.parameters).splitlines() == [
-        "(Amsterdam) -> Berlin, Geneva",
-        " Berlin     -> Amsterdam, Budapest",
-        " Budapest   -> Berlin",
-        " Geneva     -> Amsterdam, Lisbon, Budapest",
-        " Lisbon     -> Geneva",
+        "(Amsterdam) -> Berlin (6.5), Geneva (8.2)",
+        " Berlin     -> Amsterdam (6.5), Budapest (9)",
+        " Budapest   -> Berlin (9)",
+        " Geneva     -> Amsterdam (8.2), Lisbon (14), Budapest (11.1)",
+        " Lisbon     -> Geneva (14)",
     ]

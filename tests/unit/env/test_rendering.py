@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import combinations
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,10 +13,13 @@ from numpy.typing import NDArray
 from envgraph.env import (
     DrawGraph,
     DrawGrid,
+    DrawnLink,
+    Edge,
     GraphScene,
     GridScene,
     Mark,
     Token,
+    legend,
     render_rgb,
     render_svg,
     render_text,
@@ -23,11 +27,23 @@ from envgraph.env import (
     scene_rgb,
     scene_svg,
     scene_text,
+    scene_title,
 )
 from envgraph.env._font import write
+from envgraph.env._layout import graph_layout
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, Class, Glyph, Metamodel, Reference, Scalar
+from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar
+from envgraph.metamodel.picture import (
+    INK,
+    LINE_COLOUR,
+    MARK,
+    PAPER,
+    colour_text,
+    contrast,
+    ink_on,
+    parse_colour,
+)
 from envgraph.pattern import Navigation, Variable
 from tests.unit.env import forest
 
@@ -69,7 +85,7 @@ def colour(picture: NDArray[np.uint8], x: float, y: float, cell: int = 32) -> st
 
 
 def test_a_grid_in_letters() -> None:
-    assert render_text(forest.model(ROWS), DRAW) == "(S) V  B\n W  R  G"
+    assert render_text(forest.model(ROWS), DRAW) == "(F) V  B\n W  R  G"
 
 
 def test_the_truck_is_found_by_name_or_as_the_parameter_it_is() -> None:
@@ -77,7 +93,7 @@ def test_the_truck_is_found_by_name_or_as_the_parameter_it_is() -> None:
     model.set_object_name(model.find_object("truck") or 0, "engine")
     with pytest.raises(ResolutionError, match="the model has no object `truck`"):
         render_text(model, DRAW)
-    assert render_text(model, DRAW, forest.behaviour().parameters).startswith("(S)")
+    assert render_text(model, DRAW, forest.behaviour().parameters).startswith("(F)")
 
 
 def test_a_grid_may_begin_anywhere_and_have_gaps() -> None:
@@ -158,7 +174,7 @@ def test_several_tokens_are_listed_and_drawn_beside_each_other() -> None:
         Mark("dog", "D", "#0b7285", (1, 0)),
     )
     scene = GridScene(2, 1, (Glyph(".", "#ffffff"),), bytes([0, 0]), marks)
-    assert scene_text(scene) == "(.)(.)\nhero: column 0, row 0\nkey: column 0, row 0\ndog: column 1, row 0"
+    assert scene_text(scene) == "(K)(D)\nhero: column 0, row 0\nkey: column 0, row 0\ndog: column 1, row 0"
     picture = scene_rgb(scene, 64)
     colours = {tuple(pixel) for pixel in picture.reshape(-1, 3).tolist()}
     assert {(0, 0, 0), (0x9C, 0x36, 0xB5), (0x0B, 0x72, 0x85)} <= colours
@@ -193,7 +209,7 @@ def test_references_between_nodes_are_edges() -> None:
     one.next.append(two)
     scene = scene_of(model, DrawGraph("State"))
     assert isinstance(scene, GraphScene)
-    assert (scene.labels, scene.edges) == (("one", "two"), ((0, 1),))
+    assert (scene.labels, scene.edges) == (("one", "two"), (Edge(0, 1),))
 
 
 def test_tokens_without_a_glyph_get_colours_in_turn() -> None:
@@ -248,7 +264,7 @@ def test_svg_escapes_what_comes_from_a_model() -> None:
 
 def test_svg_of_a_graph_has_an_arrow_for_every_edge_but_loops() -> None:
     root = ElementTree.fromstring(render_svg(net(), NET_DRAW))
-    assert sum(element.tag.endswith("path") for element in root.iter()) == 3
+    assert sum(element.tag.endswith("}g") for element in root) == 3
 
 
 # --- the font
@@ -281,3 +297,115 @@ def test_letters_differ_and_unknown_ones_are_boxes() -> None:
 def test_letters_are_scaled_by_repeating_pixels() -> None:
     assert (write("ab", 3)[::3, ::3] == write("ab")).all()
     assert write("ab", 3).shape == (21, 33)
+
+
+# --- what attributes show
+
+
+def maze() -> tuple[Model, DrawGrid]:
+    """A red door, a green key, and a hero."""
+    colour = EnumType("Colour", ("red", "green", "plaid"))
+    tinted = Attribute("colour", colour, annotations=(Annotation("colour"),))
+    opened = Attribute("open", Scalar.BOOL, annotations=(Annotation("glyph", ("/",)),))
+    cell = Class("Cell", features=(Attribute("x", Scalar.INT), Attribute("y", Scalar.INT)), glyph=Glyph("."))
+    door = Class("Door", supertypes=("Cell",), features=(tinted, opened), glyph=Glyph("D", "#ced4da"))
+    key = Class("Key", features=(tinted, Reference("at", "Cell")))
+    model = Model(Metamodel("maze", (cell, door, key), (colour,)))
+    start = model.create("Cell", object_name="start")
+    model.create("Door", object_name="gate", x=1, colour="red")
+    model.create("Key", object_name="k", at=start, colour="green")
+    tokens = (Token("door", Variable("door"), "Door"), Token("key", at("key"), "Key"))
+    return model, DrawGrid("Cell", "x", "y", tokens)
+
+
+def test_tokens_have_the_colours_and_states_of_their_attributes() -> None:
+    model, draw = maze()
+    assert render_text(model, draw) == "(K)(D)\ngate, red: column 1, row 0\nk, green: column 0, row 0"
+    scene = scene_of(model, draw)
+    assert [(mark.colour, mark.kind) for mark in scene.marks] == [
+        ("#e03131", "Door, red"),
+        ("#2f9e44", "Key, green"),
+    ]
+    model.node(model.find_object("gate") or 0).open = True
+    assert render_text(model, draw).splitlines()[:2] == ["(K)(/)", "gate, red, open: column 1, row 0"]
+    model.node(model.find_object("gate") or 0).colour = "plaid"
+    assert scene_of(model, draw).marks[0].colour == "#0b7285"  # no colour of that name: one by its place
+
+
+def test_the_legend_has_what_is_drawn_once() -> None:
+    model, draw = maze()
+    assert [(key.kind, key.glyph.letter, key.shape) for key in legend([scene_of(model, draw)] * 2)] == [
+        ("Cell", ".", "tile"),
+        ("Door", "D", "tile"),
+        ("Door, red", "D", "disc"),
+        ("Key, green", "K", "disc"),
+    ]
+
+
+def test_edges_show_a_label_and_whether_they_are_as_usual() -> None:
+    up = Attribute("up", Scalar.BOOL, True, annotations=(Annotation("glyph", ("x", "#c92a2a")),))
+    ends = (Reference("start", "City"), Reference("end", "City"))
+    link = Class("Link", features=(*ends, Attribute("km", Scalar.FLOAT), up))
+    model = Model(Metamodel("roads", (Class("City"), link)))
+    one, two = model.create("City", object_name="one"), model.create("City", object_name="two")
+    model.create("Link", object_name="way", start=one, end=two, km=6.5)
+    draw = DrawGraph("City", links=(DrawnLink("Link", "km"),))
+    assert render_text(model, draw) == " one  -> two (6.5)\n two"
+    assert "dasharray" not in render_svg(model, draw)
+    model.node(model.find_object("way") or 0).up = False
+    assert render_text(model, draw) == " one  -> two (6.5, Link, not up)\n two"
+    svg = render_svg(model, draw)
+    assert "dasharray" in svg
+    assert "one to two, 6.5, Link, not up" in svg
+    assert colour_pixels(model, draw, "#c92a2a") > 20
+    assert [key.kind for key in legend([scene_of(model, draw)])] == ["City", "Link, not up"]
+
+
+def colour_pixels(model: Model, draw: DrawGraph, wanted: str) -> int:
+    picture = render_rgb(model, draw).reshape(-1, 3)
+    return int((picture == [int(wanted[at : at + 2], 16) for at in (1, 3, 5)]).all(axis=1).sum())
+
+
+def test_labels_of_neighbours_do_not_meet() -> None:
+    city = Class("City", features=(Attribute("name", Scalar.STRING),))
+    model = Model(Metamodel("roads", (city,)))
+    for number in range(7):
+        model.create("City", name=f"Llanfairpwllgwyngyll {number} and on")
+    scene = scene_of(model, DrawGraph("City", "name"))
+    assert isinstance(scene, GraphScene)
+    layout = graph_layout(scene, 0.2)
+    boxes = [(x, y, len(name) * 0.2) for (x, y), name in zip(layout.labels, layout.names, strict=True)]
+    for (x, y, width), (u, v, other) in combinations(boxes, 2):
+        assert abs(x - u) > (width + other) / 2 or abs(y - v) > 0.3
+    assert all(width / 2 <= x <= layout.width - width / 2 for x, _, width in boxes)
+
+
+# --- who can read it
+
+
+def test_pictures_say_what_they_show_and_where_tokens_are() -> None:
+    root = ElementTree.fromstring(render_svg(forest.model(ROWS), DRAW))
+    title = "a grid of 3 by 2 cells; truck at column 0, row 0"
+    assert (root.get("role"), root.get("aria-label"), root[0].text) == ("img", title, title)
+    assert scene_title(scene_of(net(), NET_DRAW)).startswith(
+        "a graph of 3 nodes and 4 edges; bus at Rome; f1 "
+    )
+
+
+@pytest.mark.parametrize("strength", [0.3, 0.62, 1.0])
+def test_text_can_be_read_on_every_colour(strength: float) -> None:
+    greys = [(float(part),) * 3 for part in range(256)]
+    mixed = [
+        (float(r), float(g), float(b))
+        for r in range(0, 256, 51)
+        for g in range(0, 256, 51)
+        for b in (0, 128, 255)
+    ]
+    for background in (*greys, *mixed):
+        ink = parse_colour(colour_text(ink_on(background, strength)))
+        assert contrast(background, ink) >= 4.5
+
+
+def test_lines_and_marks_can_be_seen_on_paper() -> None:
+    for line in (LINE_COLOUR, MARK, colour_text(INK)):
+        assert contrast(PAPER, parse_colour(line)) >= 4.5

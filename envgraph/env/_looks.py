@@ -1,0 +1,111 @@
+"""How an object looks: the glyph of its class, and what `@colour` and `@glyph` before attributes make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, EnumType, Glyph, Metamodel, Reference
+
+_NAMED: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "red": "#e03131",
+        "orange": "#f76707",
+        "yellow": "#fcc419",
+        "green": "#2f9e44",
+        "cyan": "#22b8cf",
+        "blue": "#1971c2",
+        "purple": "#9c36b5",
+        "pink": "#f06595",
+        "brown": "#8d5b2d",
+        "black": "#212529",
+        "grey": "#868e96",
+        "gray": "#868e96",
+        "white": "#f8f9fa",
+    }
+)
+
+_IN_TURN = ("#1c3d6e", "#9c36b5", "#0b7285", "#c2255c", "#5c940d", "#d9480f")
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How an object is shown.
+
+    Attributes:
+        glyph: letter and colour.
+        states: what its attributes add: `("red", "open")`.
+        unusual: an attribute with a glyph is not as it is declared.
+    """
+
+    glyph: Glyph
+    states: tuple[str, ...] = ()
+    unusual: bool = False
+
+
+class Looks:
+    """The looks of the objects of a model; what its metamodel says is looked up once a class."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._marked: dict[str, tuple[tuple[Attribute, Glyph | None], ...]] = {}
+
+    def of(self, node: int, plain: Glyph) -> Look:
+        """The look of an object that has the glyph `plain` if its attributes say nothing."""
+        model = self._model
+        cls = model.class_of(node)
+        if cls not in self._marked:
+            self._marked[cls] = tuple(_marked(model.metamodel, cls))
+        letter, colour, states, unusual = plain.letter, plain.colour, list[str](), False
+        for attribute, glyph in self._marked[cls]:
+            value = model.value(node, attribute)
+            if isinstance(attribute.type, EnumType):
+                if value is not None:
+                    colour = _colour_of(attribute.type, str(value))
+                    states.append(str(value))
+            elif glyph is not None and value is not None and value != attribute.initial:
+                letter, unusual = glyph.letter, True
+                colour = glyph.colour or colour
+                states.append(attribute.name if value else f"not {attribute.name}")
+        return Look(Glyph(letter, colour), tuple(states), unusual)
+
+
+def token_colour(position: int) -> str:
+    """The colour of the tokens at a place of a `draw` clause, where their class has no glyph."""
+    return _IN_TURN[position % len(_IN_TURN)]
+
+
+def glyph_of(metamodel: Metamodel, cls: str) -> Glyph:
+    """The glyph of a class: the declared one, or the initial of its name in grey."""
+    return metamodel.classes[cls].glyph or Glyph(cls[:1].upper())
+
+
+def _marked(metamodel: Metamodel, cls: str) -> list[tuple[Attribute, Glyph | None]]:
+    """The attributes that change how objects look: first colours, then glyphs, which may bring other colours."""
+    features = [one for one in metamodel.features(cls).values() if isinstance(one, Attribute)]
+    colours = [one for one in features if any(mark.name == "colour" for mark in one.annotations)]
+    glyphs = [
+        (one, Glyph(*map(str, (*mark.arguments, "")[:2])))
+        for one in features
+        for mark in one.annotations
+        if mark.name == "glyph"
+    ]
+    return [*((one, None) for one in colours), *glyphs]
+
+
+def _colour_of(enum: EnumType, literal: str) -> str:
+    """That which the literal names, else one by its place."""
+    return _NAMED.get(literal.lower()) or token_colour(enum.literals.index(literal))
+
+
+def edge_ends(metamodel: Metamodel, cls: str, end: str) -> tuple[Reference, ...]:
+    """The first two single references to nodes, of a class whose objects are drawn as edges; else ()."""
+    found = tuple(
+        feature
+        for feature in metamodel.features(cls).values()
+        if isinstance(feature, Reference) and not feature.many and metamodel.is_a(feature.target, end)
+    )
+    return found[:2] if len(found) > 1 else ()

@@ -1,0 +1,73 @@
+"""Colours, and text that can be read on them."""
+
+from __future__ import annotations
+
+Colour = tuple[float, float, float]
+"""Red, green and blue, 0 to 255."""
+
+INK: Colour = (33.0, 37.0, 41.0)
+PAPER: Colour = (255.0, 255.0, 255.0)
+_BLACK: Colour = (0.0, 0.0, 0.0)
+
+LEAST_CONTRAST = 4.5
+"""Of text and what it stands on: WCAG 2.2, success criterion 1.4.3."""
+
+
+def parse_colour(text: str) -> Colour:
+    """The colour that "#rrggbb" stands for.
+
+    >>> parse_colour("#0080ff")
+    (0.0, 128.0, 255.0)
+    """
+    return float(int(text[1:3], 16)), float(int(text[3:5], 16)), float(int(text[5:7], 16))
+
+
+def colour_text(colour: Colour) -> str:
+    """A colour as "#rrggbb".
+
+    >>> colour_text((0.0, 128.0, 255.0))
+    '#0080ff'
+    """
+    return "#" + "".join(f"{round(part):02x}" for part in colour)
+
+
+def blend(one: Colour, other: Colour, share: float) -> Colour:
+    """A mixture with the given share of the second colour."""
+    red, green, blue = ((1.0 - share) * a + share * b for a, b in zip(one, other, strict=True))
+    return red, green, blue
+
+
+def contrast(one: Colour, other: Colour) -> float:
+    """How much two colours differ, from 1 to 21 (WCAG 2.2, "contrast ratio").
+
+    >>> round(contrast(PAPER, (0.0, 0.0, 0.0)), 3)
+    21.0
+    """
+    low, high = sorted((_luminance(one), _luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(colour: Colour) -> float:
+    parts = (part / 255.0 for part in colour)
+    red, green, blue = (
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    )
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def ink_on(background: Colour, strength: float = 1.0) -> Colour:
+    """A colour for text that can be read on the background, with a contrast of at least 4.5.
+
+    Args:
+        background: what the text stands on.
+        strength: below 1 for text that keeps in the background, as far as it can still be read.
+    """
+    ink = max((INK, PAPER), key=lambda colour: contrast(background, colour))
+    if contrast(background, ink) < LEAST_CONTRAST:  # on colours in the middle, only black will do
+        ink = _BLACK
+    while strength < 1.0:
+        faint = blend(background, ink, strength)
+        if contrast(background, parse_colour(colour_text(faint))) >= LEAST_CONTRAST:
+            return faint
+        strength += 0.05
+    return ink
