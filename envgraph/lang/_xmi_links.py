@@ -63,8 +63,8 @@ class Linker:
                 if problem.span is not None and problem.span.source.text:
                     self._reading.add(problem)
                 else:
-                    message, hint = f"`{path}`: {problem.message}", problem.hint or _LEAVE_OUT
-                    self._reading.unresolved(problem.code, message, span, hint)
+                    hint = f"{problem.hint} {_LEAVE_OUT}" if problem.hint else _LEAVE_OUT
+                    self._reading.unresolved(problem.code, f"`{path}`: {problem.message}", span, hint)
             return None
         known = self._reading.documents.get(source.name)  # by another path
         document = known or self._reading.enter(source)
