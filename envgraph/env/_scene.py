@@ -66,7 +66,8 @@ class GridScene:
     kinds: tuple[str, ...] = ()
 
 
-class Edge(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Edge:
     """An arrow between two nodes, by number.
 
     Attributes:

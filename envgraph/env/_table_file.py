@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env._explore import Explored
-from envgraph.env._scene import GraphScene, GridScene, Mark, Scene
+from envgraph.env._scene import Edge, GraphScene, GridScene, Mark, Scene
 from envgraph.env._tabular import Tabular
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Glyph
@@ -32,7 +32,7 @@ _ARRAYS = {
     "start_probability": np.float64,
 }
 _NAMES = ("n_observations", "observation_shape", "action_names", "agent_names")
-_DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Glyph)}
+_DATA = {cls.__name__: cls for cls in (GridScene, GraphScene, Mark, Edge, Glyph)}
 _DAMAGED = (
     OSError,
     ValueError,
