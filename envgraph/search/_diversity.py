@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import fsum, log2
-from typing import Protocol
+from math import ceil, floor, fsum, log2
+from typing import Protocol, runtime_checkable
 
 from envgraph.errors import InvalidArgument
 
@@ -33,6 +33,14 @@ class FamilyMeasure(Protocol):
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
         """Swaps starting from the family of `members`, which are indices into `values`."""
+
+
+@runtime_checkable
+class Bounded(Protocol):
+    """A family measure that knows how diverse a family can be at most; a search stops there."""
+
+    def maximum(self, size: int) -> float:
+        """The largest score of a family of so many members."""
 
 
 class RecomputedSwaps:
@@ -59,21 +67,25 @@ class RecomputedSwaps:
 class BinnedEntropy:
     """Shannon entropy, in bits, of the distribution of the values over equal bins.
 
-    H = -sum p_i log2 p_i with p_i the share of members in bin i (Shannon 1948, section 6). The maximum is log2 of
-    the smaller of the number of bins and of members.
+    H = -sum p_i log2 p_i with p_i the share of members in bin i (Shannon 1948, section 6). It is largest where the
+    members are spread over the bins as evenly as their number allows.
 
     Attributes:
         bins: number of equal bins, at least 1.
         low, high: the range that is divided; values outside count in the first or last bin, and the upper end
             belongs to the last bin.
+        whole: whether the values are whole numbers, so that a bin between two of them stays empty.
 
     >>> BinnedEntropy(4).score([0.1, 0.3, 0.6, 0.9])
     2.0
+    >>> BinnedEntropy(4).maximum(8), BinnedEntropy(4, 0, 2, whole=True).maximum(3) == log2(3)
+    (2.0, True)
     """
 
     bins: int
     low: float = 0.0
     high: float = 1.0
+    whole: bool = False
 
     def __post_init__(self) -> None:
         if self.bins < 1 or not self.low < self.high:
@@ -81,8 +93,11 @@ class BinnedEntropy:
 
     def bin(self, value: float) -> int:
         """Number of the bin of a value, from 0."""
-        place = int((value - self.low) / (self.high - self.low) * self.bins)
-        return min(max(place, 0), self.bins - 1)
+        if value <= self.low:  # values far outside would overflow below
+            return 0
+        if value >= self.high:
+            return self.bins - 1
+        return min(int((value - self.low) / (self.high - self.low) * self.bins), self.bins - 1)
 
     def counts(self, values: Sequence[float]) -> list[int]:
         """How many values each bin holds."""
@@ -96,6 +111,19 @@ class BinnedEntropy:
         size = len(values)
         # 0.0 - ... keeps a family in one bin from scoring -0.0.
         return 0.0 - fsum(count / size * log2(count / size) for count in self.counts(values) if count)
+
+    def maximum(self, size: int) -> float:
+        """The entropy of a family whose members are spread as evenly as possible."""
+        each, rest = divmod(size, self._usable())
+        counts = [(each + 1, rest), (each, self._usable() - rest)]
+        return 0.0 - fsum(bins * count / size * log2(count / size) for count, bins in counts if count)
+
+    def _usable(self) -> int:
+        """How many bins a value can fall into."""
+        if not self.whole or self.high - self.low >= self.bins:
+            return self.bins
+        # One whole number beyond each end: it counts in the bin there.
+        return len({self.bin(value) for value in range(floor(self.low), ceil(self.high) + 1)})
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
         """Swaps in constant time."""
@@ -148,6 +176,10 @@ class Gini:
         weighted = fsum((2 * rank - size - 1) * value for rank, value in enumerate(ordered, start=1))
         return weighted / (size * total)
 
+    def maximum(self, size: int) -> float:
+        """The coefficient where one member has all."""
+        return 1 - 1 / size if size else 0.0
+
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
         """Swaps by recomputation."""
         return RecomputedSwaps(self, values, members)
@@ -169,5 +201,24 @@ class Variance:
         return fsum((value - mean) ** 2 for value in values) / len(values)
 
     def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
-        """Swaps by recomputation."""
-        return RecomputedSwaps(self, values, members)
+        """Swaps in constant time."""
+        return _VarianceSwaps(values, members)
+
+
+class _VarianceSwaps:
+    """Invariant: `_total` is the sum of the members' values, as distances from the mean of all values."""
+
+    def __init__(self, values: Sequence[float], members: Sequence[int]) -> None:
+        mean = fsum(values) / max(1, len(values))  # near 0, sums lose the fewest digits
+        self._values = [value - mean for value in values]
+        self._size = len(members)
+        self._total = fsum(self._values[index] for index in members)
+
+    def delta(self, leaving: int, entering: int) -> float:
+        # Var = (n sum x^2 - (sum x)^2) / n^2, and x becomes x + change.
+        out, into = self._values[leaving], self._values[entering]
+        change = into - out
+        return change * (self._size * (into + out) - 2 * self._total - change) / self._size**2
+
+    def swap(self, leaving: int, entering: int) -> None:
+        self._total += self._values[entering] - self._values[leaving]

@@ -1,10 +1,15 @@
-"""Choosing parents, and choosing the survivors that together are the most diverse family."""
+"""Choosing parents, and choosing the survivors that together are the most diverse family.
+
+Of families that are equally diverse, the one whose values vary most is chosen: with all members in one bin no exchange
+changes the entropy, and chance alone may take thousands of generations to come to another bin. What is equal in that,
+too, is drawn at random, so that a population drifts where nothing tells its members apart.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from math import comb, exp
 from typing import Protocol
 
@@ -12,10 +17,19 @@ import numpy as np
 from numpy.random import Generator
 
 from envgraph.errors import InvalidArgument
-from envgraph.search._diversity import FamilyMeasure
+from envgraph.search._diversity import FamilyMeasure, Variance
 
-_TIE = 1e-12
-"""Scores closer than this are the same: sums of swap deltas carry rounding errors."""
+_DIGITS = 12
+"""Scores that agree in so many decimals are the same: sums of swap deltas carry rounding errors."""
+
+_TIE = 10**-_DIGITS
+
+
+def _scaled(values: Sequence[float]) -> list[float]:
+    """The values on [0, 1], so that `_TIE` is small beside differences of their variances."""
+    low, high = min(values), max(values)
+    width = high - low
+    return [(value - low) / width if width > 0 else 0.0 for value in values]
 
 
 class ParentSelection(Protocol):
@@ -118,11 +132,7 @@ class SimulatedAnnealing:
         self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
         measure: FamilyMeasure, rng: Generator,
     ) -> list[int]:  # fmt: skip
-        """The best family met, the last one among equals.
-
-        The last, not the first: where no exchange changes the score, the family must drift, or a population whose
-        members share one bin would never leave it.
-        """
+        """The best family met, the last one among equals."""
         fixed = list(pinned)
         free = [index for index in start if index not in fixed]
         rest = [index for index in range(len(values)) if index not in start]
@@ -130,18 +140,22 @@ class SimulatedAnnealing:
         if not free or not rest or size <= len(fixed):
             return sorted([*fixed, *best])
         swaps = measure.swaps(values, [*fixed, *free])
+        variances = Variance().swaps(_scaled(values), [*fixed, *free])
         leaving = rng.integers(len(free), size=self.rounds).tolist()
         entering = rng.integers(len(rest), size=self.rounds).tolist()
-        score = best_score = 0.0
+        score = best_score = spread = best_spread = 0.0
         for place, other, lowest in zip(leaving, entering, self._lowest_accepted(rng), strict=True):
             out, into = free[place], rest[other]
             delta = swaps.delta(out, into)
             if delta >= lowest:
+                spread += variances.delta(out, into)
                 swaps.swap(out, into)
+                variances.swap(out, into)
                 free[place], rest[other] = into, out
                 score += delta
-                if score > best_score - _TIE:
-                    best, best_score = free[:], max(score, best_score)
+                gain = score - best_score
+                if gain > _TIE or (gain > -_TIE and spread > best_spread - _TIE):
+                    best, best_score, best_spread = free[:], max(score, best_score), spread
         return sorted([*fixed, *best])
 
     def _lowest_accepted(self, rng: Generator) -> list[float]:
@@ -163,22 +177,52 @@ class HillClimbing:
         self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
         measure: FamilyMeasure, rng: Generator,
     ) -> list[int]:  # fmt: skip
-        """A family that no single exchange improves."""
-        del rng, size  # nothing is random here, and the start has the size
+        """A family that no single exchange improves.
+
+        Before the climb each member in turn makes room for a random candidate, where that loses nothing.
+        """
+        del size  # the start has it
         fixed = list(pinned)
         free = [index for index in start if index not in fixed]
-        rest = [index for index in range(len(values)) if index not in start]
+        rest = rng.permutation([index for index in range(len(values)) if index not in start]).tolist()
         swaps = measure.swaps(values, [*fixed, *free])
-        while free and rest:
-            gain, out, into = max(
-                ((swaps.delta(a, b), i, j) for i, a in enumerate(free) for j, b in enumerate(rest)),
-                key=lambda step: step[0],
-            )
-            if gain <= _TIE:
-                break
-            swaps.swap(free[out], rest[into])
+        variances = Variance().swaps(_scaled(values), [*fixed, *free])
+
+        def gain(out: int, into: int) -> tuple[float, float]:
+            score, spread = (one.delta(free[out], rest[into]) for one in (swaps, variances))
+            return round(score, _DIGITS), round(spread, _DIGITS)
+
+        def exchange(out: int, into: int) -> None:
+            for one in (swaps, variances):
+                one.swap(free[out], rest[into])
             free[out], rest[into] = rest[into], free[out]
+
+        if rest:
+            for out, into in enumerate(rng.integers(len(rest), size=len(free)).tolist()):
+                if gain(out, into) >= (0, 0):
+                    exchange(out, into)
+        steps = list(product(range(len(free)), range(len(rest))))
+        while steps:
+            best = max(steps, key=lambda step: gain(*step))
+            if gain(*best) <= (0, 0):
+                break
+            exchange(*best)
         return sorted([*fixed, *free])
+
+
+class _Ranking:
+    """Candidates in a random order, so that the first of equals is any of them, and how good families of them are."""
+
+    def __init__(self, values: Sequence[float], measure: FamilyMeasure, rng: Generator) -> None:
+        self._values, self._scaled, self._measure = values, _scaled(values), measure
+        self.order: list[int] = rng.permutation(len(values)).tolist()
+
+    def __call__(self, family: Iterable[int]) -> tuple[float, float]:
+        """Larger is better: the score, then the variance of the values."""
+        family = tuple(family)
+        score = self._measure.score([self._values[index] for index in family])
+        spread = Variance().score([self._scaled[index] for index in family])
+        return round(score, _DIGITS), round(spread, _DIGITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,22 +239,19 @@ class BeamSearch:
         self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
         measure: FamilyMeasure, rng: Generator,
     ) -> list[int]:  # fmt: skip
-        """The best family found; the start, if that is not worse."""
-        del rng  # nothing is random here
+        """The best family found; the start, if that is better."""
+        rank = _Ranking(values, measure, rng)
         beam: list[tuple[int, ...]] = [tuple(sorted(pinned))]
         for _ in range(size - len(pinned)):
-            grown = {
-                tuple(sorted((*family, index))): None
+            # A dict, and a sort that keeps the order of equals: no set decides.
+            grown = dict.fromkeys(
+                tuple(sorted((*family, index)))
                 for family in beam
-                for index in range(len(values))
+                for index in rank.order
                 if index not in family
-            }
-            # sorted() is stable and the dict keeps the order of growth: equal scores have a fixed order.
-            scores = {family: measure.score([values[index] for index in family]) for family in grown}
-            beam = sorted(grown, key=lambda family: -scores[family])[: self.width]
-        best = max(beam, key=lambda family: measure.score([values[index] for index in family]))
-        gain = measure.score([values[i] for i in best]) - measure.score([values[i] for i in start])
-        return list(best) if gain > _TIE else sorted(start)
+            )
+            beam = sorted(grown, key=rank, reverse=True)[: self.width]
+        return sorted(max([*beam, start], key=rank))
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,16 +268,11 @@ class ExactSelection:
         self, values: Sequence[float], size: int, pinned: Sequence[int], start: Sequence[int],
         measure: FamilyMeasure, rng: Generator,
     ) -> list[int]:  # fmt: skip
-        """A family of the highest score; the start, if it has it, else the first in lexicographic order."""
-        del rng  # nothing is random here
-        others = [index for index in range(len(values)) if index not in pinned]
+        """A family that is as good as any."""
+        del start
+        rank = _Ranking(values, measure, rng)
+        others = [index for index in rank.order if index not in pinned]
         wanted = size - len(pinned)
         if comb(len(others), wanted) > self.limit:
             raise InvalidArgument(f"{comb(len(others), wanted)} families are too many to try: use annealing")
-        best, best_score = sorted(start), measure.score([values[index] for index in start])
-        for chosen in combinations(others, wanted):
-            family = sorted([*pinned, *chosen])
-            score = measure.score([values[index] for index in family])
-            if score > best_score + _TIE:
-                best, best_score = family, score
-        return best
+        return sorted(max(([*pinned, *chosen] for chosen in combinations(others, wanted)), key=rank))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement
 from math import log2
 
 import pytest
@@ -30,6 +31,30 @@ def test_entropy_puts_the_upper_end_and_outliers_into_the_border_bins() -> None:
 
 def test_entropy_of_one_bin_is_plain_zero() -> None:
     assert str(BinnedEntropy(3).score([0.5, 0.5])) == "0.0"
+
+
+@pytest.mark.parametrize("size", range(1, 8))
+@pytest.mark.parametrize(
+    "measure",
+    [
+        BinnedEntropy(3),
+        BinnedEntropy(5),
+        BinnedEntropy(6, 1, 5, whole=True),
+        BinnedEntropy(4, 0.5, 1.5, whole=True),
+    ],
+    ids=str,
+)
+def test_no_family_is_more_diverse_than_the_maximum_and_one_is_as_diverse(
+    measure: BinnedEntropy, size: int
+) -> None:
+    values = range(-1, 8) if measure.whole else [place / 10 for place in range(11)]
+    found = max(measure.score(family) for family in combinations_with_replacement(values, size))
+    assert measure.maximum(size) == pytest.approx(found, abs=1e-12)
+
+
+def test_values_far_outside_of_the_range_fall_into_the_border_bins() -> None:
+    measure = BinnedEntropy(4, 0.0, 1e-300)
+    assert [measure.bin(value) for value in (-1e308, 1e308)] == [0, 3]
 
 
 @pytest.mark.parametrize(("bins", "low", "high"), [(0, 0.0, 1.0), (3, 1.0, 1.0), (3, 2.0, 1.0)])

@@ -21,6 +21,7 @@ from envgraph.search import (
     SimulatedAnnealing,
     SurvivorSelection,
     TournamentParents,
+    Variance,
     acceptance,
 )
 
@@ -67,18 +68,28 @@ def test_annealing_is_a_function_of_its_generator() -> None:
     assert runs[0] == runs[1]
 
 
-def test_annealing_drifts_among_families_of_equal_score() -> None:
-    values = [0.95, 0.96, 0.97, 0.98, 0.99, 1.0]
+@pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
+def test_survivors_drift_among_families_that_nothing_tells_apart(selection: SurvivorSelection) -> None:
     found = {
-        tuple(SimulatedAnnealing().select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(seed)))
+        tuple(selection.select([0.9] * 6, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(seed)))
         for seed in range(20)
     }
     assert len(found) > 5
 
 
-def test_hill_climbing_keeps_the_start_when_nothing_is_better() -> None:
-    values = [0.1, 0.5, 0.9, 0.11, 0.51, 0.91]
-    assert HillClimbing().select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(3)) == [0, 1, 2]
+@pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
+def test_of_families_of_equal_score_the_one_that_varies_most_survives(selection: SurvivorSelection) -> None:
+    values = [1.0, 0.95, 0.96, 0.97, 0.94, 0.99]
+    for seed in range(20):
+        chosen = selection.select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(seed))
+        assert chosen in ([0, 1, 4], [0, 4, 5])  # as far down as it goes, or both ends
+        assert Variance().score([values[i] for i in chosen]) > Variance().score(values[:3])
+
+
+@pytest.mark.parametrize("selection", SELECTIONS, ids=lambda selection: type(selection).__name__)
+def test_a_family_that_is_better_than_all_others_stays(selection: SurvivorSelection) -> None:
+    values = [0.1, 0.35, 0.9, 0.2, 0.4, 0.8]
+    assert selection.select(values, 3, [0], [0, 1, 2], BinnedEntropy(3), default_rng(3)) == [0, 1, 2]
 
 
 def test_annealing_survives_a_temperature_that_underflows() -> None:
