@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from envgraph.cli._output import (
     progress_bar,
 )
 from envgraph.env import scene_svg, scene_text
-from envgraph.errors import Diagnostic, InvalidArgument, Severity, did_you_mean
+from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.lang import DiskFiles, read_source
 from envgraph.metamodel.picture import markup
@@ -27,12 +28,14 @@ from envgraph.search import (
     Family,
     Generation,
     Member,
+    Outcome,
     RunStore,
     export_ga4cl,
     generate,
     import_ga4cl,
     open_family,
     run_file,
+    why_low,
     write_family,
 )
 from envgraph.search import resume as resume_run
@@ -73,28 +76,23 @@ def generate_family(
                 family = resume_run(path, progress=progress)
             else:
                 family = generate(
-                    location,
+                    domain,
                     path,
                     seed=seed,
                     generations=generations,
                     population=population,
                     progress=progress,
+                    warn=print_diagnostics,
                 )
     except KeyboardInterrupt:
         if path.exists():
             words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
             sys.stderr.write(f"`{words}` goes on\n")
         raise
-    _print_family(family, format, path)
-    wanted = population or domain.spec.search.population
-    if not resume and len(family.members) < wanted:
-        message = (
-            f"only {len(family.members)} of {wanted} environments were found that satisfy the constraints"
-        )
-        hint = "see whether the mutation rules match, what the constraints allow, and `max_attempts`"
-        rules = domain.spec.mutation.rules
-        span = rules[0].span if rules else None
-        print_diagnostics([Diagnostic("small-family", message, span, hint, Severity.WARNING)])
+    with RunStore.open(path) as store:
+        low = why_low(family, store)
+    _print_family(family, format, path, low)
+    print_diagnostics([low] if low else [])
 
 
 def _run_path(directory: Path, name: str) -> Path:
@@ -191,13 +189,19 @@ def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, 
     return data
 
 
-def _print_family(family: Family, format: OutputFormat, path: Path | None) -> None:
+def _print_family(
+    family: Family, format: OutputFormat, path: Path | None, low: Diagnostic | None = None
+) -> None:
+    outcome = Outcome.of(family)
     if format is OutputFormat.JSON:
         print_json(
             {
                 "name": family.name,
                 "run": str(path) if path else None,
-                "diversity": family.diversity(),
+                "diversity": outcome.diversity,
+                "maximum": outcome.maximum if outcome.maximum < inf else None,
+                "bins": list(outcome.bins),
+                "warning": low.to_dict() if low else None,
                 "members": [_member(family, member) for member in family.members],
             }
         )
@@ -213,9 +217,7 @@ def _print_family(family: Family, format: OutputFormat, path: Path | None) -> No
         )
         for place, member in enumerate(family.members)
     ]
-    print_table(
-        f"{family.name}: diversity {family.diversity():.3f}", columns, rows, range(1, len(columns) - 1)
-    )
+    print_table(f"{family.name}: {outcome}", columns, rows, range(1, len(columns) - 1))
     if path is not None:
         print_line(f"run: {path.parent}")
 

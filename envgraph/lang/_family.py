@@ -89,7 +89,7 @@ class SearchSpec:
         generations: None is without end (then there is another limit).
         keep_initial: the initial model is a fixed element of the family.
         time_limit: seconds, or None.
-        target: stop at this diversity, or None.
+        target: stop at this diversity, or, for None, at the largest that a family can have; infinity is never.
         stagnation: stop after so many generations without improvement, or None.
     """
 

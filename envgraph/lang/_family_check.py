@@ -148,9 +148,11 @@ class _Checker:
             return
         for option, value in measure.options.items():
             span = measure.key_span(option)
+            if option == "otherwise":
+                continue
             if option not in expected:
-                known = ", ".join(f"`{one}`" for one in expected) or "no options: leave it out"
-                hint = did_you_mean(option, expected) or f"`{measure.kind}` has {known}"
+                known = ", ".join(f"`{one}`" for one in (*expected, "otherwise"))
+                hint = did_you_mean(option, (*expected, "otherwise")) or f"`{measure.kind}` has {known}"
                 yield Diagnostic("unknown-key", f"unknown key `{option}` in `{measure.name}`", span, hint)
             elif expected[option]:
                 yield from self._option(measure, option, value, expected[option])

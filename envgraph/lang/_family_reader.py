@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any, get_args
 
@@ -541,6 +541,9 @@ class _Reader:
         unbounded = section.data.get("generations") is False
         if unbounded:
             section.take("generations")
+        never = section.data.get("target") is False
+        if never:
+            section.take("target")
         spec = SearchSpec(
             section.integer("population", default.population, 1),
             None if unbounded else section.integer("generations", default.generations or 0, 0),
@@ -548,10 +551,10 @@ class _Reader:
             self._choice_of(section, "parents", default.parents),
             self._choice_of(section, "survivors", default.survivors),
             section.optional_number("time_limit", 0),
-            section.optional_number("target"),
+            inf if never else section.optional_number("target"),
             section.optional_integer("stagnation", 1),
         )
-        if unbounded and spec.time_limit is None and spec.target is None and spec.stagnation is None:
+        if unbounded and spec.time_limit is None and spec.target in (None, inf) and spec.stagnation is None:
             hint = "give `time_limit`, `target` or `stagnation`"
             section.error("missing-key", "the search has no end", section.span("generations"), hint)
         section.finish()

@@ -63,7 +63,7 @@ def family_report(
     count, target = len(family.members), family.members[-1].name
     return Report(
         title=f"{family.name}: a family of {count} environments",
-        summary=f"Ordered from the easiest to the hardest; {target} is the target. "
+        summary=f"Ordered from the easiest to the hardest; {target}, the last, is the target. "
         f"Diversity of the family: {family.diversity():.3f}.",
         cards=tuple(_card(family, member) for member in family.members),
         legend=_legend(family),

@@ -5,7 +5,7 @@
 """
 
 from envgraph.search._components import Components, Context
-from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Swaps, Variance
+from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
 from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
 from envgraph.search._environment import make_environment, make_vector_environment
 from envgraph.search._evolution import Evolution, Settings
@@ -22,8 +22,17 @@ from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_gr
 from envgraph.search._generate import export_ga4cl, generate, import_ga4cl, resume
 from envgraph.search._measures import MatchCount, ShortestPath, ShortestPlan
 from envgraph.search._options import Options
+from envgraph.search._outcome import Outcome, why_low
 from envgraph.search._paths import PathComplexity, count_paths
-from envgraph.search._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Problem, Require
+from envgraph.search._problem import (
+    Constraint,
+    CountWithin,
+    Forbid,
+    IndividualMeasure,
+    NoValue,
+    Problem,
+    Require,
+)
 from envgraph.search._rewards import reward_schedule
 from envgraph.search._selection import (
     BeamSearch,
@@ -42,6 +51,7 @@ from envgraph.search._store import Generation, Individual, RunStore, Trace
 __all__ = [
     "BeamSearch",
     "BinnedEntropy",
+    "Bounded",
     "Components",
     "Constraint",
     "Context",
@@ -61,7 +71,9 @@ __all__ = [
     "IndividualMeasure",
     "MatchCount",
     "Member",
+    "NoValue",
     "Options",
+    "Outcome",
     "ParentSelection",
     "PathComplexity",
     "Problem",
@@ -96,6 +108,7 @@ __all__ = [
     "retype_grid",
     "reward_schedule",
     "run_file",
+    "why_low",
     "write_family",
     "write_ga4cl",
 ]

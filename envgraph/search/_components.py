@@ -32,11 +32,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a component may want to know of its family."""
+    """What a component may want to know of its family.
+
+    Attributes:
+        metamodel: of the models.
+        spec: the family file.
+        behaviour: what the agent can do, if the family has an environment.
+        measured: the measure that the diversity reads, for the diversity.
+    """
 
     metamodel: Metamodel
     spec: FamilySpec
     behaviour: Behaviour | None
+    measured: IndividualMeasure | None = None
 
 
 MeasureFactory = Callable[[Options, Context], IndividualMeasure]
@@ -73,8 +81,9 @@ def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
 
 
 def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:
-    low, high = options.range("range", (0.0, 1.0))
-    return BinnedEntropy(options.integer("bins", context.spec.search.population, 1), low, high)
+    low, high = options.range("range", getattr(context.measured, "range", (0.0, 1.0)))
+    bins = options.integer("bins", context.spec.search.population, 1)
+    return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
 
 
 def _annealing(options: Options, context: Context) -> SurvivorSelection:

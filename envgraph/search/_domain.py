@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TypeVar
 
 from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes
-from envgraph.errors import Diagnostic, LoadError, Note, has_errors, sort_diagnostics
+from envgraph.errors import Diagnostic, LoadError, Note, Severity, has_errors, sort_diagnostics
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
     Bundle,
@@ -26,11 +26,19 @@ from envgraph.metamodel import Metamodel
 from envgraph.pattern import conformance_patterns
 from envgraph.rewrite import Engine
 from envgraph.search._components import Components, Context
-from envgraph.search._diversity import FamilyMeasure
+from envgraph.search._diversity import BinnedEntropy, FamilyMeasure
 from envgraph.search._evolution import Settings
 from envgraph.search._measures import ShortestPlan
-from envgraph.search._options import Options
-from envgraph.search._problem import Constraint, CountWithin, Forbid, IndividualMeasure, Problem, Require
+from envgraph.search._options import LARGEST, Options
+from envgraph.search._problem import (
+    Constraint,
+    CountWithin,
+    Forbid,
+    IndividualMeasure,
+    NoValue,
+    Problem,
+    Require,
+)
 
 Placed = TypeVar("Placed", ModelText, Behaviour)
 
@@ -166,7 +174,7 @@ class Domain:
         Raises:
             LoadError: options of components that make no sense; all problems at once.
         """
-        measures, diversity = self._measures()
+        measures, otherwise, diversity = self._measures()
         return Problem(
             engine=engine,
             mutations=tuple(str(rule) for rule in self.spec.mutation.rules),
@@ -174,23 +182,29 @@ class Domain:
             measures=measures,
             diversity=diversity,
             diversity_of=str(self.spec.diversity.options["of"]),
+            otherwise=otherwise,
         )
 
-    def _measures(self) -> tuple[dict[str, IndividualMeasure], FamilyMeasure]:
-        """The measures of an individual, and that of a family; raises like `problem`."""
+    def _measures(self) -> tuple[dict[str, IndividualMeasure], dict[str, float], FamilyMeasure]:
+        """The measures of an individual, what counts without a value, and the measure of a family."""
         spec, context, problems = self.spec, self._context(), list[Diagnostic]()
         measures: dict[str, IndividualMeasure] = {}
+        otherwise: dict[str, float] = {}
         for measure in spec.measures:
             options = Options(measure)
+            if options.given("otherwise"):
+                otherwise[measure.name] = options.number("otherwise", 0.0, -LARGEST, LARGEST)
             measures[measure.name] = self.components.measure[measure.kind](options, context)
             problems += _finished(options)
         # "of" says what the measure reads, and is no option of the measure itself.
+        of = str(spec.diversity.options["of"])
         options = Options(_without(spec.diversity, "of"))
+        context = replace(context, measured=measures[of])
         diversity = self.components.diversity[spec.diversity.kind](options, context)
         problems += _finished(options)
         if has_errors(problems):
             raise LoadError(problems)
-        return measures, diversity
+        return measures, otherwise, diversity
 
     def settings(self) -> Settings:
         """Parameters of the genetic algorithm.
@@ -219,16 +233,30 @@ class Domain:
             stagnation=spec.search.stagnation,
         )
 
-    def check_initial(self) -> None:
-        """See that the initial model satisfies every constraint.
+    def check_initial(self, problem: Problem | None = None) -> list[Diagnostic]:
+        """See that the initial model satisfies every constraint, and has a value of every measure.
+
+        Args:
+            problem: a search problem of this domain, whose engine stands at the initial model.
+
+        Returns:
+            A warning where what the diversity reads lies outside of the range that it divides.
 
         Raises:
-            LoadError: it does not; one diagnostic for each constraint, at its name in the family file.
+            LoadError: it does not; one diagnostic for each constraint, or for the measure, at its place.
         """
-        violated = {str(one) for one in self.problem(self.engine()).violations()}
-        if not violated:
-            return
+        problem = problem or self.problem(self.engine())
         spec, note = self.spec, Note("the initial model is here", self.spec.model.span)
+        violated = {str(one) for one in problem.violations()}
+        if not violated:
+            try:
+                return self._outside(problem, problem.measure())
+            except NoValue as error:
+                measure = next(one for one in spec.measures if one.name == error.measure)
+                message = f"the initial model has no value of `{error.measure}`"
+                hint = "write `otherwise = 0`, or another number that counts for such models"
+                missing = Diagnostic("no-value", message, measure.span(), hint, notes=(note,))
+                raise LoadError([missing]) from error
         named = {
             **{f"require {name}": name.span for name in spec.constraints.require},
             **{f"forbid {name}": name.span for name in spec.constraints.forbid},
@@ -246,6 +274,21 @@ class Domain:
             for constraint in sorted(violated)
         ]
         raise LoadError(sort_diagnostics(problems))
+
+    def _outside(self, problem: Problem, measured: Mapping[str, float]) -> list[Diagnostic]:
+        """A warning where the initial model lies outside of the range that is divided into bins."""
+        diversity, value = problem.diversity, measured[problem.diversity_of]
+        if not isinstance(diversity, BinnedEntropy) or diversity.low <= value <= diversity.high:
+            return []
+        end = "first" if value < diversity.low else "last"
+        message = (
+            f"`{problem.diversity_of}` of the initial model is {value:g}, outside of the range "
+            f"{diversity.low:g} to {diversity.high:g}: it counts in the {end} bin"
+        )
+        low, high = min(0.0, 2 * value), max(0.0, 2 * value)
+        span = self.spec.diversity.span("range" if "range" in self.spec.diversity.options else "kind")
+        hint = f"write the range in which the values may lie, such as `range = [{low:g}, {high:g}]`, in `[diversity]`"
+        return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
 
     def _context(self) -> Context:
         return Context(self.metamodel, self.spec, self.behaviour)
@@ -297,6 +340,8 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
     for component, made in factories:
         if component.kind in made:
             options = Options(component)
+            if made is known.measure and options.given("otherwise"):
+                options.number("otherwise", 0.0, -LARGEST, LARGEST)
             made[component.kind](options, context)
             problems += _finished(options)
     told = {one.span for one in workspace.diagnostics}
@@ -309,7 +354,7 @@ def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
     problems = domain.wrong_options()
     if not problems:
         try:
-            domain.check_initial()
+            problems += domain.check_initial()
         except LoadError as error:
             problems += error.diagnostics
     return problems

@@ -11,9 +11,11 @@ on the seed alone, and a resumed run on nothing that happened before its last st
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import overload
 
 from numpy.random import Generator, SeedSequence, default_rng
@@ -21,7 +23,7 @@ from numpy.random import Generator, SeedSequence, default_rng
 from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Version, model_to_json
 from envgraph.search._diversity import FamilyMeasure
-from envgraph.search._problem import Problem
+from envgraph.search._problem import NoValue, Problem
 from envgraph.search._selection import ParentSelection, SurvivorSelection
 from envgraph.search._store import Generation, Individual, RunStore, Trace, dump_json
 
@@ -45,7 +47,7 @@ class Settings:
         keep_initial: the initial model is a fixed member of the family.
         generations: stop after so many, or None.
         seconds: stop when this much time has passed since the start (or resumption), or None.
-        target: stop when the diversity is at least this, or None.
+        target: stop when the diversity is at least this, or, for None, at its maximum; infinity is never.
         stagnation: stop after so many generations without a higher diversity, or None.
     """
 
@@ -114,6 +116,7 @@ class Evolution:
         self._next_id = store.next_id()
         self._started = time.monotonic()
         self._members: list[_Member] = []
+        self._reasons: Counter[str] = Counter()
         last = store.last_generation()
         if last is None:
             self.current = self._initialise()
@@ -149,22 +152,19 @@ class Evolution:
     def _initialise(self) -> Generation:
         """Step 4.1: clones of the initial model, each varied by a small random number of applications."""
         problem, settings = self._problem, self._settings
-        first = self._accept(0, -1, None, ())
+        first = self._accept(0, -1, None, (), problem.measure())
         members = [first] if settings.keep_initial else []
-        born, rejected = [first.individual], 0
+        born = [first.individual]
         for child in range(settings.population - len(members)):
             rng = self._generator(0, child)
-            trace, failed = self._attempts(
-                first, rng, lambda rng: self._several(rng, settings.initial_applications)
-            )
-            rejected += failed
-            if trace is not None:
-                members.append(self._accept(0, child, first, trace))
+            found = self._attempts(first, rng, lambda rng: self._several(rng, settings.initial_applications))
+            if found is not None:
+                members.append(self._accept(0, child, first, *found))
                 born.append(members[-1].individual)
         if not members:
             members = [first]
         self._members = members
-        return self._write(0, born, rejected, problem.diversity.score([member.value for member in members]))
+        return self._write(0, born)
 
     def _step(self, number: int) -> Generation:
         """Steps 4.2 to 4.4: one generation."""
@@ -174,25 +174,23 @@ class Evolution:
             settings.population,
             self._generator(number, _SELECTION + 1),
         )
-        pool, born, rejected = list(self._members), [], 0
+        pool, born = list(self._members), []
         known = {member.individual.state_hash for member in pool}
         for child, parent in enumerate(parents):
             rng = self._generator(number, child)
             if rng.random() >= settings.rate:
                 continue  # a copy of the parent, which is in the pool already
             origin = self._members[parent]
-            trace, failed = self._attempts(origin, rng, self._once)
-            rejected += failed
-            if trace is None:
+            found = self._attempts(origin, rng, self._once)
+            if found is None:
                 continue
-            member = self._accept(number, child, origin, trace)
+            member = self._accept(number, child, origin, *found)
             born.append(member.individual)
             if member.individual.state_hash not in known:
                 known.add(member.individual.state_hash)
                 pool.append(member)
         self._members = self._survivors(pool, self._generator(number, _SELECTION))
-        score = self._problem.diversity.score([member.value for member in self._members])
-        return self._write(number, born, rejected, score)
+        return self._write(number, born)
 
     def _survivors(self, pool: list[_Member], rng: Generator) -> list[_Member]:
         """Step 4.4: the members of the pool that together are the most diverse family."""
@@ -210,9 +208,15 @@ class Evolution:
         return (
             (settings.generations is not None and current.number >= settings.generations)
             or (settings.target is not None and current.diversity >= settings.target - _SAME)
+            or (settings.target != inf and self._at_maximum())
             or (settings.seconds is not None and time.monotonic() - self._started >= settings.seconds)
             or (settings.stagnation is not None and current.number - self._best[1] >= settings.stagnation)
         )
+
+    def _at_maximum(self) -> bool:
+        """Whether no family of the wanted size is more diverse."""
+        size, current = self._settings.population, self.current
+        return len(current.members) == size and current.diversity >= self._problem.maximum(size) - _SAME
 
     def _note(self, number: int, diversity: float) -> None:
         """Keep the best diversity, and the generation that first reached it; the same after a resumption."""
@@ -223,18 +227,28 @@ class Evolution:
 
     def _attempts(
         self, parent: _Member, rng: Generator, vary: Callable[[Generator], Trace | None]
-    ) -> tuple[Trace | None, int]:
-        """Vary the parent until the result is valid; the engine then stands at it. Also the number of failures."""
-        engine = self._problem.engine
+    ) -> tuple[Trace, dict[str, float]] | None:
+        """Vary the parent until the result is valid and has its measures; the engine then stands at it."""
+        engine, problem = self._problem.engine, self._problem
         engine.checkout(parent.version, discard=True)
-        for failed in range(self._settings.max_attempts):
+        for _ in range(self._settings.max_attempts):
             savepoint = engine.model.savepoint()
             trace = vary(rng)
-            if trace is not None and self._problem.valid():
-                engine.model.release(savepoint)
-                return trace, failed
+            if trace is None:
+                reason = "no rule could be applied"
+            elif not problem.valid():
+                reason = f"`{next(problem.violations())}` is violated"
+            else:
+                try:
+                    measures = problem.measure()
+                except NoValue as error:
+                    reason = error.message
+                else:
+                    engine.model.release(savepoint)
+                    return trace, measures
+            self._reasons[reason] += 1
             engine.model.rollback(savepoint)
-        return None, self._settings.max_attempts
+        return None
 
     def _once(self, rng: Generator) -> Trace | None:
         """One mutation; None, and the model as before, when nothing matches or the rule cannot be applied."""
@@ -255,10 +269,11 @@ class Evolution:
             steps.extend(self._once(rng) or ())
         return tuple(steps) or None
 
-    def _accept(self, generation: int, child: int, parent: _Member | None, trace: Trace) -> _Member:
+    def _accept(
+        self, generation: int, child: int, parent: _Member | None, trace: Trace, measures: dict[str, float]
+    ) -> _Member:
         """Make a member of the state at which the engine stands."""
         problem = self._problem
-        measures = problem.measure()
         individual = Individual(
             id=self._next_id,
             generation=generation,
@@ -287,8 +302,10 @@ class Evolution:
     def _generator(self, generation: int, child: int) -> Generator:
         return default_rng(SeedSequence(self._seed, spawn_key=(generation, child)))
 
-    def _write(self, number: int, born: Sequence[Individual], rejected: int, score: float) -> Generation:
+    def _write(self, number: int, born: Sequence[Individual]) -> Generation:
         members = tuple(member.individual.id for member in self._members)
-        generation = Generation(number, members, score, len(born), rejected)
+        score = self._problem.diversity.score([member.value for member in self._members])
+        generation = Generation(number, members, score, len(born), dict(sorted(self._reasons.items())))
+        self._reasons.clear()
         self._store.write_generation(generation, born)
         return generation

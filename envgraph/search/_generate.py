@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from envgraph.env import DrawGrid
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
@@ -13,17 +14,19 @@ from envgraph.search._domain import Domain
 from envgraph.search._evolution import Evolution
 from envgraph.search._family import Family, family_of
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
+from envgraph.search._problem import Problem
 from envgraph.search._rewards import reward_schedule
 from envgraph.search._store import Generation, Individual, RunStore, dump_json
 
 Progress = Callable[[Generation], None]
+Warn = Callable[[Sequence[Diagnostic]], None]
 
 _SAME = 1e-9
 """A published measure and ours may differ by this much before it is worth a word."""
 
 
 def generate(
-    location: str,
+    location: str | Domain,
     store_path: Path,
     *,
     seed: int | None = None,
@@ -31,30 +34,37 @@ def generate(
     population: int | None = None,
     components: Components | None = None,
     progress: Progress = lambda generation: None,
+    warn: Warn = lambda diagnostics: None,
 ) -> Family:
     """Evolve a family.
 
     Args:
-        location: a family file, a directory that holds one, or the name of a bundled domain.
+        location: a family file, a directory that holds one, the name of a bundled domain, or what was read from it.
         store_path: where the run store is made.
         seed, generations, population: instead of those in the family file.
         components: what the names in the family file mean; by default the ones that come with envgraph.
         progress: called after every generation.
+        warn: called at the start, with what looks wrong.
+
+    Returns:
+        The family of the last generation. `Outcome.of` says how diverse it is, `why_low` why it is not more so.
 
     Raises:
-        LoadError: all that is wrong with the files, or the initial model violates a constraint.
+        LoadError: all that is wrong with the files, or the initial model violates a constraint, or lacks a value.
         InvalidArgument: the store exists already.
     """
-    domain = Domain.load(location, components)
+    domain = location if isinstance(location, Domain) else Domain.load(location, components)
     overrides = {"seed": seed, "generations": generations, "population": population}
-    settings = {
+    settings: dict[str, Any] = {
         "name": domain.spec.name,
         "roots": list(domain.workspace.bundle().roots),
         "overrides": {key: value for key, value in overrides.items() if value is not None},
     }
-    domain.check_initial()
+    domain = domain.with_overrides(settings["overrides"])
+    problem = domain.problem(domain.engine())
+    warn(domain.check_initial(problem))
     with RunStore.create(store_path, settings, domain.workspace.bundle().texts) as store:
-        return _evolve(domain, store, progress)
+        return _evolve(domain, problem, store, progress)
 
 
 def resume(
@@ -70,12 +80,11 @@ def resume(
         if settings.get("imported"):
             raise InvalidArgument(f"{store_path} holds an imported family: there is nothing to go on with")
         domain = Domain.from_bundle(store.bundle(), components)
-        return _evolve(domain, store, progress)
+        domain = domain.with_overrides(settings.get("overrides", {}))
+        return _evolve(domain, domain.problem(domain.engine()), store, progress)
 
 
-def _evolve(domain: Domain, store: RunStore, progress: Progress) -> Family:
-    domain = domain.with_overrides(store.settings().get("overrides", {}))
-    problem = domain.problem(domain.engine())
+def _evolve(domain: Domain, problem: Problem, store: RunStore, progress: Progress) -> Family:
     Evolution(problem, domain.settings(), domain.spec.seed, store).run(progress)
     return family_of(store, domain)
 
@@ -116,7 +125,7 @@ def import_ga4cl(
     score = problem.diversity.score([one.measures[problem.diversity_of] for one in individuals])
     with RunStore.create(store_path, settings, bundle.texts) as store:
         ids = tuple(one.id for one in individuals)
-        store.write_generation(Generation(0, ids, score, len(ids), 0), individuals)
+        store.write_generation(Generation(0, ids, score, len(ids)), individuals)
         family = family_of(store, domain)
     return family, tuple(_differences(family, variants, individuals))
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import inf
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,6 +19,7 @@ class MatchCount:
     """The number of matches of a pattern."""
 
     pattern: str
+    whole: ClassVar = True
 
     def evaluate(self, engine: Engine) -> float:
         """The count in the model at which the engine stands."""
@@ -28,7 +31,7 @@ class ShortestPath:
     """Number of links on the longest of all shortest paths from a start object to a goal object that it reaches.
 
     Over all pairs of objects this is the diameter of the graph (Wasserman and Faust 1994, section 4.3.4); with one
-    start and one goal it is their distance. 0.0 where no start reaches a goal other than itself.
+    start and one goal it is their distance. An object that is both is at distance 0.
 
     Attributes:
         along: names of references, or of binary patterns.
@@ -41,9 +44,10 @@ class ShortestPath:
     start: str | None = None
     goal: str | None = None
     avoid: str | None = None
+    whole: ClassVar = True
 
     def evaluate(self, engine: Engine) -> float:
-        """The length in the model at which the engine stands."""
+        """The length in the model at which the engine stands; infinite where no start reaches a goal."""
         model = engine.model
         every = [
             node
@@ -56,9 +60,10 @@ class ShortestPath:
         for source, target in self._steps(engine):
             if target not in blocked and source not in blocked:
                 links.setdefault(source, []).append(target)
-        goals = set(model.extent(self.goal) if self.goal else every)
-        starts = model.extent(self.start) if self.start else every
-        return float(max((_farthest(links, node, goals) for node in starts if node in links), default=0))
+        goals = set(model.extent(self.goal) if self.goal else every) - blocked
+        starts = [node for node in (model.extent(self.start) if self.start else every) if node not in blocked]
+        found = (_farthest(links, node, goals) for node in starts)
+        return max((float(steps) for steps in found if steps is not None), default=inf)
 
     def _steps(self, engine: Engine) -> Iterable[tuple[int, int]]:
         for name in self.along:
@@ -74,11 +79,11 @@ class ShortestPath:
                         yield first, second
 
 
-def _farthest(links: dict[int, list[int]], start: int, goals: set[int]) -> int:
-    """Distance of the goal that breadth-first search from a start meets last; 0 when it meets none."""
+def _farthest(links: dict[int, list[int]], start: int, goals: set[int]) -> int | None:
+    """Distance of the goal that breadth-first search from a start meets last; None when it meets none."""
     distance = {start: 0}
     queue = [start]
-    farthest = 0
+    farthest = None
     for node in queue:
         if node in goals:
             farthest = distance[node]
@@ -98,6 +103,7 @@ class ShortestPlan:
     """
 
     behaviour: Behaviour
+    whole: ClassVar = True
     _known: tuple[int, Tabular] | None = field(default=None, init=False, repr=False, compare=False)
 
     def evaluate(self, engine: Engine) -> float:
@@ -128,4 +134,4 @@ def steps_to(tabular: Tabular, outcome: int) -> float:
         onward = possible & (tabular.terminated[frontier] == 0)
         targets = np.unique(tabular.next_state[frontier][onward])
         frontier = targets[~reached[targets]]
-    return float("inf")
+    return inf

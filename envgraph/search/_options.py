@@ -10,6 +10,9 @@ from envgraph.lang import ComponentSpec
 
 T = TypeVar("T")
 
+LARGEST = 1e300
+"""Numbers in a family file are no larger, so that differences of them are finite."""
+
 
 class Options:
     """The options of one component. Ask for each option that it may have, then call `finish`.
@@ -64,7 +67,7 @@ class Options:
         """Two numbers, the lower first."""
         value = self._value(name, list(default))
         fits = isinstance(value, list) and len(value) == 2 and all(type(one) in (int, float) for one in value)
-        if fits and value[0] < value[1]:  # type: ignore[index]
+        if fits and -LARGEST <= value[0] < value[1] <= LARGEST:  # type: ignore[index]
             return float(value[0]), float(value[1])  # type: ignore[index]
         written = f"[{default[0]:g}, {default[1]:g}]"
         return self._wrong(name, "two numbers, the lower first", default, written)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import chain
 from math import sqrt
-from typing import Literal
+from typing import ClassVar, Literal
 
 from envgraph.errors import EvaluationError
 from envgraph.metamodel import Metamodel, Reference
@@ -67,6 +67,7 @@ class PathComplexity:
     along: tuple[str, ...]
     avoid: str
     transform: Literal["sqrt", "linear"] = "linear"
+    range: ClassVar = (0.0, 1.0)
     _references: tuple[Reference, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf, isfinite, isnan
+from numbers import Real
 from typing import Protocol
 
+from envgraph.errors import EvaluationError, with_article
 from envgraph.pattern import (
     Aggregate,
     Binary,
@@ -20,7 +23,7 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite import Engine
-from envgraph.search._diversity import FamilyMeasure
+from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
 
 
 class Constraint(Protocol):
@@ -34,10 +37,30 @@ class Constraint(Protocol):
 
 
 class IndividualMeasure(Protocol):
-    """A number for one model."""
+    """A number for one model.
+
+    A measure may also have a `range`, two numbers between which its values lie, and be `whole` if they are whole
+    numbers: `binned_entropy` divides that range.
+    """
 
     def evaluate(self, engine: Engine) -> float:
-        """The measure of the model at which the engine stands."""
+        """The measure of the model at which the engine stands; infinite where the model has no value."""
+
+
+class NoValue(EvaluationError):
+    """A model has no value of a measure, and the family file does not say what counts otherwise.
+
+    Attributes:
+        measure: its name.
+    """
+
+    def __init__(self, measure: str) -> None:
+        super().__init__(f"the model has no value of `{measure}`")
+        self.measure = measure
+
+    def __reduce__(self) -> tuple[type[NoValue], tuple[str]]:
+        """Errors cross from worker processes."""
+        return NoValue, (self.measure,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +165,7 @@ class Problem:
         measures: what is recorded of each individual, by name.
         diversity: what a family maximises.
         diversity_of: name of the measure that it reads.
+        otherwise: what counts, by the name of a measure, for models that have no value of it; others are not valid.
     """
 
     engine: Engine
@@ -150,6 +174,7 @@ class Problem:
     measures: Mapping[str, IndividualMeasure]
     diversity: FamilyMeasure
     diversity_of: str
+    otherwise: Mapping[str, float] = field(default_factory=dict)
     _checks: Sequence[Constraint] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -157,15 +182,91 @@ class Problem:
         others = [one for one in self.constraints if not isinstance(one, Require | Forbid | CountWithin)]
         joined = [_Queries.of(self.engine.library, queries)] if queries else []
         object.__setattr__(self, "_checks", (*joined, *others))
+        if not isinstance(self.diversity, BinnedEntropy | Gini | Variance | _Checked):
+            object.__setattr__(self, "diversity", _Checked(self.diversity))
 
     def valid(self) -> bool:
         """Whether the model at which the engine stands satisfies every constraint."""
         return all(check.holds(self.engine) for check in self._checks)
 
-    def violations(self) -> list[Constraint]:
-        """The constraints that the model violates."""
-        return [constraint for constraint in self.constraints if not constraint.holds(self.engine)]
+    def violations(self) -> Iterator[Constraint]:
+        """The constraints that the model violates, in their order, each looked at when it is asked for."""
+        return (constraint for constraint in self.constraints if not constraint.holds(self.engine))
+
+    def maximum(self, size: int) -> float:
+        """How diverse a family of so many members can be at most; infinite where that is not known."""
+        return self.diversity.maximum(size) if isinstance(self.diversity, Bounded) else inf
 
     def measure(self) -> dict[str, float]:
-        """Every measure of the model at which the engine stands."""
-        return {name: float(measure.evaluate(self.engine)) for name, measure in self.measures.items()}
+        """Every measure of the model at which the engine stands; all of them are finite.
+
+        Raises:
+            NoValue: the model has no value of one of them, and there is none `otherwise`.
+            EvaluationError: a measure is no number.
+        """
+        values = {}
+        for name, measure in self.measures.items():
+            value = number(measure.evaluate(self.engine), f"measure `{name}`")
+            if not isfinite(value):
+                if name not in self.otherwise:
+                    raise NoValue(name)
+                value = self.otherwise[name]
+            values[name] = value
+        return values
+
+
+def number(value: object, what: str) -> float:
+    """What a function of the user returned as a number; it may be infinite.
+
+    Raises:
+        EvaluationError: it is none.
+
+    >>> number("many", "measure `fires`")
+    Traceback (most recent call last):
+    envgraph.errors._exceptions.EvaluationError: measure `fires` is no number: it returned a `str`
+    ...
+    """
+    found = with_article(type(value).__name__)
+    if isinstance(value, Real):
+        try:
+            converted = float(value)
+        except OverflowError:
+            found = "a number with more than 308 digits"
+        else:
+            if not isnan(converted):
+                return converted
+            found = "`nan`"
+    hint = "return a number, or `math.inf` where there is no value"
+    raise EvaluationError(f"{what} is no number: it returned {found}", hint=hint)
+
+
+class _Checked:
+    """A family measure of the user, whose numbers are numbers."""
+
+    def __init__(self, measure: FamilyMeasure) -> None:
+        self._measure = measure
+        self._what = f"diversity `{type(measure).__name__}`"
+
+    def score(self, values: Sequence[float]) -> float:
+        return self.finite(self._measure.score(values))
+
+    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Swaps:
+        return _CheckedSwaps(self, self._measure.swaps(values, members))
+
+    def maximum(self, size: int) -> float:
+        return number(self._measure.maximum(size), self._what) if isinstance(self._measure, Bounded) else inf
+
+    def finite(self, value: object) -> float:
+        found = number(value, self._what)
+        if not isfinite(found):
+            raise EvaluationError(f"{self._what} is infinite", hint="return a finite number for every family")
+        return found
+
+
+class _CheckedSwaps:
+    def __init__(self, checked: _Checked, swaps: Swaps) -> None:
+        self._checked, self._swaps = checked, swaps
+        self.swap = swaps.swap
+
+    def delta(self, leaving: int, entering: int) -> float:
+        return self._checked.finite(self._swaps.delta(leaving, entering))

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,7 +20,7 @@ from envgraph.files import replacing
 from envgraph.lang import Bundle
 from envgraph.metamodel import Value
 
-FORMAT = 1
+FORMAT = 2
 """Version of the tables below; a store of another version is refused."""
 
 _SCHEMA = """
@@ -39,7 +40,8 @@ CREATE TABLE generation (
     number INTEGER PRIMARY KEY,
     diversity REAL NOT NULL,
     accepted INTEGER NOT NULL,
-    rejected INTEGER NOT NULL
+    rejected INTEGER NOT NULL,
+    reasons TEXT NOT NULL
 );
 CREATE TABLE member (
     generation INTEGER NOT NULL REFERENCES generation (number),
@@ -80,13 +82,26 @@ class Individual:
 
 @dataclass(frozen=True, slots=True)
 class Generation:
-    """One generation: the ids of its members, its diversity, and how many children were accepted and rejected."""
+    """One generation.
+
+    Attributes:
+        number: from 0, the initial population.
+        members: ids of its members.
+        diversity: of the members.
+        accepted: how many children were accepted.
+        reasons: how many attempts at a child were rejected, by what was wrong with them.
+    """
 
     number: int
     members: tuple[int, ...]
     diversity: float
     accepted: int
-    rejected: int
+    reasons: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def rejected(self) -> int:
+        """How many attempts were rejected."""
+        return sum(self.reasons.values())
 
 
 class RunStore:
@@ -189,8 +204,14 @@ class RunStore:
                 [_row(individual) for individual in born],
             )
             db.execute(
-                "INSERT INTO generation VALUES (?, ?, ?, ?)",
-                (generation.number, generation.diversity, generation.accepted, generation.rejected),
+                "INSERT INTO generation VALUES (?, ?, ?, ?, ?)",
+                (
+                    generation.number,
+                    generation.diversity,
+                    generation.accepted,
+                    generation.rejected,
+                    dump_json(dict(generation.reasons)),
+                ),
             )
             db.executemany(
                 "INSERT INTO member VALUES (?, ?, ?)",
@@ -227,13 +248,20 @@ class RunStore:
             members = tuple(member for (member,) in rows)
             if not members:
                 raise ValueError(f"generation {number} has no members")
-            _, diversity, accepted, rejected = row
-        return Generation(number, members, diversity, accepted, rejected)
+            _, diversity, accepted, _, reasons = row
+            return Generation(number, members, diversity, accepted, json.loads(reasons))
 
     def history(self) -> list[tuple[int, float, int, int]]:
         """Number, diversity, accepted and rejected children of every generation, in order."""
         with self._reading():
-            return list(self._db.execute("SELECT * FROM generation ORDER BY number"))
+            columns = "number, diversity, accepted, rejected"
+            return list(self._db.execute(f"SELECT {columns} FROM generation ORDER BY number"))
+
+    def reasons(self) -> Counter[str]:
+        """How many attempts at a child were rejected in all, by what was wrong with them."""
+        with self._reading():
+            rows = self._db.execute("SELECT reasons FROM generation ORDER BY number")
+            return sum((Counter(json.loads(reasons)) for (reasons,) in rows), Counter[str]())
 
     def individual(self, id_: int) -> Individual:
         """One individual.

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import inf, nan
 
 import pytest
+from numpy import float32
 from numpy.random import default_rng
 
 from envgraph.env import Tabular, enumerate_states
-from envgraph.errors import InvalidArgument
+from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.rewrite import Engine
-from envgraph.search import Constraint, CountWithin, Domain, Forbid, Problem, Require
+from envgraph.search import Constraint, CountWithin, Domain, Forbid, NoValue, Problem, Require
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +49,7 @@ def test_a_model_is_valid_if_every_constraint_holds(
             engine.apply("collect")
         if step % 40 == 35:
             engine.model.nodes("WaterTile")[0].collected = False
-        assert problem.valid() == (not problem.violations())
+        assert problem.valid() == (next(problem.violations(), None) is None)
         seen.add(problem.valid())
     assert seen == ({True} if constraints == (CountWithin("burningTile", 0, None),) else {True, False})
 
@@ -92,7 +94,80 @@ def test_a_constraint_and_a_measure_visit_the_states_of_a_model_once(monkeypatch
     savepoint = engine.model.savepoint()
     for key in engine.model.nodes("Key"):
         key.delete(semantics="spo")
-    assert not problem.valid() and problem.measure() == {"plan": float("inf")}
+    assert not problem.valid()
+    with pytest.raises(NoValue):
+        problem.measure()
     engine.model.rollback(savepoint)
     assert problem.valid() and problem.measure()["plan"] == plan == 9.0
     assert len(visits) == 3 and visits[0] == visits[2] != visits[1]
+
+
+@dataclass
+class Returns:
+    """A measure, of models and of families, that returns what it is told."""
+
+    value: object
+
+    def evaluate(self, engine: Engine) -> float:
+        return self.value  # type: ignore[return-value]
+
+    def score(self, values: Sequence[float]) -> float:
+        return self.value  # type: ignore[return-value]
+
+    def maximum(self, size: int) -> float:
+        return self.value  # type: ignore[return-value]
+
+    def delta(self, leaving: int, entering: int) -> float:
+        return self.value  # type: ignore[return-value]
+
+    def swap(self, leaving: int, entering: int) -> None:
+        pass
+
+    def swaps(self, values: Sequence[float], members: Sequence[int]) -> Returns:
+        return self
+
+
+@pytest.mark.parametrize("value", [3, 0.5, True, float32(0.25)])
+def test_whatever_is_a_number_can_be_a_measure(domain: Domain, value: object) -> None:
+    problem = replace(domain.problem(domain.engine()), measures={"mine": Returns(value)})
+    assert problem.measure() == {"mine": value}
+    assert type(problem.measure()["mine"]) is float
+
+
+@pytest.mark.parametrize(
+    ("value", "found"),
+    [
+        (nan, "`nan`"),
+        (None, "a `NoneType`"),
+        ("abc", "a `str`"),
+        (10**400, "a number with more than 308 digits"),
+        (1j, "a `complex`"),
+    ],
+    ids=str,
+)
+def test_a_measure_that_is_no_number_is_named(domain: Domain, value: object, found: str) -> None:
+    problem = domain.problem(domain.engine())
+    with pytest.raises(EvaluationError, match=f"measure `mine` is no number: it returned {found}"):
+        replace(problem, measures={"mine": Returns(value)}).measure()
+    mine = replace(problem, diversity=Returns(value))
+    for asked in (lambda: mine.diversity.score([]), lambda: mine.maximum(2)):
+        with pytest.raises(EvaluationError, match=f"diversity `Returns` is no number: it returned {found}"):
+            asked()
+    with pytest.raises(EvaluationError, match="diversity `Returns` is no number"):
+        mine.diversity.swaps([0.0, 1.0], [0]).delta(0, 1)
+
+
+def test_an_infinite_diversity_is_refused(domain: Domain) -> None:
+    problem = replace(domain.problem(domain.engine()), diversity=Returns(inf))
+    with pytest.raises(EvaluationError, match="diversity `Returns` is infinite"):
+        problem.diversity.score([1.0])
+    assert problem.maximum(2) == inf  # nobody knows the maximum
+
+
+@pytest.mark.parametrize("value", [inf, -inf])
+def test_an_infinite_measure_is_no_value(domain: Domain, value: float) -> None:
+    problem = replace(domain.problem(domain.engine()), measures={"one": Returns(1.0), "mine": Returns(value)})
+    with pytest.raises(NoValue, match="no value of `mine`") as caught:
+        problem.measure()
+    assert caught.value.measure == "mine"
+    assert replace(problem, otherwise={"mine": 7.0}).measure() == {"one": 1.0, "mine": 7.0}

@@ -27,29 +27,30 @@ def individual(id_: int, generation: int = 0, parent: int | None = None) -> Indi
 
 def test_what_is_written_reads_back_equal(store: RunStore) -> None:
     born = [individual(0), individual(1, parent=0)]
-    store.write_generation(Generation(0, (0, 1), 1.0, 2, 5), born)
+    store.write_generation(Generation(0, (0, 1), 1.0, 2, {"slow": 2, "wet": 3}), born)
     assert list(store.individuals()) == born
-    assert store.last_generation() == Generation(0, (0, 1), 1.0, 2, 5)
+    assert store.last_generation() == Generation(0, (0, 1), 1.0, 2, {"slow": 2, "wet": 3})
     assert store.history() == [(0, 1.0, 2, 5)]
-    assert store.settings() == {"format": 1, "seed": 7}
+    assert store.reasons() == {"slow": 2, "wet": 3}
+    assert store.settings() == {"format": 2, "seed": 7}
     assert store.sources() == {"a.query": "pattern"}
 
 
 def test_members_keep_their_order(store: RunStore) -> None:
-    store.write_generation(Generation(0, (2, 0, 1), 0.0, 3, 0), [individual(k) for k in range(3)])
+    store.write_generation(Generation(0, (2, 0, 1), 0.0, 3), [individual(k) for k in range(3)])
     assert store.generation(0).members == (2, 0, 1)
 
 
 def test_lineage_leads_from_the_initial_model_to_the_individual(store: RunStore) -> None:
-    store.write_generation(Generation(0, (0,), 0.0, 1, 0), [individual(0)])
-    store.write_generation(Generation(1, (2,), 0.0, 2, 0), [individual(1, 1, 0), individual(2, 1, 1)])
+    store.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
+    store.write_generation(Generation(1, (2,), 0.0, 2), [individual(1, 1, 0), individual(2, 1, 1)])
     assert [ancestor.id for ancestor in store.lineage(2)] == [0, 1, 2]
 
 
 def test_a_generation_that_fails_half_way_leaves_nothing(store: RunStore) -> None:
-    store.write_generation(Generation(0, (0,), 0.0, 1, 0), [individual(0)])
+    store.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
     with pytest.raises(InvalidArgument, match="cannot be written"):
-        store.write_generation(Generation(1, (1,), 0.0, 1, 0), [individual(1, 1, 0), individual(0, 1)])
+        store.write_generation(Generation(1, (1,), 0.0, 1), [individual(1, 1, 0), individual(0, 1)])
     assert [one.id for one in store.individuals()] == [0]
     assert store.next_id() == 1
     last = store.last_generation()
@@ -57,7 +58,7 @@ def test_a_generation_that_fails_half_way_leaves_nothing(store: RunStore) -> Non
 
 
 def test_models_are_added_later(store: RunStore) -> None:
-    store.write_generation(Generation(0, (0,), 0.0, 1, 0), [individual(0)])
+    store.write_generation(Generation(0, (0,), 0.0, 1), [individual(0)])
     store.write_models({0: "{}"})
     assert store.individual(0).model == "{}"
 

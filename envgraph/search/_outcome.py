@@ -1,0 +1,135 @@
+"""How diverse a family is, and why it is not more diverse."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from math import inf
+
+from envgraph.errors import Diagnostic, Severity
+from envgraph.search._diversity import BinnedEntropy
+from envgraph.search._family import Family
+from envgraph.search._problem import Problem
+from envgraph.search._store import RunStore
+
+_SAME = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How diverse a family is.
+
+    Attributes:
+        diversity: the family measure over the members.
+        maximum: what it can be for so many members as the family should have; infinite where that is not known.
+        unit: "bits", or "" where it has none.
+        bins: number of each member's bin, from 1, in the order of the curriculum; empty where there are no bins.
+    """
+
+    diversity: float
+    maximum: float
+    unit: str = ""
+    bins: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, family: Family) -> Outcome:
+        """The outcome of the search that made a family."""
+        problem = family.domain.problem(family.domain.engine())
+        values, measure = _values(family, problem), problem.diversity
+        maximum = problem.maximum(family.domain.spec.search.population)
+        if not isinstance(measure, BinnedEntropy):
+            return cls(measure.score(values), maximum)
+        bins = tuple(measure.bin(value) + 1 for value in values)
+        return cls(measure.score(values), maximum, "bits", bins)
+
+    def __str__(self) -> str:
+        limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""
+        unit = f" {self.unit}" if self.unit else ""
+        bins = f", members in bins {','.join(map(str, self.bins))}" if self.bins else ""
+        return f"diversity {self.diversity:.3f}{limit}{unit}{bins}"
+
+
+def why_low(family: Family, store: RunStore) -> Diagnostic | None:
+    """Why the family of a run is less diverse than a family can be, and what would help; None where it is not.
+
+    The first of these that holds: members are missing, values lie outside of the range, no model came to some bins, the
+    search ended too soon.
+    """
+    outcome = Outcome.of(family)
+    wanted, found = family.domain.spec.search.population, len(family.members)
+    low = outcome.diversity < outcome.maximum - _SAME
+    if found >= wanted and (not low or outcome.maximum == inf):
+        return None
+    problem, spec = family.domain.problem(family.domain.engine()), family.domain.spec
+    of, values = problem.diversity_of, _values(family, problem)
+    met = [one.measures[of] for one in store.individuals()]
+    rejected = _rejections(store.reasons(), len(met))
+    span = spec.diversity.span()
+    if found < wanted:
+        code, span = "small-family", spec.mutation.rules[0].span if spec.mutation.rules else None
+        message = f"only {found} of {wanted} environments were found that satisfy the constraints{rejected}"
+        hint = "see whether the mutation rules match, what the constraints allow, and `max_attempts`"
+        return Diagnostic(code, message, span, hint, Severity.WARNING)
+    hint = _go_on(store)
+    message = f"every bin was reached, but not by one family{rejected}"
+    if not isinstance(problem.diversity, BinnedEntropy):
+        message = f"values of `{of}` went from {min(met):g} to {max(met):g}{rejected}"
+    else:
+        bins = problem.diversity
+        outside = sum(not bins.low <= value <= bins.high for value in values)
+        empty = set(range(bins.bins)).difference(map(bins.bin, met))
+        if outside:
+            message = (
+                f"`{of}` of {outside} of {found} members lies outside of the range {bins.low:g} to {bins.high:g}, "
+                "and counts in the first or last bin"
+            )
+            hint = f"values went from {min(met):g} to {max(met):g}: write {_range(met)} in `[diversity]`"
+        elif empty:
+            message = f"no model came to {_bins(bins, sorted(empty))} of `{of}`{rejected}"
+            hint = (
+                f"mutations that change `{of}` more, constraints that allow more, more generations; "
+                f"or {_range(met)} in `[diversity]`, where the values were"
+            )
+    return Diagnostic(
+        "low-diversity", f"the diversity is below its maximum: {message}", span, hint, Severity.WARNING
+    )
+
+
+def _values(family: Family, problem: Problem) -> list[float]:
+    return [member.measures[problem.diversity_of] for member in family.members]
+
+
+def _range(met: Sequence[float]) -> str:
+    """The range to write for values; a single one needs some room."""
+    low, high = min(met), max(met)
+    return f"`range = [{low:g}, {high if high > low else low + 1:g}]`"
+
+
+def _bins(measure: BinnedEntropy, empty: Sequence[int]) -> str:
+    """Numbers of bins, from 1, and the values that would fall into them."""
+    width = (measure.high - measure.low) / measure.bins
+    runs = [
+        [one for _, one in run] for _, run in groupby(enumerate(empty), key=lambda pair: pair[1] - pair[0])
+    ]
+    parts = [
+        (f"{run[0] + 1}" if len(run) == 1 else f"{run[0] + 1} to {run[-1] + 1}")
+        + f" ({measure.low + run[0] * width:.3g} to {measure.low + (run[-1] + 1) * width:.3g})"
+        for run in runs
+    ]
+    return f"bin{'s' if len(empty) > 1 else ''} {', '.join(parts)}"
+
+
+def _rejections(reasons: Mapping[str, int], accepted: int) -> str:
+    """What was wrong with most of the models that were rejected, where those are the larger part."""
+    rejected = sum(reasons.values())
+    if rejected <= accepted:
+        return ""
+    most = max(reasons, key=lambda reason: reasons[reason])
+    return f"; {rejected} of {rejected + accepted} mutations were rejected, {reasons[most]} because {most}"
+
+
+def _go_on(store: RunStore) -> str:
+    last = store.last_generation()
+    number = last.number if last else 0
+    return f"go on with `--resume --generations {2 * max(1, number)}`, or let mutations change more"
