@@ -105,10 +105,17 @@ class SearchSpec:
 
 @dataclass(frozen=True, slots=True)
 class CurriculumSpec:
-    """`[curriculum]`: the measure that orders the environments from easy to hard, and what is trained on."""
+    """`[curriculum]`.
+
+    Attributes:
+        order: the measure that orders the environments from easy to hard.
+        sequences: what is trained on.
+        initial: where the initial model stands: it is the "last", the target, or "ordered" like the others.
+    """
 
     order: Name | None = None
     sequences: Sequences = "suffixes"
+    initial: Literal["last", "ordered"] = "last"
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,7 @@ _HOME = {
         "target",
         "stagnation",
     ),
-    "`[curriculum]`": ("order", "sequences"),
+    "`[curriculum]`": ("order", "sequences", "initial"),
     "`[training]`": (
         "agent",
         "learning_rate",
@@ -565,8 +565,9 @@ class _Reader:
         if order is not None:
             self._check_measure(section, "order", order.text, [one.name for one in measures], order.span)
         sequences = section.choice("sequences", get_args(Sequences), "suffixes")
+        initial = section.choice("initial", ("last", "ordered"), "last")
         section.finish()
-        return CurriculumSpec(order, sequences)  # type: ignore[arg-type]
+        return CurriculumSpec(order, sequences, initial)  # type: ignore[arg-type]
 
     def _training(self, section: _Section) -> TrainingSpec:
         default = TrainingSpec()

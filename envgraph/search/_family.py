@@ -47,7 +47,7 @@ class Family:
     Attributes:
         name: of the family.
         bundle: the texts of the domain; the first root is the family file.
-        members: from the easiest to the hardest, by the measure that orders the curriculum.
+        members: from the easiest to the hardest by the measure that orders the curriculum, then the initial model.
         domain: what the texts say, with the overrides.
         overrides: seed, generations and population of the run where they are not those of the family file.
         tables: where the states of the members are kept once they have been enumerated.
@@ -152,11 +152,13 @@ def ordered(
 ) -> tuple[Member, ...]:
     """Members from measures, model, individual and initial flag, in the order of the curriculum.
 
-    Equal values keep the given order, but the initial model comes last among its equals: it is the target.
+    The initial model comes last, as the target, or last among its equals where the family file wants it `ordered`.
+    Equal values keep the given order.
     """
-    order = domain.spec.curriculum.order
-    measure = str(order) if order else str(domain.spec.diversity.options["of"])
-    ranked = sorted(found, key=lambda one: (one[0][measure], one[3]))
+    curriculum = domain.spec.curriculum
+    measure = str(curriculum.order or domain.spec.diversity.options["of"])
+    last = curriculum.initial == "last"
+    ranked = sorted(found, key=lambda one: (last and one[3], one[0][measure], one[3]))
     return tuple(Member(f"E{place}", *one) for place, one in enumerate(ranked, start=1))
 
 

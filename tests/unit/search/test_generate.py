@@ -82,6 +82,23 @@ def test_members_are_named_in_the_order_of_the_curriculum(family: Family) -> Non
         family.member("E9")
 
 
+@pytest.mark.parametrize("initial", ["last", "ordered"])
+def test_the_target_is_the_initial_model_unless_the_order_is_to_decide(tmp_path: Path, initial: str) -> None:
+    path = copied(tmp_path, toml=('sequences = "suffixes"', f'initial = "{initial}"'))
+    path.write_text(path.read_text() + '\n[measures.fires]\nkind = "count"\nof = "burningTile"\n')
+    path.write_text(path.read_text().replace('order = "complexity"', 'order = "fires"'))
+    path.write_text(path.read_text().replace('of = "complexity"', 'of = "fires"\nrange = [0, 40]'))
+    family = generate(str(path), tmp_path / "run.sqlite", seed=1, generations=30)
+    fires = [member.measures["fires"] for member in family.members]
+    places = [member.initial for member in family.members]
+    assert places.count(True) == 1 and max(fires) > 20
+    if initial == "last":
+        assert places[-1] and fires[-1] == 20 and fires[:-1] == sorted(fires[:-1])
+    else:
+        assert not places[-1] and fires == sorted(fires)
+    assert [member.name for member in family.members] == ["E1", "E2", "E3", "E4", "E5", "E6"]
+
+
 def test_one_seed_gives_one_family_and_another_seed_another(tmp_path: Path) -> None:
     exports = [
         export_ga4cl(generate("burning_forest", tmp_path / str(turn) / "run.sqlite", seed=seed, **SMALL))
