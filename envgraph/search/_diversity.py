@@ -78,8 +78,8 @@ class BinnedEntropy:
 
     >>> BinnedEntropy(4).score([0.1, 0.3, 0.6, 0.9])
     2.0
-    >>> BinnedEntropy(4).maximum(8), BinnedEntropy(4, 0, 2, whole=True).maximum(3) == log2(3)
-    (2.0, True)
+    >>> BinnedEntropy(4).maximum(8), BinnedEntropy(4, 0, 1, whole=True).maximum(8)
+    (2.0, 1.0)
     """
 
     bins: int
