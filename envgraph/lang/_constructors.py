@@ -127,8 +127,8 @@ def Rule(
     Args:
         name: its name, without the package.
         parameters: what is in the brackets, `hedgehog : Hedgehog, out label : string`, or data.
-        lhs: what is in the braces of `lhs`, or nodes, edges and constraints. The `;` at the end of a text may be left
-            out, here and below.
+        lhs: what is in the braces of `lhs`, or nodes, edges and constraints. The `;` at the end of a text, and
+            before a `}` in it, may be left out, here and below.
         rhs: what is there afterwards: the inside of `rhs`, or nodes, edges and actions.
         modify: what changes: the inside of `modify`, or actions. Not together with `rhs`.
         blocks: `not { .. }`, `require { .. }`, `forall { .. }`, `optional { .. }`, as one text or as data.
@@ -196,7 +196,8 @@ def Unit(
     Args:
         name: its name, without the package.
         parameters: what is in the brackets, `hedgehog : Hedgehog`, or data.
-        body: what is in the braces, or steps, or a list of texts and steps. The last `;` of a text may be left out.
+        body: what is in the braces, or steps, or a list of texts and steps. The last `;` of a text, and
+            of a block in it, may be left out.
         package: of the name.
         weight, priority: see `envgraph.pattern.Unit`; None for what the annotations say.
         annotations: such as `@weight(2.0)`, or data.

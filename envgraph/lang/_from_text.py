@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, Final
@@ -129,6 +130,7 @@ class Parts:
         end = "\n;" if frame.ends and last and last not in frame.ends else "\n"
         framed = Source(own.name, frame.before + text + end + frame.after)
         found, problems, header = _read(frame.language, framed)
+        problems = _but_last_separators(problems, grammar(frame.language).core.scan(framed).lexemes)
         move = _Move(own, len(frame.before))
         self._problems += map(move, _of_the_part(problems, len(frame.before), len(text)))
         if any(one.severity is Severity.ERROR for one in problems) or not found:
@@ -197,6 +199,16 @@ def _closes_last(words: Sequence[str]) -> bool:
 def _word(lexeme: Lexeme) -> str:
     """A sign, or a word that may be a keyword; "" for anything else."""
     return lexeme.value if lexeme.kind in ("NAME", "punctuation") and not lexeme.escaped else ""
+
+
+def _but_last_separators(problems: Sequence[Diagnostic], lexemes: Sequence[Lexeme]) -> tuple[Diagnostic, ...]:
+    """The problems without a `;` that is missing before a `}`, where the parser has put it in."""
+    starts = [lexeme.start for lexeme in lexemes]
+
+    def follows(problem: Diagnostic) -> str:
+        return lexemes[bisect_left(starts, problem.span.start)].value if problem.span else ""
+
+    return tuple(one for one in problems if one.message != "missing `;`" or follows(one) != "}")
 
 
 def _of_the_part(problems: Sequence[Diagnostic], start: int, length: int) -> Sequence[Diagnostic]:

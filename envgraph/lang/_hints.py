@@ -25,6 +25,8 @@ _OPERATORS = frozenset(
     for sign in group
 )
 _COMPARISONS = ("==", "===", "!=", "!==", "=", "<", "<=", ">", ">=")
+_STEPS = ("first", "top", "all", "alap", "repeat", "try", "atomic", "if")
+"""What starts a step of a unit; a rule may have such a name, too."""
 _MOST_SHOWN = 9
 _BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
 """What starts a definition of which kind of file."""
@@ -67,6 +69,8 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
             )
     if "neg" not in keywords:
         return None
+    if "unit" in keywords and before[1] in _STEPS and word in (";", "|", "("):
+        return f"{expectation(grammar, states)}; to call a rule of that name write `^{before[1]}`"
     home = "query" if "rule" in keywords else "rules"
     starts = [keywords[one] for one in ("pattern", "rule") if one in keywords]
     if word in _BELONGS[home] and after and any(grammar.accepts(states, one) for one in starts):

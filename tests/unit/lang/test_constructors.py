@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from typing import Any
+
 import pytest
 
 import envgraph
@@ -190,6 +193,31 @@ def test_what_names_mean_is_told_with_the_place_too() -> None:
         "   | ^\n"
         "hint: there are `r`, `u`"
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "part", "text"),
+    [
+        (Rule, "blocks", "not { x -next-> y; }"),
+        (Rule, "blocks", "not { a : Item -next-> b; not { find p(a, b); } }"),
+        (
+            Rule,
+            "blocks",
+            "forall { lhs { a : Item; } forall { lhs { check a.n > 1; } modify { create b : Item { n = 1 }; } } "
+            "modify { set a.n += 1; } } optional { lhs { a : Item; } rhs { a : Item { n = 1 }; } }",
+        ),
+        (Unit, "body", "alap { try { a; } else { repeat 1..3 { b; } } } { c; } | d;"),
+    ],
+)
+def test_the_last_separator_of_a_block_may_be_left_out(kind: Any, part: str, text: str) -> None:
+    without = re.sub(r";(?=\s*(\}|$))", " ", text)
+    assert without != text and kind("x", **{part: without}) == kind("x", **{part: text})
+
+
+def test_a_separator_between_statements_may_not_be_left_out() -> None:
+    with pytest.raises(LoadError) as caught:
+        Rule("x", blocks="not { a : Item find p(a, b) } forall { lhs { a : Item } }")
+    assert [one.message for one in caught.value.diagnostics] == ["unexpected `p`"]
 
 
 @pytest.mark.parametrize(
