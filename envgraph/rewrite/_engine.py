@@ -708,6 +708,7 @@ class Engine(Recordings):
         rules: str | Iterable[str],
         *,
         limit: int = 100_000,
+        depth: int | None = None,
         strategy: Strategy = "breadth",
         up_to: Sameness = "identity",
         goal: Predicate | None = None,
@@ -724,6 +725,7 @@ class Engine(Recordings):
         Args:
             rules: names.
             limit: how many states there may be; with more, the exploration ends, and says so.
+            depth: how many moves a state may be away: deeper ones are not looked for. With strategy "breadth".
             strategy: "breadth": states with few moves first, so that paths are the shortest; or "depth".
             up_to: "isomorphism": states that differ by ids alone are one. Rules that create objects need it, where
                 they come back to what was there before.
@@ -733,7 +735,7 @@ class Engine(Recordings):
             keep: hold a version of every state, for `checkout`. Uncommitted changes are committed first.
 
         Raises:
-            InvalidArgument: an unknown name, a unit or rule that needs values, a limit below 1.
+            InvalidArgument: an unknown name, a unit or rule that needs values, a limit below 1, an impossible depth.
             TransactionError: versions are to be kept, inside a transaction.
             RuleError, EvaluationError: a rule or unit is wrong; not if the model only refuses an application.
         """
@@ -748,6 +750,7 @@ class Engine(Recordings):
             {name: self._test(predicate) for name, predicate in asked.items()},
             None if goal is None else self._test(goal),
             limit,
+            depth,
             strategy,
             up_to,
             keep,

@@ -14,8 +14,9 @@ from envgraph.rewrite._match import Firing, Match, Row, Shape
 if TYPE_CHECKING:
     import networkx as nx
 
-Ending = Literal["exhausted", "goal", "limit"]
-"""Why an exploration ended: every state was left in every way, a goal was found, or there were too many states."""
+Ending = Literal["exhausted", "goal", "limit", "depth"]
+"""Why an exploration ended: every state was left in every way, a goal was found, there were too many states, or what is
+left are states as deep as was asked for."""
 
 Firings = tuple[Firing, ...]
 

@@ -138,9 +138,10 @@ class Search:
         predicates: by name what is asked of every state.
         goal: where to stop; None for nowhere.
         limit: how many states there may be, and how many ways one unit may run in one of them.
+        depth: how many moves from the first state are made; None for any number.
 
     Raises:
-        InvalidArgument: a limit below 1, or an unknown strategy or sameness.
+        InvalidArgument: a limit below 1, an unknown strategy or sameness, a depth below 0 or of a depth-first search.
     """
 
     model: Model
@@ -148,6 +149,7 @@ class Search:
     predicates: Mapping[str, Test]
     goal: Test | None
     limit: int
+    depth: int | None
     strategy: Strategy
     up_to: Sameness
     keep: bool
@@ -162,6 +164,12 @@ class Search:
             raise InvalidArgument(f"there is at least one state, so the limit is not {self.limit}")
         if self.strategy not in ("breadth", "depth"):
             raise InvalidArgument(f'the strategy is "breadth" or "depth", not {self.strategy!r}')
+        if self.depth is not None and (type(self.depth) is not int or self.depth < 0):
+            raise InvalidArgument(f"`depth` is a number of moves from 0, not {self.depth!r}")
+        if self.depth is not None and self.strategy == "depth":
+            raise InvalidArgument(
+                'a depth-first search may come to a state by a long way first: with `depth` leave `strategy` "breadth"'
+            )
         if self.up_to not in ("identity", "isomorphism"):
             raise InvalidArgument(f'`up_to` is "identity" or "isomorphism", not {self.up_to!r}')
 
@@ -180,6 +188,8 @@ class Search:
     def _breadth(self, walk: Walk, check: Callable[[], None]) -> Ending | None:
         record = self._record
         for state in record.states:  # grows
+            if state.depth == self.depth:
+                return "depth"
             walk.go(state.number)
             for mover, choice in self._moves():
                 check()

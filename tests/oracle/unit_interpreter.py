@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from math import fsum
 from random import Random
 
-from envgraph.errors import RuleError
+from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Node
 from envgraph.metamodel import Value
 from envgraph.pattern import (
@@ -272,7 +272,10 @@ class Interpreter:
             for parameter, argument in zip(parameters, condition.arguments, strict=True)
             if isinstance(argument, Variable) and argument.name in names
         }
-        return self.engine.exists(condition.pattern, **bound)
+        try:
+            return self.engine.exists(condition.pattern, **bound)
+        except InvalidArgument:  # an object that was deleted
+            return False
 
     def _read(self, node: int, feature: str) -> Value | None:
         if not self.engine.model.alive(node):

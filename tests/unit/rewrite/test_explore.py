@@ -450,3 +450,19 @@ def test_what_is_no_name_is_refused() -> None:
     with pytest.raises(InvalidArgument, match="predicates are given by their names, not as 5"):
         made().explore("light", predicates=5)  # type: ignore[arg-type]
     assert made(1).explore("light", predicates="allLit").predicates == ("allLit",)
+
+
+def test_a_depth_leaves_out_what_is_further_away() -> None:
+    made = engine("rule up(a : Item) { lhs { check a.n < 5; } modify { set a.n += 1; } }", model=chain(1))
+    for depth in range(5):
+        found = made.explore("up", depth=depth)
+        assert [state.depth for state in found.states] == list(range(depth + 1))
+        assert (found.ending, found.complete, found.deadlocks) == ("depth", False, [])
+    found = made.explore("up", depth=6)
+    assert (len(found), found.ending, found.deadlocks) == (6, "exhausted", [5])
+    assert made.explore("up", depth=3, goal=lambda engine: engine.model.node(0).n == 3).ending == "goal"
+    for wrong in (-1, 1.5, True):
+        with pytest.raises(InvalidArgument, match="`depth` is a number of moves"):
+            made.explore("up", depth=wrong)  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match="leave `strategy`"):
+        made.explore("up", depth=3, strategy="depth")
