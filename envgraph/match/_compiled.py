@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import chain
 from math import inf
@@ -125,6 +125,10 @@ class CompiledMatcher:
         """The specialised function behind `rows`; arguments are not checked, see `Matcher.prepare`."""
         return self._specialised(pattern, bound, Mode.ROWS)
 
+    def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
+        """The rows of `prepare`, each looked for when it is asked for."""
+        return self._specialised(pattern, bound, Mode.EACH)
+
     def lister(self, pattern: str) -> Callable[[], list[Row]]:
         """All rows."""
         return self._specialised(pattern, (), Mode.ROWS)
@@ -177,13 +181,29 @@ class CompiledMatcher:
         return found  # type: ignore[no-any-return]
 
     def cost(self, pattern: str, bound: tuple[int, ...]) -> float:
-        """Estimated work of `rows` for values at some positions (ascending), in accesses to the model."""
+        """Estimated work of `rows` for values at some positions (ascending), in accesses to the model.
+
+        Infinite where it looks through all objects of a class: nobody knows how many there will be.
+        """
         if self.calls.recursive(pattern):
             return OPAQUE_COST
+        key = self._key(pattern, bound, Mode.ROWS)
         try:
-            return self._planner.view(self._key(pattern, bound, Mode.ROWS)).cost
+            return inf if self._looks_through(key) else self._planner.view(key).cost
         except Unplannable:
             return inf
+
+    def _looks_through(self, key: ViewKey) -> bool:
+        """Whether a search looks through all objects of a class: its work grows with the model."""
+        pending, known = [(key, Mode.ROWS)], {(key, Mode.ROWS)}
+        for place in pending:  # which grows
+            symbols = [symbol for _, symbol in view_source(self._planner, *place).symbols]
+            if any(isinstance(symbol, Members | Valued) for symbol in symbols):
+                return True
+            called = [(symbol.key, symbol.mode) for symbol in symbols if isinstance(symbol, View)]
+            pending += [other for other in called if other not in known]
+            known.update(called)
+        return False
 
     def analyze(self) -> None:
         """Measure the model: plans that are made from now on go by the sizes that it has now.
@@ -471,5 +491,7 @@ def _shaped(solve: Function, mode: Mode) -> Function:
             return lambda *values: len(solve(*values))
         case Mode.FIRST:
             return lambda *values: next(iter(solve(*values)), None)
+        case Mode.EACH:
+            return lambda *values: iter(solve(*values))
         case _:
             return lambda *values: list(solve(*values))

@@ -134,7 +134,7 @@ def _counted(module: Module, alike: Alike, key: ViewKey) -> str:
 
 def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
     """Whether values are better told apart by a sieve at the end of the plan: one that looks at fewer of them."""
-    if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST):
+    if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
         return False
     conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps
     outputs = {conjunction.parameters[p] for p in key.outputs}
@@ -356,6 +356,8 @@ class Translation:
                 self._block.line("return found")
             case "sum":
                 self._block.line(f"n += {call}")
+            case "each":
+                self._block.line(f"yield from {call}")
             case _:
                 self._block.line(call)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from enum import Enum
 from typing import Final, Protocol
 
@@ -62,6 +62,9 @@ class Matcher(Protocol):
         For loops that call it often: arguments are not checked, so they must be values of the right type and
         ids of objects that are alive.
         """
+
+    def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
+        """The rows of `prepare` one by one, each looked for when it is asked for; not after the model has changed."""
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
         """All rows, to look at before the model changes, and not to be kept: of a watched pattern its own list.

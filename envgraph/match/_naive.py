@@ -94,6 +94,11 @@ class NaiveMatcher:
 
         return rows
 
+    def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
+        """The rows of `prepare`."""
+        rows = self.prepare(pattern, bound)
+        return lambda *values: iter(rows(*values))
+
     def lister(self, pattern: str) -> Callable[[], list[Row]]:
         """All rows."""
         return self.prepare(pattern, ())

@@ -21,7 +21,7 @@ class Sink:
         each: lines for one solution.
         shared: names that a continuation of the function takes over; it has no head or tail of its own then.
         relay: what the caller does with the value of a continuation: "flag" returns True if it is true, "found"
-            returns it unless it is None, "sum" adds it up, "" ignores it.
+            returns it unless it is None, "sum" adds it up, "each" yields what it yields, "" ignores it.
         repeatable: whether the same values again change nothing.
         sieved: whether that is so because they are kept from it.
     """
@@ -67,11 +67,25 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
             )
         case Mode.COUNT if distinct:
             return COUNT
+        case Mode.EACH:
+            return _yielding(variables, distinct)
     if distinct:
         return gathering(variables, lambda n: shape(variables, n), "return out")
     tail = "return len(out)" if mode is Mode.COUNT else "return list(out)"
     each = lambda n: [f"out[{shape(variables, n)}] = None"]  # noqa: E731
     return Sink(variables, ("out = {}",), each, (tail,), ("out",), repeatable=True)
+
+
+def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
+    """The sink of a generator."""
+    tail = ("yield from ()",)  # what yields nothing is a generator, too
+    if distinct:
+        return Sink(variables, (), lambda names: [f"yield {row(variables, names)}"], tail, (), "each")
+
+    def each(names: Names) -> list[str]:
+        return [f"if (r := {row(variables, names)}) not in out:", "    out.add(r)", "    yield r"]
+
+    return Sink(variables, ("out = set()",), each, tail, ("out",), "each", repeatable=True)
 
 
 def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:

@@ -21,6 +21,8 @@ class Mode(StrEnum):
     """The number of matches."""
     FIRST = "first"
     """The first of `ROWS`, or None."""
+    EACH = "each"
+    """An iterator over `ROWS` that looks for the next one when it is asked for."""
 
 
 @dataclass(frozen=True, slots=True)

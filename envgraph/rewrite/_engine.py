@@ -42,7 +42,7 @@ from envgraph.rewrite._run import (
     fire_one_of,
 )
 from envgraph.rewrite._runner import NO_ARGUMENTS, REFUSALS, PythonRule, Randomness, RuleRunner, draw
-from envgraph.rewrite._selection import By, Choose, Where, choose_one, select
+from envgraph.rewrite._selection import By, Choose, Where, among, choose_one, select
 from envgraph.rewrite._trace import Trace
 from envgraph.rewrite._units import RunResult, UnitProgram
 
@@ -406,9 +406,13 @@ class Engine(Recordings):
         arguments: Mapping[str, object],
     ) -> Application | None:
         runner = self.prepare(rule)
-        rows = runner.rows_known(self.ids(runner.shape, arguments))
-        rows = select(self, runner, rows, where, by, None)
-        row = choose_one(self, runner, rows, choose if by is None else "first", self._pick)
+        known = self.ids(runner.shape, arguments)
+        rows: Sequence[Row] | None = None
+        if choose == "first" and by is None:
+            row = next(among(self, runner, runner.seek_known(known), where), None)
+        else:
+            rows = select(self, runner, runner.rows_known(known), where, by, None)
+            row = choose_one(self, runner, rows, choose if by is None else "first", self._pick)
         if row is None:
             return None
         self._notice()
@@ -417,6 +421,8 @@ class Engine(Recordings):
         except RuleError as error:
             if callable(choose):
                 raise
+            if rows is None:
+                rows = select(self, runner, runner.rows_known(known), where, by, None)
             drawn = choose == "random" and by is None
             row, result = self._fire_elsewhere(runner, rows, row, error, drawn)
         self._record([Firing(runner.name, row)])

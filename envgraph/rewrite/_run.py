@@ -161,13 +161,6 @@ def fire_another(
     return _go_on(run, rule, others(rows, number, run.pick), error)
 
 
-def fire_next(
-    run: Run, rule: RuleRunner, rows: Sequence[Row], number: int, error: RuleError
-) -> tuple[Row, Sequence[Any]] | None:
-    """The first row was refused: apply the rule at the next one that is not."""
-    return _go_on(run, rule, list(rows)[number + 1 :], error)
-
-
 def _go_on(
     run: Run, rule: RuleRunner, rows: Iterable[Row], error: RuleError
 ) -> tuple[Row, Sequence[Any]] | None:
@@ -179,18 +172,44 @@ def _go_on(
 
 
 def call_rule(
-    run: Run, rule: RuleRunner, rows: Sequence[Row], first: bool, missing: Site, refused: Site
+    run: Run, rule: RuleRunner, rows: Sequence[Row], missing: Site, refused: Site
 ) -> Sequence[Any] | None:
     """A call of a rule that is not written out: what `_unit_source` writes for the first calls of a unit."""
     if not rows:
         run.failure = missing
         return None
-    number = 0 if first or len(rows) == 1 else run.pick(len(rows))
+    number = 0 if len(rows) == 1 else run.pick(len(rows))
     row = rows[number]
     try:
         result = rule.fire(row)
     except RuleError as error:
-        found = (fire_next if first else fire_another)(run, rule, rows, number, error)
+        found = fire_another(run, rule, rows, number, error)
+        if found is None:
+            run.failure = refused
+            return None
+        row, result = found
+    run.put(rule)
+    run.put(row)
+    return result
+
+
+def call_first(
+    run: Run,
+    rule: RuleRunner,
+    row: Row | None,
+    rows: Callable[[], Iterable[Row]],
+    missing: Site,
+    refused: Site,
+) -> Sequence[Any] | None:
+    """A call of a rule at the first of its matches, if there is one; `rows` lists them all, where that is refused."""
+    if row is None:
+        run.failure = missing
+        return None
+    try:
+        result = rule.fire(row)
+    except RuleError as error:
+        left = list(rows())
+        found = _go_on(run, rule, left[left.index(row) + 1 :], error)
         if found is None:
             run.failure = refused
             return None
@@ -258,10 +277,12 @@ def apply_every_of(run: Run, rules: Sequence[RuleRunner], site: Site) -> bool | 
     return changed
 
 
-def rows_bound_by(rule: RuleRunner, names: Sequence[str], values: Sequence[Any]) -> Sequence[Row]:
-    """The matches that agree with those of the values that are set."""
+def rows_bound_by(
+    prepare: Callable[[tuple[str, ...]], Callable[..., Any]], names: Sequence[str], values: Sequence[Any]
+) -> Any:
+    """The matches that agree with those of the values that are set, as `prepare` or `seek` of the rule gives them."""
     given = {name: value for name, value in zip(names, values, strict=True) if value is not UNSET}
-    return rule.prepare(tuple(given))(*given.values())
+    return prepare(tuple(given))(*given.values())
 
 
 # --- choice

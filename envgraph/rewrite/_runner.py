@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from inspect import Parameter as Argument
 from inspect import signature
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeVar
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, did_you_mean
 from envgraph.graph import Model, Node
@@ -48,6 +48,7 @@ def others(rows: Sequence[Row], number: int, pick: Callable[[int], int]) -> Iter
 
 
 Find = Callable[..., Sequence[Row]]
+Found = TypeVar("Found")
 NO_ARGUMENTS: Mapping[str, Value] = {}
 
 
@@ -151,12 +152,35 @@ class RuleRunner(ABC):
             InvalidArgument: an unknown variable, or an input that is not bound.
         """
         if names not in self._prepared:
-            self._require(names)
-            positions = [self.shape.position(name) for name in names]
-            order = sorted(range(len(positions)), key=positions.__getitem__)
-            find = self.matcher.prepare(self.pattern, tuple(positions[place] for place in order))
-            self._prepared[names] = find if order == list(range(len(order))) else _reordered(find, order)
+            self._prepared[names] = self._bound(names, self.matcher.prepare)
         return self._prepared[names]
+
+    def seek(self, names: tuple[str, ...]) -> Callable[..., Iterator[Row]]:
+        """As `prepare`, one by one: each is looked for when it is asked for, and not after the model has changed."""
+        return self._bound(names, self.matcher.seeker)
+
+    def seek_known(self, arguments: Mapping[str, Value]) -> Iterator[Row]:
+        """As `rows_known`, one by one."""
+        return self.seek(tuple(arguments))(*arguments.values()) if self._alive(arguments) else iter(())
+
+    def _alive(self, arguments: Mapping[str, Value]) -> bool:
+        """Whether the objects among arguments exist."""
+        shape, alive = self.shape, self.model.alive
+        return all(
+            alive(value)  # type: ignore[arg-type]
+            for name, value in arguments.items()
+            if shape.is_object(shape.names.index(name))
+        )
+
+    def _bound(
+        self, names: tuple[str, ...], make: Callable[[str, tuple[int, ...]], Callable[..., Found]]
+    ) -> Callable[..., Found]:
+        """A function of the values of variables, in their order, made of one in the order of the shape."""
+        self._require(names)
+        positions = [self.shape.position(name) for name in names]
+        order = sorted(range(len(positions)), key=positions.__getitem__)
+        find = make(self.pattern, tuple(positions[place] for place in order))
+        return find if order == list(range(len(order))) else _reordered(find, order)
 
     def pick(self, rng: Randomness, arguments: Mapping[str, object] = NO_ARGUMENTS) -> Row | None:
         """One of the matches, equally likely; None if there is none."""
@@ -296,8 +320,8 @@ class _Tried(Exception):
     """Ends a trial that was successful."""
 
 
-def _reordered(find: Find, order: Sequence[int]) -> Find:
-    def rows(*values: object) -> Sequence[Row]:
+def _reordered(find: Callable[..., Found], order: Sequence[int]) -> Callable[..., Found]:
+    def rows(*values: object) -> Found:
         return find(*(values[place] for place in order))
 
     return rows
@@ -360,6 +384,11 @@ class ExactClassRule(GraphRule):
     def live_rows(self) -> Sequence[Row]:
         """All matches."""
         return self.all_rows()
+
+    def seek(self, names: tuple[str, ...]) -> Callable[..., Iterator[Row]]:
+        """The matches one by one."""
+        extent = self.model.exact_extent(self._cls)
+        return super().seek(names) if names else lambda: ((node,) for node in extent)
 
     def reader(self) -> Find:
         """`live_rows`."""

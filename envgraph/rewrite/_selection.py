@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from envgraph.errors import InvalidArgument
@@ -38,11 +38,13 @@ def select(
         raise InvalidArgument(f"`top` is a number from 1, not {top!r}")
     if top is not None and by is None:
         raise InvalidArgument("`top` says how many: `by` has to say of what order")
-    found = list(rows)
-    if where is not None:
-        holds = _condition(engine, rule, where)
-        found = [row for row in found if holds(row)]
+    found = list(among(engine, rule, rows, where))
     return found if by is None else best(found, _value(engine, rule, by), top)
+
+
+def among(engine: Engine, rule: RuleRunner, rows: Iterable[Row], where: Where | None) -> Iterator[Row]:
+    """Those of the rows for which `where` holds, as they come; raises as `select`."""
+    return iter(rows) if where is None else filter(_condition(engine, rule, where), rows)
 
 
 def choose_one(

@@ -49,10 +49,10 @@ from envgraph.rewrite._run import (
     apply_every_of,
     apply_one_of,
     at,
+    call_first,
     call_rule,
     fire_another,
     fire_every,
-    fire_next,
     rows_bound_by,
     run_one_of,
     spent,
@@ -146,11 +146,11 @@ class UnitSource:
             "apply_every_of": apply_every_of,
             "apply_one_of": apply_one_of,
             "best": best,
+            "call_first": call_first,
             "call_rule": call_rule,
             "argument": argument_value,
             "fire_another": fire_another,
             "fire_every": fire_every,
-            "fire_next": fire_next,
             "holds": holds,
             "release": model.release,
             "rollback": model.rollback,
@@ -504,7 +504,10 @@ class UnitSource:
         return "{" + ", ".join(f"{self._constant(name)}: {local}" for name, local in names.items()) + "}"
 
     def _rows(self, call: Call, callee: Signature, scope: Scope) -> tuple[RuleRunner, str, dict[str, str]]:
-        """The rule, the source of its matches, and the variables that get values from `out` parameters."""
+        """The rule, the source of its matches, and the variables that get values from `out` parameters.
+
+        For `first` the source is an iterator, which looks no further than it is asked.
+        """
         rule = self._rules[callee.name]
         function, site = self._now, self._constant((f"`{callee.simple}`", call.span))
         function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {site})", "run.refusal = None")
@@ -519,10 +522,11 @@ class UnitSource:
         if any(local in maybe for _, local in given):
             names = self._constant(tuple(name for name, _ in given))
             values = "".join(f"{local}, " for _, local in given)
-            source = f"rows_bound_by({self._constant(rule)}, {names}, ({values}))"
-        elif given:
-            find = self._constant(rule.prepare(tuple(name for name, _ in given)))
-            source = f"{find}({', '.join(local for _, local in given)})"
+            made = self._constant(rule.seek if call.first else rule.prepare)
+            source = f"rows_bound_by({made}, {names}, ({values}))"
+        elif given or call.first:
+            find = (rule.seek if call.first else rule.prepare)(tuple(name for name, _ in given))
+            source = f"{self._constant(find)}({', '.join(local for _, local in given)})"
         elif call.every:
             source = f"{self._constant(rule.all_rows)}()"
         else:
@@ -543,12 +547,13 @@ class UnitSource:
         function, own = self._now, self._constant(rule)
         missing = f"`{callee.simple}` has no {'such ' if call.where else ''}match"
         refused = f"`{callee.simple}` was refused at each match"
+        texts = f"{self._constant((missing, call.span))}, {self._constant((refused, call.span))}"
         self._calls += 1
-        if self._calls > _WRITTEN_OUT:
-            texts = f"{self._constant((missing, call.span))}, {self._constant((refused, call.span))}"
-            function.add(
-                f"s = call_rule(run, {own}, {rows}, {call.first}, {texts})", "if s is None: return None"
-            )
+        if call.first:
+            function.add(f"s = call_first(run, {own}, next({rows}, None), lambda: {rows}, {texts})")
+            function.add("if s is None: return None")
+        elif self._calls > _WRITTEN_OUT:
+            function.add(f"s = call_rule(run, {own}, {rows}, {texts})", "if s is None: return None")
         else:
             self._fire_one(call, rule, rows, missing, refused)
         slots = dict(rule.plan.outputs) if isinstance(rule, GraphRule) else {}
@@ -563,10 +568,9 @@ class UnitSource:
         function.add(f"rows = {rows}", "n = len(rows)")
         with function.block("if n == 0:"):
             self._fails(missing, call.span)
-        number = "0" if call.first else "run.pick(n) if n > 1 else 0"
-        function.add(f"i = {number}", "row = rows[i]")
+        function.add("i = run.pick(n) if n > 1 else 0", "row = rows[i]")
         function.add("try:", f" s = {self._constant(rule.fire)}(row)", "except RuleError as error:")
-        function.add(f" s = {'fire_next' if call.first else 'fire_another'}(run, {own}, rows, i, error)")
+        function.add(f" s = fire_another(run, {own}, rows, i, error)")
         with function.block(" if s is None:"):
             function.level += 1
             self._fails(refused, call.span)
@@ -593,7 +597,9 @@ class UnitSource:
             inside.maybe.discard(name)
         for number, condition in enumerate(call.where):
             test = self._condition(call, number, condition, inside)
-            rows = f"[row for row in {rows} if {test}]"
+            rows = (
+                f"(row for row in {rows} if {test})" if call.first else f"[row for row in {rows} if {test}]"
+            )
         if call.by is not None:
             used = {variable.name: inside.names[variable.name] for variable in variables_in(call.by)}
             value = f"value_of({self._constant(call.by)}, {self._values(used)}, read)"

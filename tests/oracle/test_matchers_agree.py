@@ -99,10 +99,12 @@ def assert_first(matcher: Matcher, pattern: str, arguments: Row, expected: list[
 
 
 def assert_prepared(matcher: Matcher, pattern: str, arguments: Row, expected: list[Row]) -> None:
-    """A prepared function gives the rows in the same order."""
+    """Prepared functions give the rows in the same order."""
     bound = tuple(position for position, value in enumerate(arguments) if value is not FREE)
     values = [arguments[position] for position in bound]
-    assert matcher.prepare(pattern, bound)(*values) == list(matcher.rows(pattern, arguments))
+    expected = list(matcher.rows(pattern, arguments))
+    assert matcher.prepare(pattern, bound)(*values) == expected
+    assert list(matcher.seeker(pattern, bound)(*values)) == expected
 
 
 QUESTIONS = (assert_rows, assert_exists, assert_count, assert_first, assert_prepared)

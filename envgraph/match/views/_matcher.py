@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from gc import collect
 from typing import Any, Final
 
@@ -30,9 +29,6 @@ Change = Callable[[list[Row], list[Row]], object]
 
 MOST_ROUNDS: Final = 1_000
 """How often listeners may change the model again when they are told of a change."""
-
-FEW: Final = 32
-"""Rows of a view that are looked through one by one."""
 
 
 class BoundedLog(Log):
@@ -105,7 +101,6 @@ class ViewMatcher:
         self._outgrown = 0
         self._telling = False
         self._suspended = False
-        self._counted: dict[tuple[str, tuple[int, ...]], tuple[int, Counter[Any] | None]] = {}
         self._partly = Agreeing(self.demand)
         self.user: Callable[[], object] | None = None
 
@@ -169,7 +164,6 @@ class ViewMatcher:
                 raise InvalidArgument(f"somebody listens to `{pattern}`")
         for pattern in patterns:
             self._views.pop(pattern, None)
-        self._counted.clear()
         self._partly.forget()
         if not self._views:
             self._leave()
@@ -181,7 +175,6 @@ class ViewMatcher:
             followers[:] = [follower for follower in followers if follower is not self]
             self._network.unhang()
         self._views = {}
-        self._counted = {}
         self._partly.forget()
         self._network = self._new_network()
         self._broken, self._countable, self._spoilt, self._suspended = None, False, False, False
@@ -318,6 +311,7 @@ class ViewMatcher:
             return
         make_sure(self.model.store.journal)
         for view in self._views.values():
+            view.rows.indexes.clear()
             if view.rows.log:
                 view.rows.mend(view.rows.log[-2])
         self._countable |= self._broken is None
@@ -571,90 +565,52 @@ class ViewMatcher:
         if arguments.count(FREE) == len(arguments):
             self._check_number(pattern, arguments)
             return view.rows[:]
-        found = self._agreeing(pattern, view, arguments)
-        return self.demand.rows(pattern, arguments) if found is None else list(found)
+        positions, known = self._known(pattern, arguments)
+        if not self._partly.worthwhile(pattern, view, positions):
+            return self.demand.rows(pattern, arguments)
+        return [] if known is None else list(self._partly.rows(pattern, view, positions, known))
 
     def first(self, pattern: str, arguments: tuple[object, ...]) -> Row | None:
         """The first of `rows`, or None."""
         view = self._current(pattern)
         if view is None:
             return self.demand.first(pattern, arguments)
-        if arguments.count(FREE) < len(arguments):
-            found = self._agreeing(pattern, view, arguments)
-            return self.demand.first(pattern, arguments) if found is None else next(iter(found), None)
-        self._check_number(pattern, arguments)
-        return view.rows[0] if view.rows else None
+        if arguments.count(FREE) == len(arguments):
+            self._check_number(pattern, arguments)
+            return view.rows[0] if view.rows else None
+        positions, known = self._known(pattern, arguments)
+        if not self._partly.worthwhile(pattern, view, positions):
+            return self.demand.first(pattern, arguments)
+        return None if known is None else self._partly.first(pattern, view, positions, known)
 
     def exists(self, pattern: str, arguments: tuple[object, ...]) -> bool:
         """Whether there is a match that agrees with the arguments."""
         view = self._current(pattern)
         if view is None:
             return self.demand.exists(pattern, arguments)
-        free = arguments.count(FREE)
-        if free == len(arguments):
+        if arguments.count(FREE) == len(arguments):
             self._check_number(pattern, arguments)
             return bool(view.rows)
-        if free:
-            count = self._count(pattern, view, arguments)
-            return self.demand.exists(pattern, arguments) if count is None else count > 0
-        row = self._checked(pattern, arguments)
-        return row is not None and row in view.rows.position
+        positions, known = self._known(pattern, arguments)
+        return known is not None and self._partly.count(pattern, view, positions, known) > 0
 
     def count(self, pattern: str, arguments: tuple[object, ...]) -> int:
         """The number of `rows`."""
         view = self._current(pattern)
         if view is None:
             return self.demand.count(pattern, arguments)
-        if arguments.count(FREE) < len(arguments):
-            count = self._count(pattern, view, arguments)
-            return self.demand.count(pattern, arguments) if count is None else count
-        self._check_number(pattern, arguments)
-        return len(view.rows)
+        if arguments.count(FREE) == len(arguments):
+            self._check_number(pattern, arguments)
+            return len(view.rows)
+        positions, known = self._known(pattern, arguments)
+        return 0 if known is None else self._partly.count(pattern, view, positions, known)
 
-    def _agreeing(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> Collection[Row] | None:
-        """The rows that agree with arguments of which some are given; None if a search is likely to be faster."""
-        positions = tuple([place for place, value in enumerate(arguments) if value is not FREE])
-        if len(arguments) != len(self.library.parameter_types(pattern)):
-            return None  # a search tells
-        if not self._partly.worthwhile(pattern, view, positions):
-            return None
-        known = self._checked(pattern, arguments)
-        if known is None:
-            return ()
-        if len(positions) == len(known):
-            place = view.rows.position.get(known)
-            return () if place is None else (view.rows[place],)
-        return self._partly.rows(pattern, view, positions, known)
-
-    def _checked(self, pattern: str, arguments: tuple[object, ...]) -> tuple[object, ...] | None:
+    def _known(self, pattern: str, arguments: tuple[object, ...]) -> tuple[tuple[int, ...], Any]:
+        """The positions with a value, and what rows with these are filed under; None if an object is gone."""
         types = self.library.parameter_types(pattern)
-        return check_arguments(self.model, self.library, pattern, types, arguments)
-
-    def _count(self, pattern: str, view: Rows, arguments: tuple[object, ...]) -> int | None:
-        """How many rows agree with arguments of which some are given; None if a search is likely to be faster.
-
-        All rows are counted, by the values at the given positions, when such a question is asked of one state for the
-        second time.
-        """
-        found = self._agreeing(pattern, view, arguments)
-        if found is not None:
-            return len(found)
-        known = self._checked(pattern, arguments)
-        if known is None:
-            return 0
-        positions = tuple(place for place, value in enumerate(known) if value is not FREE)
-        key = key_of(positions)
-        wanted, rows = key(known), view.rows
-        if len(rows) <= FEW:
-            return len([row for row in rows if key(row) == wanted])
-        revision, counted = self._counted.get((pattern, positions), (-1, None))
-        if revision != self.model.revision:
-            self._counted[pattern, positions] = self.model.revision, None
-            return None
-        if counted is None:
-            counted = Counter(map(key, rows))
-            self._counted[pattern, positions] = revision, counted
-        return counted[wanted]
+        checked = check_arguments(self.model, self.library, pattern, types, arguments)
+        positions = tuple([place for place, value in enumerate(arguments) if value is not FREE])
+        return positions, None if checked is None else key_of(positions)(checked)
 
     def _check_number(self, pattern: str, arguments: tuple[object, ...]) -> None:
         size = len(self.library.parameter_types(pattern))
@@ -664,12 +620,29 @@ class ViewMatcher:
     def prepare(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., list[Row]]:
         """`rows` for one set of bound positions; arguments are not checked, see `Matcher.prepare`."""
         search = self.demand.prepare(pattern, bound)
-        if bound:
+        if not bound:
+            return lambda: search() if (view := self._current(pattern)) is None else view.rows[:]
+        if not self._partly.possible(pattern, bound):
             return search
 
-        def rows() -> list[Row]:
+        def rows(*values: Any) -> list[Row]:
             view = self._current(pattern)
-            return search() if view is None else view.rows[:]
+            if view is None or not self._partly.worthwhile(pattern, view, bound):
+                return search(*values)
+            wanted = values if len(values) > 1 else values[0]
+            return list(self._partly.rows(pattern, view, bound, wanted))
+
+        return rows
+
+    def seeker(self, pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
+        """The rows of `prepare`; those of a view are there."""
+        seek = self.demand.seeker(pattern, bound)
+        if bound and not self._partly.possible(pattern, bound):
+            return seek
+        held = self.prepare(pattern, bound) if bound else self.lister(pattern)
+
+        def rows(*values: Any) -> Iterator[Row]:
+            return seek(*values) if self._current(pattern) is None else iter(held(*values))
 
         return rows
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from envgraph.graph import Store
-from envgraph.match.views._sets import Groups, MatchSet, Row, become
+from envgraph.match.views._sets import Groups, Index, MatchSet, Row, become
 from envgraph.match.views._upkeep import changes
 
 Hook = Callable[..., object]
@@ -130,6 +130,8 @@ class Rows(Operator):
         assert set(self.rows) == set(rows), self.name
         assert len(set(self.rows)) == len(self.rows)
         assert self.rows.position == {row: index for index, row in enumerate(self.rows)}
+        for positions, index in self.rows.indexes.items():
+            assert index.table == Index(positions, self.rows).table
         for groups in self.groups.values():
             groups.check(self.rows)
 

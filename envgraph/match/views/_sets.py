@@ -34,20 +34,53 @@ class Log(list[Any]):
             self._shortest = len(self)
 
 
+class Index:
+    """Rows by their values at some positions.
+
+    It has no history of its own: whatever inserts or deletes a row of the `MatchSet`, rollbacks and checkouts included,
+    does so here.
+
+    Attributes:
+        table: key -> rows, in no order that means anything; a key without rows is left out.
+    """
+
+    __slots__ = ("_key", "table")
+
+    def __init__(self, positions: tuple[int, ...], rows: Sequence[Row]) -> None:
+        self._key = key_of(positions)
+        self.table: dict[Any, dict[Row, None]] = {}
+        for row in rows:
+            self.insert(row)
+
+    def insert(self, row: Row) -> None:
+        """A row is there now."""
+        self.table.setdefault(self._key(row), {})[row] = None
+
+    def delete(self, row: Row) -> None:
+        """A row is there no longer."""
+        key = self._key(row)
+        group = self.table[key]
+        del group[row]
+        if not group:
+            del self.table[key]
+
+
 class MatchSet(IndexedSet[Row]):
     """The rows of a view, in an order that is a function of the version.
 
     Attributes:
         store: whose journal records changes.
         log: every row that has come or gone in whatever way, and whether it came; None unless somebody wants to know.
+        indexes: by positions, for those who ask for rows with values there; an interruption empties it.
     """
 
-    __slots__ = ("_becoming", "log", "store")
+    __slots__ = ("_becoming", "indexes", "log", "store")
 
     def __init__(self, store: Store) -> None:
         super().__init__()
         self.store = store
         self.log: Log | None = None
+        self.indexes: dict[tuple[int, ...], Index] = {}
         self._becoming: tuple[int, list[Any], list[Row]] | None = None
 
     def appear(self, row: Row) -> None:
@@ -59,6 +92,8 @@ class MatchSet(IndexedSet[Row]):
             store.journal.extend((self, row, None, OUT))
         self.position[row] = len(self)
         self.append(row)
+        if self.indexes:
+            self.inserted(row)
 
     def vanish(self, row: Row) -> None:
         """Remove a row that is there, and record it."""
@@ -73,6 +108,18 @@ class MatchSet(IndexedSet[Row]):
         if index < len(self):
             self[index] = last
             self.position[last] = index
+        if self.indexes:
+            self.deleted(row)
+
+    def inserted(self, row: Row) -> None:
+        """Tell the indexes of a row that is there now."""
+        for index in self.indexes.values():
+            index.insert(row)
+
+    def deleted(self, row: Row) -> None:
+        """Tell the indexes of a row that is there no longer."""
+        for index in self.indexes.values():
+            index.delete(row)
 
     # --- replay: the journal is the caller
 
@@ -80,13 +127,18 @@ class MatchSet(IndexedSet[Row]):
         """As `IndexedSet.take`."""
         if self.log is not None:
             self.log.extend((item, False))
-        return super().take(item)
+        index = super().take(item)
+        if self.indexes:
+            self.deleted(item)
+        return index
 
     def withdraw(self, item: Row, inverse: list[Any]) -> None:
         """As `IndexedSet.withdraw`."""
         if self.log is not None:
             self.log.extend((item, False))
         super().withdraw(item, inverse)
+        if self.indexes:
+            self.deleted(item)
 
     def put(self, item: Row, index: int) -> None:
         """As `IndexedSet.put`; written out, because rollbacks consist of it."""
@@ -101,16 +153,20 @@ class MatchSet(IndexedSet[Row]):
         else:
             self.append(item)
         position[item] = index
+        if self.indexes:
+            self.inserted(item)
 
     def add(self, item: Row) -> None:
         """As `IndexedSet.add`."""
         if self.log is not None:
             self.log.extend((item, True))
         super().add(item)
+        if self.indexes:
+            self.inserted(item)
 
     def exchange(self, key: None, state: tuple[int, dict[int, Row]]) -> tuple[int, dict[int, Row]]:
         """As `IndexedSet.exchange`."""
-        if self.log is None:
+        if self.log is None and not self.indexes:
             return super().exchange(key, state)
         before = self.contents(state)
         rows: list[Row] = list(self)
@@ -119,27 +175,25 @@ class MatchSet(IndexedSet[Row]):
         for index, row in state[1].items():
             rows[index] = row
         # What was there, and what is there now where something was, or was not, before.
-        parts = [part for row in before[1].values() for part in (row, False)]
-        for index in sorted({*before[1], *state[1]}):
-            if index < len(rows):
-                parts.extend((rows[index], True))
-        self._become(rows, parts)
+        gone = list(before[1].values())
+        come = [rows[index] for index in sorted({*before[1], *state[1]}) if index < len(rows)]
+        self._become(rows, gone, come)
+        for row in gone if self.indexes else ():
+            self.deleted(row)
+        for row in come if self.indexes else ():
+            self.inserted(row)
         return before
 
     def replace(self, rows: Sequence[Row]) -> None:
         """Become these rows, and record it."""
-        parts: list[Any] = []
-        if self.log is not None:
-            parts = [
-                *(part for row in self for part in (row, False)),
-                *(p for row in rows for p in (row, True)),
-            ]
         if self.store.recording:
             self.store.journal.extend((self, None, (len(self), dict(enumerate(self))), EXCHANGE))
-        self._become(list(rows), parts)
+        self.indexes.clear()
+        self._become(list(rows), list(self), rows)
 
-    def _become(self, rows: list[Row], parts: list[Any]) -> None:
+    def _become(self, rows: list[Row], gone: Sequence[Row], come: Sequence[Row]) -> None:
         if self.log is not None:
+            parts = [*(p for row in gone for p in (row, False)), *(p for row in come for p in (row, True))]
             self._becoming = (len(self.log), parts, rows)
             list.extend(self.log, parts)
         self[:] = rows
@@ -150,6 +204,7 @@ class MatchSet(IndexedSet[Row]):
 
     def mend(self, item: Row) -> None:
         """As `IndexedSet.mend`; or finish to become other rows."""
+        self.indexes.clear()
         if self._becoming is None:
             super().mend(item)
         else:
@@ -157,6 +212,7 @@ class MatchSet(IndexedSet[Row]):
 
     def reindex(self) -> None:
         """Make positions and log those of the rows; the last part of the log may tell what has not happened."""
+        self.indexes.clear()
         super().reindex()
         log = self.log
         if log is not None and self._becoming is not None:

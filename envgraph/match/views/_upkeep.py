@@ -127,6 +127,7 @@ def _gain(form: Form, leave: str) -> list[str]:
             f"if store.recording: record((rows, row, None, {OUT}))",
             "position[row] = len(rows)",
             "append(row)",
+            "if rows.indexes: rows.inserted(row)",
         ]
     for number, (positions, item) in enumerate(form.shape):
         key, old = f"key{number}", f"old{number}"
@@ -178,6 +179,7 @@ def _lose(form: Form, leave: str) -> list[str]:
             "if index < len(rows):",
             "    rows[index] = last",
             "    position[last] = index",
+            "if rows.indexes: rows.deleted(row)",
         ]
     return lines or ["pass"]
 

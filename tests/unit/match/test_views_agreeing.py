@@ -10,7 +10,7 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, ViewMatcher
 from envgraph.match._matcher import Row
-from envgraph.match.views import _agreeing
+from envgraph.match.views import _agreeing, _sets
 from envgraph.metamodel import Reference
 from envgraph.pattern import Library
 from tests.unit.match.people import METAMODEL
@@ -151,3 +151,81 @@ def test_answers_are_copies() -> None:
         assert isinstance(rows, list)
         rows.clear()
     assert [row for row in everything if row[1] == 0] == views.rows("circle", (FREE, 0))
+
+
+def holding_an_index(number: int) -> ViewMatcher:
+    """Views of `circle`, with an index by `n`."""
+    views = watching(number)
+    for _ in range(3):
+        views.count("circle", (FREE, 1))
+    assert list(views._views["circle"].rows.indexes) == [(1,)]
+    return views
+
+
+def test_an_index_follows_changes_rollbacks_and_checkouts() -> None:
+    views, dice = holding_an_index(40), Random(7)
+    model, rows = views.model, views._views["circle"].rows
+    index = rows.indexes[1,]
+
+    def compare() -> None:
+        for n in range(6):
+            expected = [row for row in views.rows("circle", (FREE, FREE)) if row[1] == n]
+            assert views.rows("circle", (FREE, n)) == expected
+            assert views.first("circle", (FREE, n)) == (expected[0] if expected else None)
+        views.check_integrity()
+        assert rows.indexes == {(1,): index}, "it is not made anew"
+
+    versions = [model.commit()]
+    for _ in range(4):
+        savepoint = model.savepoint()
+        for _ in range(6):
+            change(model, dice)
+        compare()
+        model.rollback(savepoint)
+        compare()
+        for _ in range(30):
+            change(model, dice)
+        compare()
+        versions.append(model.commit())
+    for version in [*versions[::2], *versions[::-1]]:
+        model.checkout(version)
+        compare()
+
+
+def test_an_index_does_not_outlive_an_interruption(monkeypatch: pytest.MonkeyPatch) -> None:
+    views, dice = holding_an_index(20), Random(7)
+    rows = views._views["circle"].rows
+
+    def interrupted(index: _sets.Index, row: Row) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(_sets.Index, "insert", interrupted)
+        for _ in range(20):
+            change(views.model, dice)
+            views.count("circle", (FREE, 1))
+    assert not rows.indexes
+    for n in range(4):
+        assert views.count("circle", (FREE, n)) == len(views.demand.rows("circle", (FREE, n)))
+    views.check_integrity()
+
+
+def test_questions_that_look_through_a_class_are_answered_by_the_view_whatever_its_size() -> None:
+    """The model is small, and so is an estimate of the search: in a large one it would be slow."""
+    model, queries = Model(METAMODEL), Library(METAMODEL)
+    queries.add(
+        pattern(
+            "peers(a : Person, b : Person)", [path("Person.age", "a", "n"), path("Person.age", "b", "n")]
+        ),
+        pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")]),
+    )
+    people = [model.new("Person") for _ in range(8)]
+    views = ViewMatcher(model, queries)
+    views.watch("peers", "knows")
+    assert views.demand.cost("peers", (0,)) == float("inf") and views.demand.cost("knows", (0,)) == 10
+    prepared = views.prepare("peers", (0,))
+    for one in people:
+        model.node(one).age = one % 3
+        assert prepared(one) == views.rows("peers", (one, FREE))
+        assert sorted(prepared(one)) == sorted(views.demand.rows("peers", (one, FREE)))
+    assert views._views["peers"].rows.indexes and not views._views["knows"].rows.indexes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -11,6 +12,7 @@ from envgraph.graph import Model
 from envgraph.lang import from_text, to_text
 from envgraph.pattern import Binary, Call, Choice, Constant, Navigation, Unary, Unit, Variable
 from envgraph.rewrite import Engine, Match
+from envgraph.rewrite._match import Row
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, snapshot
 
 RULES = """
@@ -42,6 +44,41 @@ def test_the_first_match_is_the_first_of_matches() -> None:
     before = one.matches("mark")[0]
     done = one.apply("mark", choose="first")
     assert done is not None and done.match == before
+
+
+def test_the_first_match_is_looked_for_and_no_other() -> None:
+    one = engine(
+        RULES + "unit early { first mark where find above(a, 0); } unit plain { first mark; }",
+        QUERIES,
+        model=chain(6),
+    )
+    looked: list[object] = []
+    read = one.matcher.seeker
+
+    def seeker(pattern: str, bound: tuple[int, ...]) -> Callable[..., Iterator[Row]]:
+        return lambda *values: (looked.append(row) or row for row in read(pattern, bound)(*values))
+
+    one.matcher.seeker = seeker  # type: ignore[method-assign]
+    first = one.matches("mark")[0].row
+    asked: list[object] = []
+    one.apply("mark", choose="first")
+    one.apply("mark", choose="first", where=lambda match: asked.append(match) or True)
+    one.apply("mark", choose="first", a=one.model.node(3))
+    assert looked == [first, first, (3,)] and len(asked) == 1
+    looked.clear()
+    assert one.run("plain") and looked == [first]
+    assert one.run("early") and looked == [first, first, (1,)]
+
+
+def test_where_the_first_match_is_refused_the_next_one_is_taken() -> None:
+    rules = "rule drop(a : Item) { lhs { } modify { delete a; } } unit once { first drop; }"
+    for run in (lambda one: one.apply("drop", choose="first"), lambda one: one.run("once")):
+        one = engine(rules, "", model=chain(4))
+        one.model.nodes("Item")[-1].next = None
+        one.model.nodes("Item")[-1].prev = None
+        left = one.matches("drop")[-1]
+        assert run(one)
+        assert left not in one.matches("drop") and one.count("drop") == 3
 
 
 def test_a_random_match_is_drawn_uniformly_by_the_generator_of_the_engine() -> None:
