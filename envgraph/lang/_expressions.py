@@ -8,7 +8,7 @@ from itertools import takewhile
 
 from lark import Token, Tree
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, sort_diagnostics
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, name_hint, sort_diagnostics
 from envgraph.lang._ecore_types import ECORE_TYPES
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._java import (
@@ -270,8 +270,28 @@ def constant_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral | Constant:
     return enum_literal_of(reading, tree)
 
 
-def _variable(reading: Reading, tree: Tree[Token]) -> Variable:
-    return variable_of(reading, tokens(tree.children)[0])
+def _variable(reading: Reading, tree: Tree[Token]) -> Variable | Constant:
+    name = tokens(tree.children)[0]
+    if name == "null":
+        reading.error("unexpected-token", "`null` is no name", name, "write `none`")
+        return Constant(None, reading.span(name))
+    return variable_of(reading, name)
+
+
+def dotted_literal(reading: Reading, owner: str, feature: Token, tree: Tree[Token]) -> EnumLiteral | None:
+    """`Way.west` for `Way::west`, which is reported; None for anything else."""
+    metamodel = reading.types.metamodel if reading.types else None
+    enum = metamodel.enums.get(owner) if metamodel else None
+    if enum is None:
+        return None
+    known = feature in enum.literals
+    meant = feature if known else did_you_mean(feature, enum.literals)
+    literal = str(meant).split("`")[1] if meant and not known else str(feature)
+    hint = f"write `{owner}::{literal}`" if meant else name_hint(feature, enum.literals)
+    reading.error("unexpected-token", f"a literal of the enum `{owner}` stands after `::`", tree, hint)
+    if not meant:
+        reading.gap(tree)
+    return EnumLiteral(owner, literal, reading.span(tree), literal_span=reading.span(feature))
 
 
 def _group(reading: Reading, tree: Tree[Token]) -> Expression:
@@ -282,10 +302,13 @@ def _group(reading: Reading, tree: Tree[Token]) -> Expression:
     )
 
 
-def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant:
+def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant | EnumLiteral:
     feature = tokens(tree.children)[0]
     owner = expression_of(reading, trees(tree.children)[0])
     path = _steps(owner)
+    literal = dotted_literal(reading, path[0], feature, tree) if len(path) == 1 else None
+    if literal is not None:
+        return literal
     if len(path) == 1 and (path[0], str(feature)) in CONSTANTS:
         return Constant(CONSTANTS[path[0], str(feature)], reading.span(tree))
     if _is_java(reading, path) and (len(path) > 1 or path[0] in reading.java or feature.isupper()):

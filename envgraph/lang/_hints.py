@@ -32,6 +32,32 @@ _BELONGS = {"query": ("pattern",), "rules": ("rule", "unit", "derive")}
 """What starts a definition of which kind of file."""
 
 
+def _negation(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index: int) -> str | None:
+    """How to write what someone negates here with `not`, or with a `neg` that is out of place."""
+    around = range(index - 4, index + 1)
+    *before, word = (lexemes[place].value if place >= 0 else "" for place in around)
+    keywords, signs = grammar.core.keywords, grammar.core.signs
+    rules = "rule" in keywords
+    if word == "{" and before[3] in ("neg", "not"):
+        block = (
+            "a block `not { .. }` stands after the `lhs { .. }`" if rules else "make a pattern of the block"
+        )
+        return block if before[3] == "not" and rules else f"`neg` takes one condition: {block}"
+    if word == "neg" and rules and grammar.accepts(states, keywords["not"]):
+        return "write `not { .. }`"
+    if word == "not" and grammar.accepts(states, keywords["neg"]):
+        return "write `neg`"
+    if before[0] == "neg" and before[1] == "check":
+        return "a `check` is negated inside: `check(!(..))`"
+    if before[1] == "not" and before[2] == "(":
+        return "write `neg`, without brackets"
+    if before[2] == "find" and before[3] == "neg":
+        return f"write `neg find {word}(..)`"
+    if before[3] == "not" and "not" not in keywords:
+        return "write `!`" if grammar.accepts(states, signs["&&"]) else "write `neg`"
+    return None
+
+
 def expectation(grammar: Grammar, states: list[int]) -> str:
     """The terminals that a parser with this stack of states takes, as `expected a name or `;``.
 
@@ -75,8 +101,18 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
     starts = [keywords[one] for one in ("pattern", "rule") if one in keywords]
     if word in _BELONGS[home] and after and any(grammar.accepts(states, one) for one in starts):
         return f"a `{word}` stands in a `.{home}` file, which other files may import"
-    if before[1] == "not" and "not" not in keywords:
-        return "write `!`" if grammar.accepts(states, signs["&&"]) else "write `neg`"
+    negation = _negation(grammar, states, lexemes, index)
+    if negation is not None:
+        return negation
+    if word in ("|", "||") and before[1] == "}" and "or" in keywords:
+        return "write `or` between two bodies"
+    if home == "rules" and before == ["<", "-"]:
+        return "arrows are for rules: write `Class.reference(source, target)`"
+    if home == "rules" and word in ("-", "<", ":") and lexemes[index - 1].kind == "NAME":
+        if word == ":":
+            return f"write `Class({before[1]})`, with its class: `{before[1]} : {after}` is for rules"
+        if after in ("-", "->") or lexemes[min(index + 2, len(lexemes) - 1)].value in ("->", "-", "+"):
+            return "arrows are for rules: write `Class.reference(source, target)`"
     if word == "!" and grammar.accepts(states, keywords["neg"]):
         return "write `neg`"
     if word == "(" and before[1] in ("neg", "count", "sum", "min", "max", "avg"):

@@ -56,10 +56,10 @@ def imported_patterns(file: ImportedFile, patterns: Mapping[str, Pattern], name:
         found = patterns.get(one.name)
         if found is None:
             near = did_you_mean(one.name, (known for known, each in patterns.items() if not each.private))
-            hint = (
-                near or "none of the files has it: import the path of its file too, or name that file as well"
-            )
-            yield Diagnostic("unknown-pattern", f"unknown pattern `{one.name}`", one.span, hint)
+            hint = f'import the file of the pattern too; a file stands in quotes, `import "{one.name}"`'
+            if one.name.rpartition(".")[2] in ("metamodel", "ecore", "query", "vql", "rules"):
+                near = f'the path of a file stands in quotes: `import "{one.name}"`'
+            yield Diagnostic("unknown-pattern", f"unknown pattern `{one.name}`", one.span, near or hint)
         elif found.private and found.span is not None and found.span.source.name != name:
             hint = "a private pattern is visible in its own file only"
             yield Diagnostic("private-pattern", f"pattern `{one.name}` is private", one.span, hint)

@@ -39,6 +39,9 @@ _MOST_ERRORS = 100
 _CURLY = re.compile(
     '[\u2018-\u201f\u00ab\u2039]([^\u2018-\u201f\u00bb\u203a"\n]*)[\u2018-\u201f\u00bb\u203a"]'
 )
+_WORDS = re.compile(r"\w+(?:\.\w+)*")
+_REMARK = re.compile(r"#[ \t]")
+_WORD_REMARK = re.compile(r"#(?:[ \t!\n]|[^\W\d]|$)")
 _TOUCHING = re.compile(r"[\w#@$]")
 
 
@@ -116,13 +119,16 @@ class LexicalCore(Lexer):
 
     def scan(self, source: Source) -> Scan:
         """Splits a text; nothing in it can make this raise."""
-        return _Scanner(source, self._token, self.signs).run()
+        return _Scanner(source, self._token, self.signs, self.keywords).run()
 
 
 class _Scanner:
-    def __init__(self, source: Source, token: re.Pattern[str], signs: Container[str]) -> None:
+    def __init__(
+        self, source: Source, token: re.Pattern[str], signs: Container[str], keywords: Container[str]
+    ) -> None:
         self._source = source
         self._signs = signs
+        self._keywords = keywords
         self._text = source.text
         self._token = token
         self._scan = Scan()
@@ -130,6 +136,7 @@ class _Scanner:
         self._open: list[str] = []
         self._braces = 0
         self._too_deep = False
+        self._remarks_end = 0
 
     def run(self) -> Scan:
         match = self._token.match
@@ -140,6 +147,9 @@ class _Scanner:
                 self._report("too-many-errors", message, position, hint="mend these first")
                 break
             found = match(text, position)
+            if text[position] == "#" and self._is_remark(position):
+                position = self._remark(position)
+                continue
             if found is None:
                 position = self._unknown(position)
                 continue
@@ -261,6 +271,8 @@ class _Scanner:
             return len(text)
         if text[start] in "\"'":
             return self._unterminated(start)
+        if self._instead(start):
+            return start + 1
         curly = _CURLY.match(text, start)
         if curly:
             message = f"`{text[start]}` is no quotation mark here"
@@ -268,6 +280,44 @@ class _Scanner:
             self._append(Lexeme("STRING", curly.group(1), start, curly.end()))
             return curly.end()
         return self._stray(start)
+
+    def _is_remark(self, start: int) -> bool:
+        """Whether a `#` stands for a comment, as in other languages: alone, or before words at the start of a line."""
+        before = self._scan.lexemes[-1].value if self._scan.lexemes else ""
+        if before in {"(", ","}:  # it marks the column of an aggregate
+            return False
+        return bool(
+            (_WORD_REMARK if first_on_line(self._source, start) else _REMARK).match(self._text, start)
+        )
+
+    def _remark(self, start: int) -> int:
+        """Reports a comment of other languages, those on the lines after it included, and returns its end."""
+        if self._text[self._remarks_end : start].strip() or not self._remarks_end:
+            self._report("unexpected-token", "`#` starts no comment", start, hint="write `//`")
+        end = self._text.find("\n", start)
+        self._remarks_end = len(self._text) if end < 0 else end
+        return self._remarks_end
+
+    def _instead(self, start: int) -> bool:
+        """A sign that other languages write here: what is meant is read for it."""
+        sign, words = self._text[start], [one.value for one in self._scan.lexemes[-2:]]
+        if len(words) < 2:
+            return False
+        following = _WORDS.match(self._text, start + 1)
+        if sign == "." and words[0] == "import" and following:
+            hint = f'the path of a file stands in quotes: `import "{words[1]}.{following.group()}"`'
+        elif sign == "." and following and "::" in self._signs and self._scan.lexemes[-1].kind == "NAME":
+            hint = f"a literal of an enum is written `{words[1]}::{following.group()}`"
+        elif sign in ":<" and words[0] == "class":
+            hint = f"write `class {words[1]} extends`"
+        elif sign == "|" and words[1] == "}" and "or" in self._keywords:
+            hint = "write `or` between two bodies"
+        else:
+            return False
+        self._report("unexpected-token", f"unexpected `{sign}`", start, hint=hint)
+        kind, value = {".": (PUNCTUATION, "::"), "|": ("NAME", "or")}.get(sign, ("NAME", "extends"))
+        self._append(Lexeme(kind, value, start, start + 1))
+        return True
 
     def _unterminated(self, start: int) -> int:
         end = self._text.find("\n", start)

@@ -34,6 +34,7 @@ from envgraph.metamodel import (
     Value,
     type_name,
 )
+from envgraph.pattern import data_type_hint
 
 _REFERENCE_ANNOTATIONS = ("derived", "frozen")
 _ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range", "glyph", "colour")
@@ -222,7 +223,8 @@ class _Reader:
             self._error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
             return None
         known = [*Scalar, *self._enums, "contains", "refers", "opposite"]
-        self._error("unknown-type", f"unknown type `{token}`", token, name_hint(token, known))
+        advice = data_type_hint(token) or name_hint(token, known)
+        self._error("unknown-type", f"unknown type `{token}`", token, advice)
         return None
 
     def _default(self, tree: Tree[Token], type_: AttributeType, name: str) -> Value | None:

@@ -41,6 +41,8 @@ from envgraph.metamodel import (
 )
 from envgraph.pattern import value_hint
 
+_NO_VALUE = "write `none`, or leave the feature out"
+
 _MOST_HINTS = 100
 """For so many unknown objects it is worked out what may have been meant."""
 
@@ -462,7 +464,9 @@ class _Reader:
         # To compare every unknown name with every known one would take minutes.
         self._unknown += 1
         hint = did_you_mean(token, self._names) if self._unknown <= _MOST_HINTS else None
-        if self.metamodel and str(token) in self.metamodel.classes:
+        if token == "null":
+            hint = _NO_VALUE
+        elif self.metamodel and str(token) in self.metamodel.classes:
             hint = f"write `{token} {{ }}` for a new object"
         elif str(token) in self._grids:
             hint = f"write `{token}[column, row]` for an object of the grid"
@@ -593,6 +597,8 @@ def _type_hint(tree: Tree[Token], attribute: Attribute) -> str | None:
     if tree.data not in {"name", "string"}:
         return None
     word = str(tokens(tree.children)[0])
+    if word == "null":
+        return _NO_VALUE
     if isinstance(attribute.type, EnumType):
         if word in attribute.type.literals:
             return f"write `::{word}` for the literal"

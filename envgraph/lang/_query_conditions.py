@@ -11,6 +11,7 @@ from envgraph.errors import did_you_mean
 from envgraph.lang._expressions import (
     Reading,
     constant_of,
+    dotted_literal,
     expression_of,
     literal_of,
     type_of,
@@ -198,6 +199,12 @@ def _right_side(reading: Reading, tree: Tree[Token]) -> Term:
         return Aggregate("count", call, reading.span(tree))
     if tree.data != "bare_arithmetic":
         return term_of(reading, tree)
+    literal = None
+    if not trees(tree.children):
+        owner, _, feature = tokens(tree.children)
+        literal = dotted_literal(reading, str(owner), feature, tree)
+    if literal is not None:
+        return literal
     hint = f"write `eval({reading.text(tree)})`"
     reading.error("misplaced-expression", "an expression stands in an `eval`", tree, hint)
     return Evaluation(_bare_expression(reading, tree), reading.span(tree))
@@ -225,16 +232,23 @@ def term_of(reading: Reading, tree: Tree[Token]) -> Term:
 
 
 def _variable(reading: Reading, tree: Tree[Token]) -> Variable:
-    return variable_of(reading, tokens(tree.children)[0])
+    name = tokens(tree.children)[0]
+    if name == "null":
+        return _no_value(reading, tree, "`null` is no name, and no value matches")
+    return variable_of(reading, name)
+
+
+def _no_value(reading: Reading, tree: Tree[Token], message: str) -> Variable:
+    hint = "write `neg Type.feature(x, _)` for a feature without a value"
+    reading.error("none-in-query", message, tree, hint)
+    reading.gap(tree)
+    return Variable("_", reading.span(tree))
 
 
 def _constant(reading: Reading, tree: Tree[Token]) -> Term:
     literal = trees(tree.children)[0]
     if literal.data == "none":
-        hint = "write `neg Type.feature(x, _)` for a feature without a value"
-        reading.error("none-in-query", "`none` stands for no value, and no value matches", tree, hint)
-        reading.gap(tree)
-        return Variable("_", reading.span(tree))
+        return _no_value(reading, tree, "`none` stands for no value, and no value matches")
     return literal_of(reading, literal, next(iter(tokens(tree.children)), None))
 
 

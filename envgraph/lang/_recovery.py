@@ -276,6 +276,8 @@ class Recovery:
         if self._lexemes[index].value == ";":
             places.append((index, "}"))
         for place, sign in places:
+            if sign == "}" and self._is_inside(index):
+                continue
             terminal = self._grammar.core.signs.get(sign)
             height = len(self._stack.states)
             if place < index:
@@ -296,6 +298,16 @@ class Recovery:
                 self._insert_brace(terminal, sign, place, height)
                 return place
         return None
+
+    def _is_inside(self, index: int) -> bool:
+        """Whether a `{` opens a block that ends right before a `}`: so what it stands in is closed, after all."""
+        opening = self._lexemes[index]
+        if opening.value != "{":
+            return False
+        for place in range(index + 1, len(self._lexemes) - 1):
+            if self._lexemes[place].value == "}" and self._lexemes[place].braces == opening.braces + 1:
+                return self._lexemes[place + 1].value == "}"
+        return False
 
     def _insert_brace(self, terminal: str, sign: str, place: int, height: int) -> None:
         self._stack.cut(height)
@@ -420,7 +432,8 @@ class Recovery:
         foreign = self._foreign(index)
         if foreign is not None:
             keyword = self._lexemes[foreign.begin]
-            hint = self._expectation(self._stack.states[: foreign.height])
+            states = self._stack.states[: foreign.height]
+            hint = habit(self._grammar, states, self._lexemes, foreign.begin) or self._expectation(states)
             self._report("unexpected-token", f"unexpected `{keyword.value}`", keyword, hint)
             return
         shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]

@@ -89,7 +89,7 @@ from envgraph.pattern._terms import (
     Unary,
     Variable,
 )
-from envgraph.pattern._types import assignable, static_type, type_text, value_hint
+from envgraph.pattern._types import assignable, data_type_hint, static_type, type_hint, type_text, value_hint
 
 __all__ = [
     "EXPRESSION_NAMESPACE",
@@ -178,6 +178,7 @@ __all__ = [
     "children",
     "compile_expression",
     "conformance_patterns",
+    "data_type_hint",
     "evaluate",
     "explained",
     "holds",
@@ -187,6 +188,7 @@ __all__ = [
     "static_type",
     "terms_in",
     "terms_of",
+    "type_hint",
     "type_text",
     "value_hint",
     "value_of",

@@ -8,7 +8,7 @@ from typing import Final
 
 from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern._analysis import Entry, calls_of, is_closure
-from envgraph.pattern._queries import Pattern, PatternCall
+from envgraph.pattern._queries import Closure, Pattern, PatternCall
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +38,10 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
     for edge in edges:
         onward.setdefault(edge.caller, []).append(edge)
     component = _components(onward)
+    endless = _without_base(patterns, entries, component)
     reported: set[int] = set()
     # Edges that are errors come first, so that a cycle with one is not reported as a harmless one.
-    for edge in sorted(edges, key=lambda edge: edge.monotone):
+    for edge in sorted(edges, key=lambda edge: (edge.monotone, edge.caller not in endless)):
         number = component[edge.caller]
         if number in reported or component.get(edge.callee) != number:
             continue
@@ -49,6 +50,10 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
             continue
         cycle = [edge, *way]
         reported.add(number)
+        if edge.monotone and edge.caller in endless:
+            if None not in entries[edge.caller].types:  # else that is an error, for the same reason
+                yield _no_base(edge, cycle)
+            continue
         if edge.monotone and any(_declared_safe(entries[link.caller].pattern) for link in cycle):
             continue
         yield _diagnostic(edge, cycle)
@@ -61,6 +66,35 @@ def _edges(pattern: Pattern, entries: Mapping[str, Entry]) -> Iterator[_Edge]:
             if site.call.pattern in calls:
                 word = site.grouped or (str(site.call.closure) if is_closure(site.call) else "")
                 yield _Edge(pattern.qualified_name, calls[site.call.pattern], site.call, word)
+
+
+def _without_base(
+    patterns: Sequence[Pattern], entries: Mapping[str, Entry], component: Mapping[str, int]
+) -> set[str]:
+    """The patterns that need a match of themselves, or of another such one of their circle, in each body."""
+    missing: dict[tuple[str, int], int] = {}
+    waiting: dict[str, list[tuple[str, int]]] = {}
+    for pattern in patterns:
+        caller, calls = pattern.qualified_name, entries[pattern.qualified_name].calls
+        for number, body in enumerate(pattern.bodies):
+            needed = {
+                calls[site.call.pattern]: None
+                for site in calls_of(body)
+                if not site.grouped and site.call.closure is not Closure.STAR and site.call.pattern in calls
+            }
+            inside = [one for one in needed if component.get(one, -1) == component.get(caller)]
+            missing[caller, number] = len(inside)
+            for one in inside:
+                waiting.setdefault(one, []).append((caller, number))
+    based = dict.fromkeys(caller for (caller, _), count in missing.items() if not count)
+    queue = list(based)
+    for name in queue:
+        for place in waiting.get(name, ()):
+            missing[place] -= 1
+            if not missing[place] and place[0] not in based:
+                based[place[0]] = None
+                queue.append(place[0])
+    return {caller for caller, _ in missing if caller not in based}
 
 
 def _way(
@@ -127,12 +161,23 @@ def _declared_safe(pattern: Pattern) -> bool:
     return any(annotation.name == "SafeRecursion" for annotation in pattern.annotations)
 
 
-def _diagnostic(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
+def _no_base(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
+    message = f"recursion without a base case can never match: {_path(cycle)}"
+    hint = f"give `{edge.caller}` a body that does not need it: `or {{ .. }}`"
     span = edge.call.pattern_span or edge.call.span
+    return Diagnostic("no-base-case", message, span, hint, Severity.WARNING)
+
+
+def _path(cycle: Sequence[_Edge]) -> str:
     steps = [f" -> {link.word + ' ' if link.word else ''}{link.callee}" for link in cycle]
     if len(steps) > _MOST_SHOWN:
         steps[_MOST_SHOWN // 2 : -_MOST_SHOWN // 2] = [f" -> ({len(steps) - _MOST_SHOWN} more)"]
-    path = cycle[0].caller + "".join(steps)
+    return cycle[0].caller + "".join(steps)
+
+
+def _diagnostic(edge: _Edge, cycle: Sequence[_Edge]) -> Diagnostic:
+    span = edge.call.pattern_span or edge.call.span
+    path = _path(cycle)
     if edge.monotone:
         hint = "`@SafeRecursion` says that this is meant"
         return Diagnostic("recursive-pattern", f"recursive pattern: {path}", span, hint, Severity.WARNING)

@@ -102,7 +102,10 @@ class RelationCheck:
             yield Diagnostic("data-type-group", message, span, hint)
 
     def _unknown_type(self, name: str, span: Span | None) -> Diagnostic:
-        return Diagnostic("unknown-type", f"unknown type `{name}`", span, type_hint(name, self._metamodel))
+        hint = type_hint(name, self._metamodel)
+        if name in self._names.visible_names(self._pattern.package, self._pattern):
+            hint = f"`{name}` is a pattern: write `find {name}(..)`"
+        return Diagnostic("unknown-type", f"unknown type `{name}`", span, hint)
 
     def _path(self, path: PathConstraint) -> Iterator[Diagnostic]:
         if not isinstance(path.source, Variable):

@@ -57,10 +57,18 @@ def type_hint(name: str, metamodel: Metamodel) -> str | None:
         return _any_object_hint(metamodel)
     if metamodel.named(simple_name(name)):
         return metamodel.likely(name)
-    plain = name.removeprefix("E").lower()
-    ours = next((str(scalar) for scalar, names in _ELSEWHERE.items() if plain in names), None)
-    near = did_you_mean(name, type_names(metamodel)) or (f"write `{ours}`" if ours else None)
+    near = did_you_mean(name, type_names(metamodel)) or data_type_hint(name)
     return near or name_hint(name, metamodel.classes or type_names(metamodel))
+
+
+def data_type_hint(name: str) -> str | None:
+    """What to write for a data type by its name in Java or EMF; None if it is none.
+
+    >>> data_type_hint("double"), data_type_hint("EInt"), data_type_hint("Date")
+    ('write `float`', 'write `int`', None)
+    """
+    plain = name.removeprefix("E").lower()
+    return next((f"write `{scalar}`" for scalar, names in _ELSEWHERE.items() if plain in names), None)
 
 
 def _any_object_hint(metamodel: Metamodel) -> str:

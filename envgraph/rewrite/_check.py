@@ -29,6 +29,7 @@ from envgraph.pattern import (
     Variable,
     static_type,
     terms_in,
+    type_hint,
 )
 from envgraph.rewrite._block import BlockBuilder
 from envgraph.rewrite._header import (
@@ -37,7 +38,6 @@ from envgraph.rewrite._header import (
     check_weight,
     duplicate_parameters,
     left_problems,
-    type_names,
 )
 from envgraph.rewrite._left import LeftLowering, LoweredBlock
 from envgraph.rewrite._plan import BlockPlan, RulePlan
@@ -280,7 +280,7 @@ def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
     """Types of parameters; those of the left side are checked with it."""
     for parameter in rule.parameters:
         if parameter.type and static_type(parameter.type, library.metamodel) is None:
-            hint = name_hint(parameter.type, type_names(library.metamodel))
+            hint = type_hint(parameter.type, library.metamodel)
             yield Diagnostic(
                 "unknown-type",
                 f"unknown type `{parameter.type}`",

@@ -6,11 +6,10 @@ from collections.abc import Callable
 from inspect import signature as signature_of
 from typing import TYPE_CHECKING, Final
 
-from envgraph.errors import InvalidArgument, RuleError, name_hint
+from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Node
-from envgraph.pattern import ObjectType, Parameter, static_type
+from envgraph.pattern import ObjectType, Parameter, static_type, type_hint
 from envgraph.rewrite._described import unit_parameters
-from envgraph.rewrite._header import type_names
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._run import Environment, Run, note_refusal
 from envgraph.rewrite._units import UnitProgram
@@ -90,7 +89,7 @@ def _taken(parameter: Parameter, name: str, engine: Engine) -> Taken:
     assert parameter.type is not None, "parameters of functions have types"
     type_ = static_type(parameter.type, metamodel)
     if type_ is None:
-        hint = name_hint(parameter.type, type_names(metamodel))
+        hint = type_hint(parameter.type, metamodel)
         message = f"parameter `{parameter.name}` of unit `{name}` has the unknown type `{parameter.type}`"
         raise InvalidArgument(message + (f": {hint}" if hint else ""))
     return Taken(parameter.name, type_, required=True)

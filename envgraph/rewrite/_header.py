@@ -9,7 +9,7 @@ from math import isfinite
 from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
-from envgraph.metamodel import Annotation, Metamodel, Scalar
+from envgraph.metamodel import Annotation
 from envgraph.pattern import Library, Parameter, Pattern
 
 _GENERATED: Final = re.compile(r"\w#")
@@ -67,8 +67,3 @@ def _plain(problem: Diagnostic, library: Library) -> Diagnostic:
     quoted = problem.message.split("`")
     known = [pattern.name for pattern in library.patterns if "#" not in pattern.name]
     return replace(problem, hint=name_hint(quoted[1], known) if len(quoted) > 1 else None)
-
-
-def type_names(metamodel: Metamodel) -> list[str]:
-    """Every name that a parameter may have as its type."""
-    return [*metamodel.classes, *metamodel.enums, *(scalar.value for scalar in Scalar)]

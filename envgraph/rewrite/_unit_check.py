@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, name_hint, with_article
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, with_article
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (
     Alap,
@@ -32,6 +32,7 @@ from envgraph.pattern import (
     assignable,
     check_expression,
     static_type,
+    type_hint,
     type_text,
     value_hint,
 )
@@ -43,7 +44,6 @@ from envgraph.rewrite._header import (
     check_weight,
     duplicate_parameters,
     left_problems,
-    type_names,
 )
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._variables import is_named, mentioned
@@ -175,7 +175,7 @@ class _Checker:
             return None
         type_ = static_type(parameter.type, self.metamodel)
         if type_ is None:
-            hint = name_hint(parameter.type, type_names(self.metamodel))
+            hint = type_hint(parameter.type, self.metamodel)
             span = parameter.type_span or parameter.span
             self._error("unknown-type", f"unknown type `{parameter.type}`", span, hint)
         return type_
