@@ -435,6 +435,18 @@ class Model:
         self.store.connect(relation, source, target)
         return True
 
+    def add_target(self, source: int, reference: Reference, target: int) -> bool:
+        """As `link`, but where the opposite of a single target is taken, the object that holds it lets go.
+
+        Raises:
+            TypeMismatch, RuleError: as `link`.
+        """
+        relation = self.store.relations[reference.index]
+        if relation.opposite is None or relation.opposite_upper != 1 or target in relation.forward[source]:
+            return self.link(source, reference, target)
+        self.set_target(target, relation.opposite, source)
+        return True
+
     def _house(self, relation: Relation, container: int, node: int) -> bool:
         """Put an object into a container that is not inside it, after taking it out of another."""
         above: int | None = container

@@ -125,7 +125,8 @@ _OWN_NAMES = frozenset(name for name in dir(Node) if not name.startswith("_"))
 class Targets(Sequence[Node]):
     """The targets of a many-reference, live: reading and writing it reads and writes the model.
 
-    Iterating goes over the targets as they were at the start.
+    Iterating goes over the targets as they were at the start. They are in the order in which they were added; of more
+    than 32, the last one takes the place of one that is removed.
     """
 
     __slots__ = ("_reference", "_source")
@@ -139,9 +140,26 @@ class Targets(Sequence[Node]):
         return self._source.model.targets(self._source.id, self._reference)
 
     def append(self, target: Node) -> None:
-        """Add a target; nothing happens if it is one already. See `Model.link`."""
+        """Add a target; nothing happens if it is one already.
+
+        As an assignment does, it takes the object out of its container, and from what has it by a single opposite.
+        """
         model = self._source.model
-        model.link(self._source.id, self._reference, _target(model, self._reference, target))
+        model.add_target(self._source.id, self._reference, _target(model, self._reference, target))
+
+    def insert(self, index: int, target: Node) -> None:
+        """Add a target at a position, as a list does; one that is there already moves.
+
+        Raises:
+            InvalidArgument: the position is no number.
+        """
+        if type(index) is not int:
+            raise InvalidArgument(f"a position is a whole number, not {index!r}")
+        model = self._source.model
+        new = _target(model, self._reference, target)
+        targets = [id for id in self._ids() if id != new]
+        targets.insert(index, new)
+        model.set_targets(self._source.id, self._reference, targets)
 
     def extend(self, targets: Iterable[Node]) -> None:
         """Add several targets."""

@@ -119,7 +119,7 @@ class Writer:
             "_strip": lambda node: strip(model, node),
             "_leave": lambda node, container, reference: leave(model, node, container, reference),
             "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
-            "_extend": lambda node, reference, target: extend(model, node, reference, target),
+            "_extend": model.add_target,
             "_house": lambda source, reference, target: house(model, source, reference, target),
             "_release": lambda node, reference, targets, every: release(
                 model, node, reference, targets, every
@@ -487,15 +487,6 @@ def house(model: Model, source: int, reference: Reference, target: int) -> None:
             hint="`move` or `set` takes it out",
         )
     model.link(source, reference, target)
-
-
-def extend(model: Model, node: int, reference: Reference, target: int) -> None:
-    """Add a target, which leaves its single source, as it does where the targets are set."""
-    opposite = model.metamodel.opposite(reference)
-    if opposite is not None and opposite.upper == 1 and not model.has_link(node, reference, target):
-        model.set_target(target, opposite, node)
-    else:
-        model.link(node, reference, target)
 
 
 def release(

@@ -5,8 +5,9 @@ import pickle
 
 import pytest
 
-from envgraph.errors import InvalidArgument, TypeMismatch
+from envgraph.errors import InvalidArgument, RuleError, TypeMismatch
 from envgraph.graph import Model, Node
+from envgraph.metamodel import Class, Metamodel, Reference
 from tests.unit.graph.domain import FOREST, forest, people
 
 
@@ -211,3 +212,76 @@ def test_membership_and_names():
     assert 1 not in model
     assert forest()["t00"] not in model
     assert isinstance(model["t00"], Node)
+
+
+# --- targets at a place
+
+
+def _people() -> tuple[Model, Node, list[Node]]:
+    metamodel = Metamodel(
+        "teams",
+        (
+            Class(
+                "Team",
+                features=(
+                    Reference("members", "Person", 0, 40, opposite="team"),
+                    Reference("rooms", "Team", 0, None, containment=True),
+                    Reference("likes", "Person", 0, None),
+                ),
+            ),
+            Class("Person", features=(Reference("team", "Team", 0, 1, opposite="members"),)),
+        ),
+    )
+    model = Model(metamodel)
+    return model, model.create("Team"), [model.create("Person") for _ in range(50)]
+
+
+def test_a_target_is_inserted_where_a_list_would_have_it():
+    model, team, people = _people()
+    for reference in ("members", "likes"):
+        expected = []
+        for number, index in enumerate((0, 0, 1, -1, 99, -99, 3)):
+            before = model.state_hash()
+            savepoint = model.savepoint()
+            team[reference].insert(index, people[number])
+            model.rollback(savepoint)
+            assert model.state_hash() == before and team[reference] == expected
+            team[reference].insert(index, people[number])
+            expected.insert(index, people[number])
+            assert team[reference] == expected
+        team[reference].insert(0, expected[-1])  # moves
+        assert team[reference] == [expected[-1], *expected[:-1]]
+        with pytest.raises(InvalidArgument, match="a position is a whole number"):
+            team[reference].insert("0", people[0])
+    team.likes = people
+    team.likes.insert(20, people[40])
+    assert [*team.likes][20] == people[40] and len(team.likes) == 50
+    model.check_integrity()
+
+
+def test_what_is_appended_or_inserted_leaves_what_had_it():
+    model, team, people = _people()
+    other, inner = model.create("Team"), model.create("Team")
+    team.members = people[:3]
+    team.rooms.append(inner)
+    other.members.append(people[0])
+    other.members.insert(0, people[1])
+    other.rooms.append(inner)
+    assert (team.members, other.members) == ([people[2]], [people[1], people[0]])
+    assert (team.rooms, other.rooms) == ([], [inner])
+    team.rooms.insert(0, inner)
+    other.members.append(people[0])  # is there
+    assert inner.container == team and other.members == [people[1], people[0]]
+    model.check_integrity()
+
+
+def test_a_full_reference_refuses_what_is_appended_and_nothing_has_moved():
+    model, team, people = _people()
+    other = model.create("Team")
+    team.members, other.members = people[:40], people[40:]
+    before = model.state_hash()
+    for add in (team.members.append, lambda one: team.members.insert(0, one)):
+        with pytest.raises(RuleError, match="at most 40"):
+            add(people[45])
+    assert model.state_hash() == before and people[45].team == other
+    model.check_integrity()
