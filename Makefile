@@ -10,7 +10,7 @@ BENCH_EXTRAS := bench
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test bench nightly clean venv
+.PHONY: demo test bench nightly campaign clean venv
 
 # --- demo: one environment becomes a family, an agent learns on it, a report shows it ---
 
@@ -36,6 +36,10 @@ test: $(VENV)/.test
 
 nightly: $(VENV)/.test
 	$(BIN)/python -m pytest --hypothesis-profile=nightly
+
+SECONDS := 300
+campaign: $(VENV)/.test
+	$(BIN)/python -m tests.campaigns --seconds $(SECONDS)
 
 bench: $(VENV)/.bench
 	$(BIN)/python -m benchmarks

@@ -12,6 +12,7 @@ from typing import NoReturn
 
 from envgraph.env import Behaviour
 from envgraph.errors import (
+    RAISE_LIMIT,
     Diagnostic,
     InvalidArgument,
     LoadError,
@@ -19,6 +20,7 @@ from envgraph.errors import (
     Severity,
     Source,
     did_you_mean,
+    limit,
 )
 from envgraph.lang._checking import check, conformance
 from envgraph.lang._consequences import unread_names, without_echoes, without_misread
@@ -72,6 +74,9 @@ _LANGUAGE_OF = {**{language: language for language in LANGUAGES}, **_FOREIGN}
 
 _LIBRARIES = (ECORE, "http://www.eclipse.org/emf/2003/XMLType")
 """Packages that every `.vql` file may import: they hold the data types."""
+
+_MOST_FILES = 10_000
+"""With all imports."""
 
 _NAME_IT = "name its file too, for example with `--metamodel`, or import the path of a file"
 
@@ -261,9 +266,16 @@ class _Loader:
     def _read(self, first: str, asked: Import | None = None) -> None:
         """Reads a file and all that it imports, depth first, without recursion: chains of imports may be long."""
         waiting: list[tuple[str, Import | None]] = [(first, asked)]
+        most = limit(_MOST_FILES)
         while waiting:
             name, asked = waiting.pop()
             if name not in self.order:
+                if len(self.order) == most:
+                    span = asked.span if asked else Source(name, "").span(0, 0)
+                    message = f"this is one more than {most} files that are read together"
+                    self.diagnostics.append(Diagnostic("too-many-files", message, span, RAISE_LIMIT))
+                    self.incomplete = True
+                    return
                 self.order[name] = len(self.order)
                 waiting.extend(reversed(self._read_one(name, asked)))
 

@@ -375,3 +375,15 @@ def test_what_is_read_again_is_what_the_engine_has() -> None:
     engine = load_workspace(["p.query"], files=TextFiles(files)).engine()
     engine.add(*(one for one in load_workspace(["p.query"], files=TextFiles(files)).functions))
     assert engine.definitions == load_workspace(["p.query"], files=TextFiles(files)).definitions
+
+
+def test_more_files_than_may_be_read_together_are_one_mistake(monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = {f"f{n}.query": f'import "f{n + 1}.query"\n' for n in range(20)} | {"f20.query": ""}
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "0.002")
+    (problem,) = load_workspace(["f0.query"], files=TextFiles(texts)).errors
+    assert str(problem).startswith(
+        "f19.query:1:8: this is one more than 20 files that are read together\n 1 | import"
+    )
+    assert problem.hint is not None and "ENVGRAPH_LIMITS" in problem.hint
+    monkeypatch.delenv("ENVGRAPH_LIMITS")
+    assert not load_workspace(["f0.query"], files=TextFiles(texts)).errors
