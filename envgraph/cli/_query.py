@@ -244,7 +244,11 @@ def _plain(value: Node | Value) -> Any:
     if not isinstance(value, Node):
         return value
     features = value.model.metamodel.features(value.cls).values()
-    attributes = {one.name: value[one.name] for one in features if isinstance(one, Attribute)}
+    attributes = {
+        one.name: list(value[one.name]) if one.many else value[one.name]
+        for one in features
+        if isinstance(one, Attribute)
+    }
     return {
         "class": value.cls,
         "id": value.id,

@@ -145,6 +145,9 @@ class ViewChecking(Checking):
             known = [f.name for f in features.values() if isinstance(f, Attribute)]
             hint = name_hint(name, known)
             self.report("unknown-feature", f"`{cls}` has no attribute `{name}`", span, hint)
+        elif feature.many:
+            message = f"`{feature}` has many values, where one is shown"
+            self.report("many-valued", message, span, "name an attribute with one value")
         elif whole and feature.type is not Scalar.INT:
             message = f"a place in the grid is an `int`, `{feature}` is {a_type(feature.type)}"
             ints = [

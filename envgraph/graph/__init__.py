@@ -22,7 +22,7 @@ from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, Indexe
 from envgraph.graph._json import model_from_json, model_schema, model_to_json
 from envgraph.graph._model import Model
 from envgraph.graph._networkx import from_networkx, to_networkx
-from envgraph.graph._node import Node, Targets
+from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
 from envgraph.graph._store import Relation, Store
 from envgraph.graph._xmi import arrange_targets, model_to_xmi, usual_value
@@ -48,6 +48,7 @@ __all__ = [
     "Store",
     "Targets",
     "ValueFact",
+    "ValueList",
     "Version",
     "Violation",
     "arrange_targets",

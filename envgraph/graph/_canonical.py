@@ -32,7 +32,7 @@ def _own(store: Store, node: int) -> Iterator[bytes]:
     for attribute, column in zip(store.metamodel.attributes, store.values, strict=True):
         value = column[node]
         if value is not None:
-            yield value_code(attribute, value).to_bytes(8, "little")
+            yield (value_code(attribute, value) % 2**64).to_bytes(8, "little")
 
 
 def _around(node: int, relations: Iterable[Relation], colours: dict[int, bytes]) -> Iterator[bytes]:

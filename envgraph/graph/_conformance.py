@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from envgraph.graph._model import Model
-from envgraph.metamodel import Attribute, Feature, Reference
+from envgraph.metamodel import Attribute, Feature
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,7 @@ class Violation:
     """One demand that an object does not meet.
 
     Attributes:
-        kind: "missing-value", "too-few" or "too-many" targets.
+        kind: "missing-value", "too-few" or "too-many" targets or values.
         node: id of the object.
         feature: the feature that is at fault.
         message: one line; objects by name, else by class and id.
@@ -33,7 +33,7 @@ class Violation:
 def check_conformance(model: Model) -> list[Violation]:
     """All violations of multiplicities: attributes without a value, references with too few or too many targets.
 
-    An optional attribute needs no value. An object without a container is a root, which is no violation. Types,
+    An attribute with 0..1 needs no value. An object without a container is a root, which is no violation. Types,
     containment, opposites and upper bounds hold whatever is written.
 
     Returns:
@@ -52,24 +52,24 @@ def check_conformance(model: Model) -> list[Violation]:
 
 
 def _demands(feature: Feature) -> bool:
-    if isinstance(feature, Attribute):
-        return not feature.optional
-    return feature.lower > 0 or feature.upper is not None
+    return feature.lower > 0 or (feature.many and feature.upper is not None)
 
 
 def _violations(model: Model, node: int, feature: Feature) -> Iterator[Violation]:
-    if isinstance(feature, Attribute):
+    if isinstance(feature, Attribute) and not feature.many:
         if model.value(node, feature) is None:
             text = f"{model.describe(node)} has no value of `{feature.name}`"
             yield Violation("missing-value", node, feature, text)
         return
-    count = len(model.targets(node, feature))
+    held = model.values(node, feature) if isinstance(feature, Attribute) else model.targets(node, feature)
+    count = len(held)
     if count < feature.lower:
         yield Violation("too-few", node, feature, _miscount(model, node, feature, count))
     if feature.upper is not None and count > feature.upper:
         yield Violation("too-many", node, feature, _miscount(model, node, feature, count))
 
 
-def _miscount(model: Model, node: int, reference: Reference, count: int) -> str:
-    found = "no target" if count == 0 else "1 target" if count == 1 else f"{count} targets"
-    return f"{model.describe(node)} has {found} of `{reference.name}`, which needs {reference.multiplicity}"
+def _miscount(model: Model, node: int, feature: Feature, count: int) -> str:
+    what = "value" if isinstance(feature, Attribute) else "target"
+    found = f"no {what}" if count == 0 else f"1 {what}" if count == 1 else f"{count} {what}s"
+    return f"{model.describe(node)} has {found} of `{feature.name}`, which needs {feature.multiplicity}"

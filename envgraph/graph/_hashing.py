@@ -16,7 +16,7 @@ from __future__ import annotations
 import struct
 from hashlib import blake2b, shake_128
 
-from envgraph.metamodel import Attribute, Class, Reference, Value
+from envgraph.metamodel import Attribute, Class, Reference, Value, Values
 
 BLOCK = 1024
 """Numbers of nodes are drawn in blocks of this size."""
@@ -52,8 +52,13 @@ def reference_code(reference: Reference) -> int:
     return code(f"reference {reference}")
 
 
-def value_code(attribute: Attribute, value: Value) -> int:
-    """The number of a value in an attribute; equal values have one number, so -0.0 counts as 0.0."""
+def value_code(attribute: Attribute, value: Value | Values) -> int:
+    """The number of a value in an attribute; equal values have one number, so -0.0 counts as 0.0.
+
+    That of many values is the sum of theirs: their order does not count, as that of links does not.
+    """
+    if isinstance(value, tuple):
+        return sum(value_code(attribute, one) for one in value)
     if value == 0:
         value = abs(value) if isinstance(value, float) else value
     return code(f"value {attribute} {value!r}")

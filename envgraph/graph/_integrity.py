@@ -29,7 +29,9 @@ def check_store(store: Store) -> None:
 def _check_sizes(store: Store) -> None:
     size = len(store.classes)
     assert store.next_id < size
+    attributes = store.metamodel.attributes
     columns: list[Sized] = [
+        *(distinct for one, distinct in zip(attributes, store.distinct, strict=True) if one.many),
         store.place,
         store.names,
         *store.salts,
@@ -79,7 +81,17 @@ def _check_values(store: Store) -> None:
             if value is not None:
                 assert store.classes[node] >= 0
                 assert store.metamodel.is_a(classes[store.classes[node]].name, attribute.owner)
-                assert accepts(attribute.type, value)
+                assert isinstance(value, tuple) == attribute.many
+                assert all(accepts(attribute.type, each) for each in (value if attribute.many else (value,)))
+    for attribute, column, distinct in zip(
+        store.metamodel.attributes, store.values, store.distinct, strict=True
+    ):
+        if attribute.many:
+            assert distinct == [tuple(dict.fromkeys(values or ())) for values in column]
+            assert not attribute.unique or all(
+                len(values or ()) == len(one) for values, one in zip(column, distinct, strict=True)
+            )
+            assert attribute.upper is None or all(len(values or ()) <= attribute.upper for values in column)
 
 
 def _check_names(store: Store) -> None:

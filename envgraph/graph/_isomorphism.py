@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from envgraph.graph._store import Store
+from envgraph.metamodel import Value, Values
 
 Colours = dict[int, int]
 """A number for each node; nodes of different colours are told apart."""
@@ -83,7 +84,9 @@ class Shapes:
         }
         columns = store.values
         first = {
-            node: self._intern(("object", store.classes[node], *(column[node] for column in columns)))
+            node: self._intern(
+                ("object", store.classes[node], *(_unordered(column[node]) for column in columns))
+            )
             for node in around
         }
         return _Shape(self._refined(first, around), around)
@@ -132,6 +135,11 @@ class Shapes:
             tried = self._refined({**right.colours, node: mark}, right.around)
             if sorted(tried.values()) == wanted:
                 yield _Shape(fixed, left.around), _Shape(tried, right.around)
+
+
+def _unordered(value: Value | Values | None) -> object:
+    """A value; many without their order."""
+    return tuple(sorted(value)) if isinstance(value, tuple) else value
 
 
 def _classes(colours: Colours) -> dict[int, list[int]]:

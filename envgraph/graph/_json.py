@@ -11,8 +11,19 @@ from typing import Any
 from envgraph.errors import Diagnostic, EnvgraphError, LoadError, RuleError, Source, name_hint
 from envgraph.graph._journal import IndexedSet
 from envgraph.graph._model import Model
+from envgraph.graph._refusals import wrong_value
 from envgraph.graph._store import CROWD, Ends, Relation
-from envgraph.metamodel import LARGEST_INT, Attribute, EnumType, Feature, Metamodel, Reference, Scalar, Value
+from envgraph.metamodel import (
+    LARGEST_INT,
+    Attribute,
+    EnumType,
+    Feature,
+    Metamodel,
+    Reference,
+    Scalar,
+    Value,
+    accepts,
+)
 
 FORMAT = "envgraph-model-1"
 
@@ -35,10 +46,10 @@ def model_to_json(model: Model) -> dict[str, Any]:
           ]
         }
 
-    Objects stand in the order of the extents. `features` has every attribute value, null for an attribute without
-    one, and every reference with links: an id, or for a many-reference a list of ids. The two references of an
-    opposite pair are one set of links, which the one declared first shows. Infinite floats are "inf" and "-inf".
-    A list "orders" of {"node": 2, "reference": "Agent.currentState", "sources": [5, 3]} follows where the
+    Objects stand in the order of the extents. `features` has every attribute value, a list of many, null for an
+    attribute without one, and every reference with links: an id, or for a many-reference a list of ids. The two
+    references of an opposite pair are one set of links, which the one declared first shows. Infinite floats are "inf"
+    and "-inf". A list "orders" of {"node": 2, "reference": "Agent.currentState", "sources": [5, 3]} follows where the
     order of the links that lead to an object is not the one in which they are read.
     """
     store = model.store
@@ -73,8 +84,8 @@ def _object(model: Model, node: int) -> dict[str, Any]:
     features: dict[str, Any] = {}
     for feature in model.metamodel.features(entry["class"]).values():
         if isinstance(feature, Attribute):
-            value = model.value(node, feature)
-            features[feature.name] = str(value) if value in _INFINITIES.values() else value
+            values = [str(v) if v in _INFINITIES.values() else v for v in model.values(node, feature)]
+            features[feature.name] = values if feature.many else values[0] if values else None
         elif not model.store.relations[feature.index].flipped:
             targets = list(model.targets(node, feature))
             if targets:
@@ -248,22 +259,33 @@ class _Reader:
         elif value is not None:
             self._read_link(path, node, feature, value)
 
-    def _read_value(self, path: str, node: int, attribute: Attribute, value: Value | None) -> None:
+    def _read_value(self, path: str, node: int, attribute: Attribute, value: Any) -> None:
+        if attribute.many and isinstance(value, list):
+            found = [self._value(f"{path}[{i}]", attribute, one) for i, one in enumerate(value)]
+        else:
+            found = [] if value is None else [self._value(path, attribute, value)]
+        values = [one for one in found if one is not None]
+        if len(values) < len(found):
+            return  # which has been reported
+        try:
+            self.model.set_value(node, attribute, values if attribute.many else values[0] if values else None)
+        except EnvgraphError as error:
+            message, _, hint = str(error).partition("\n")[0].partition("; ")
+            self._problem(path, "wrong-value", message, hint or "leave some of them out")
+
+    def _value(self, path: str, attribute: Attribute, value: Any) -> Value | None:
+        """A value as the model takes it; None if it takes no such value, which is reported."""
         if attribute.type is Scalar.FLOAT and isinstance(value, str):
             value = _INFINITIES.get(value, value)
-        if (
-            attribute.type is Scalar.INT
-            and type(value) is int
-            and not -LARGEST_INT - 1 <= value <= LARGEST_INT
-        ):
+        if accepts(attribute.type, value):
+            return value  # type: ignore[no-any-return]
+        if attribute.type is Scalar.INT and type(value) is int:
             hint = f"it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
             self._problem(path, "wrong-type", f"`{attribute}` takes an int of 64 bits", hint)
-            return
-        try:
-            self.model.set_value(node, attribute, value)
-        except EnvgraphError as error:
-            message, _, hint = str(error).partition("; ")
+        else:
+            message, _, hint = str(wrong_value(attribute, value)).partition("; ")
             self._problem(path, "wrong-type", message, hint or _value_hint(attribute))
+        return None
 
     def _read_link(self, path: str, source: int, reference: Reference, target: Any) -> None:
         model = self.model

@@ -7,11 +7,12 @@ from typing import Final, TypeVar
 
 from envgraph.graph._journal import Extent
 from envgraph.graph._store import Relation, Store
-from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Scalar, Value, Values
 
 _KINDS: Mapping[Scalar, type] = {Scalar.INT: int, Scalar.FLOAT: float, Scalar.BOOL: bool, Scalar.STRING: str}
 
-Retyping = tuple[tuple[int, ...], tuple[tuple[int, Value], ...], tuple[tuple[Relation, bool], ...]]
+Initials = tuple[tuple[int, Value | Values], ...]
+Retyping = tuple[tuple[int, ...], Initials, tuple[tuple[Relation, bool], ...]]
 
 
 T = TypeVar("T")
@@ -53,9 +54,9 @@ class Layout:
         self.kinds: tuple[type, ...] = tuple(
             str if isinstance(a.type, EnumType) else _KINDS[a.type] for a in metamodel.attributes
         )
-        # The type of the value does not tell everything: NaN, or a string that is no literal.
+        # The type of the value does not tell everything: NaN, a string that is no literal, or many values.
         self.checked = tuple(
-            isinstance(a.type, EnumType) or a.type is Scalar.FLOAT for a in metamodel.attributes
+            a.many or isinstance(a.type, EnumType) or a.type is Scalar.FLOAT for a in metamodel.attributes
         )
         self.containments = _rows(len(classes), self._containments)
         # One more, for objects that are gone.
@@ -67,7 +68,7 @@ class Layout:
         name = self._metamodel.class_list[cls].name
         return tuple(self._store.extents[self.numbers[below]] for below in self._metamodel.concrete(name))
 
-    def _initials(self, cls: int) -> tuple[tuple[int, Value], ...]:
+    def _initials(self, cls: int) -> Initials:
         features = self._metamodel.features(self._metamodel.class_list[cls].name)
         return tuple((f.index, f.initial) for f in features.values() if isinstance(f, Attribute))
 

@@ -19,7 +19,7 @@ from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
 from envgraph.graph._picture import PictureOptions, model_picture
 from envgraph.graph._store import Relation, Store
-from envgraph.metamodel import Attribute, Metamodel, Reference, Value, accepts
+from envgraph.metamodel import Attribute, Metamodel, Reference, Value, Values, accepts
 from envgraph.metamodel.picture import Picture
 
 Semantics = Literal["dpo", "spo"]
@@ -283,7 +283,7 @@ class Model:
         cls: int,
         lost: Sequence[Link],
         dropped: Sequence[int],
-        gained: Sequence[tuple[int, Value]],
+        gained: Sequence[tuple[int, Value | Values]],
     ) -> None:
         """Finish an interrupted `retype`."""
         store = self.store
@@ -362,29 +362,71 @@ class Model:
     # --- attributes
 
     def value(self, node: int, attribute: Attribute) -> Value | None:
-        """Value of an attribute, or None: unset, or not an attribute of the object's class."""
-        return self.store.values[attribute.index][node]
+        """Value of an attribute, or None: unset, or not an attribute of the object's class. For many see `values`."""
+        return self.store.values[attribute.index][node]  # type: ignore[no-any-return]
 
-    def set_value(self, node: int, attribute: Attribute, value: Value | None) -> None:
+    def values(self, node: int, attribute: Attribute) -> Values:
+        """Values of an attribute with many, in their order; of any other its value, or () without one."""
+        found = self.store.values[attribute.index][node]
+        return found if isinstance(found, tuple) else () if found is None else (found,)
+
+    def set_value(self, node: int, attribute: Attribute, value: Value | Sequence[Value] | None) -> None:
         """Set or (None) clear an attribute; an int for a float attribute becomes a float.
+
+        An attribute with many values takes a list or tuple of them.
 
         Raises:
             TypeMismatch: the value is not of the attribute's type, or the object's class lacks the attribute.
+            InvalidArgument: a value is given twice that the attribute has once.
+            RuleError: more values than the attribute may have ("full").
         """
         index = attribute.index
         layout = self._layout
         if not layout.attribute_ok[index][self.store.classes[node]]:
             raise refusals.lacks(self, node, attribute)
         kind = layout.kinds[index]
-        if value is not None and (type(value) is not kind or layout.checked[index]):
+        if attribute.many:
+            value = self._all_coerced(node, attribute, () if value is None else value)
+        elif value is not None and (type(value) is not kind or layout.checked[index]):
             value = self._coerced(attribute, value)
         if self.store.values[index][node] != value:
             self.store.put(node, index, value)
 
-    def _coerced(self, attribute: Attribute, value: Value) -> Value:
+    def add_value(self, node: int, attribute: Attribute, value: Value) -> bool:
+        """Add a value behind the others of an attribute with many; False if each stands once, and it is there.
+
+        Raises:
+            TypeMismatch: as for `set_value`.
+            RuleError: the attribute has as many values as it may have ("full").
+        """
+        values = self.values(node, attribute)
+        if attribute.unique and value in values and accepts(attribute.type, value):
+            return False
+        self.set_value(node, attribute, (*values, value))
+        return True
+
+    def remove_value(self, node: int, attribute: Attribute, value: Value) -> bool:
+        """Remove a value from an attribute with many, wherever it stands; False if it does not."""
+        values = self.values(node, attribute)
+        if value not in values:
+            return False
+        self.set_value(node, attribute, [one for one in values if one != value])
+        return True
+
+    def _coerced(self, attribute: Attribute, value: object) -> Value:
         if not accepts(attribute.type, value):
             raise refusals.wrong_value(attribute, value)
         return self._layout.kinds[attribute.index](value)  # type: ignore[no-any-return]
+
+    def _all_coerced(self, node: int, attribute: Attribute, values: object) -> Values:
+        if not isinstance(values, list | tuple):
+            raise refusals.no_list(attribute, values)
+        found = tuple(self._coerced(attribute, value) for value in values)
+        if attribute.unique and len(dict.fromkeys(found)) < len(found):
+            raise refusals.repeated(attribute, found)
+        if attribute.upper is not None and len(found) > attribute.upper:
+            raise refusals.too_many(self, node, attribute, found)
+        return found
 
     # --- links
 

@@ -20,9 +20,9 @@ _NAME = "object_name"
 def to_networkx(model: Model) -> nx.MultiDiGraph:
     """The present state as a `networkx.MultiDiGraph`.
 
-    Nodes are the ids; node attributes are "class", "object_name" (if the object has one) and every attribute that
-    has a value. Edges go from source to target under the name of the reference as key; a link of an opposite pair is an
-    edge in each direction.
+    Nodes are the ids; node attributes are "class", "object_name" (if the object has one) and every attribute that has a
+    value, a list if it may have many. Edges go from source to target under the name of the reference as key; a link of
+    an opposite pair is an edge in each direction.
 
     Raises:
         InvalidArgument: an attribute of the metamodel is called "class" or "object_name".
@@ -49,8 +49,8 @@ def _attributes(model: Model, node: int) -> dict[str, object]:
     if name is not None:
         found[_NAME] = name
     for feature in model.metamodel.features(cls).values():
-        if isinstance(feature, Attribute) and model.value(node, feature) is not None:
-            found[feature.name] = model.value(node, feature)
+        if isinstance(feature, Attribute) and (values := model.values(node, feature)):
+            found[feature.name] = list(values) if feature.many else values[0]
     return found
 
 
@@ -108,7 +108,7 @@ def _add_node(model: Model, label: Hashable, node: int, attributes: dict[str, ob
         if isinstance(feature, Attribute):
             try:
                 value = attributes.get(feature.name)
-                if value is not None and not accepts(feature.type, value):
+                if value is not None and not feature.many and not accepts(feature.type, value):
                     raise wrong_value(feature, value)
                 model.set_value(node, feature, value)  # type: ignore[arg-type]  # checked
             except EnvgraphError as error:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequence
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from envgraph.errors import InvalidArgument, TypeMismatch, did_you_mean
 from envgraph.graph import _refusals as refusals
-from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value
+from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value, Values
 
 if TYPE_CHECKING:
     from envgraph.graph._model import Model
@@ -17,8 +17,9 @@ class Node:
     """An object of a model: light, compared by model and id.
 
     Features are attributes of the handle: `tile.x`, `tile.x = 3`, `tile.right = other`, `forest.states.append(tile)`. A
-    reference with more than one target reads as `Targets`. None is an attribute without a value or an empty single
-    reference. `node["id"]` reaches a feature whose name the handle itself uses (`id`, `model`, `cls`, ...).
+    reference with more than one target reads as `Targets`, an attribute with many values as `ValueList`. None is an
+    attribute without a value or an empty single reference. `node["id"]` reaches a feature whose name the handle itself
+    uses (`id`, `model`, `cls`, ...).
     """
 
     __slots__ = ("id", "model")
@@ -212,6 +213,72 @@ class Targets(Sequence[Node]):
         return repr(list(self))
 
 
+class ValueList(MutableSequence[Value]):
+    """The values of an attribute with many, live: a list that reads and writes the model.
+
+    Iterating goes over the values as they were at the start. Where each value stands once, inserting one that is there
+    changes nothing. Errors are those of `Model.set_value`.
+    """
+
+    __slots__ = ("_attribute", "_object")
+
+    def __init__(self, object_: Node, attribute: Attribute) -> None:
+        self._object = object_
+        self._attribute = attribute
+
+    def _values(self) -> Values:
+        self._object.cls  # noqa: B018 - raises for an object that is gone
+        return self._object.model.values(self._object.id, self._attribute)
+
+    def _set(self, values: list[Value]) -> None:
+        self._object.model.set_value(self._object.id, self._attribute, values)
+
+    def insert(self, index: int, value: Value) -> None:
+        """Put a value before the one at an index."""
+        if not (self._attribute.unique and value in self):
+            values = list(self)
+            values.insert(index, value)
+            self._set(values)
+
+    @overload
+    def __getitem__(self, index: int) -> Value: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Value]: ...
+    def __getitem__(self, index: int | slice) -> Value | list[Value]:
+        values = self._values()
+        return list(values[index]) if isinstance(index, slice) else values[index]
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        values = list(self)
+        values[index] = value
+        self._set(values)
+
+    def __delitem__(self, index: int | slice) -> None:
+        values = list(self)
+        del values[index]
+        self._set(values)
+
+    def __iter__(self) -> Iterator[Value]:
+        return iter(self._values())
+
+    def __contains__(self, item: object) -> bool:
+        return item in self._values()
+
+    def __len__(self) -> int:
+        return len(self._values())
+
+    def __eq__(self, other: object) -> bool:
+        """Equal to a list, tuple or other view of the same values in the same order."""
+        if isinstance(other, list | tuple | ValueList):
+            return list(self) == list(other)
+        return NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return repr(list(self))
+
+
 def assign_features(node: Node, features: Mapping[str, object]) -> None:
     """Set several features."""
     for name, value in features.items():
@@ -227,8 +294,10 @@ def _feature(node: Node, name: str, error: type[Exception] = AttributeError) -> 
     return found
 
 
-def _read(node: Node, feature: Feature) -> Value | Node | Targets | None:
+def _read(node: Node, feature: Feature) -> Value | ValueList | Node | Targets | None:
     if isinstance(feature, Attribute):
+        if feature.many:
+            return ValueList(node, feature)
         return node.model.value(node.id, feature)
     if feature.many:
         return Targets(node, feature)
@@ -241,6 +310,8 @@ def _write(node: Node, feature: Feature, value: object) -> None:
     if isinstance(feature, Attribute):
         if type(value) is int and not -LARGEST_INT - 1 <= value <= LARGEST_INT:
             raise refusals.wrong_value(feature, value)
+        if feature.many and isinstance(value, Iterable) and not isinstance(value, str):
+            value = list(value)
         model.set_value(node.id, feature, value)  # type: ignore[arg-type]  # checked there
     elif feature.many:
         if isinstance(value, str) or not isinstance(value, Iterable):

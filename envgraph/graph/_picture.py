@@ -311,10 +311,10 @@ class _Objects:
             f"n{id}",
             f"{cls}#{id}" if name is None else f"{shortened(visible(name))} : {cls}",
             tuple(
-                f"{visible(feature.name)} = {_value(feature, value)}"
+                f"{visible(feature.name)} = {_value(feature, model.value(id, feature))}"
                 for feature in features.values()
                 if isinstance(feature, Attribute) and feature.index in self.attributes
-                if (value := model.value(id, feature)) is not None
+                if model.values(id, feature)
             ),
             self.colours[cls],
             tuple(self.marks[id]) if id in self.marks else None,
@@ -334,8 +334,10 @@ class _Objects:
 
 
 def _is_number(attribute: Attribute) -> bool:
-    return attribute.type in (Scalar.INT, Scalar.FLOAT)
+    return attribute.type in (Scalar.INT, Scalar.FLOAT) and not attribute.many
 
 
 def _value(attribute: Attribute, value: object) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(_value(attribute, one) for one in value)}]"
     return visible(str(value)) if isinstance(attribute.type, EnumType) else shown_value(value)

@@ -14,6 +14,7 @@ from envgraph.metamodel import (
     Metamodel,
     Reference,
     Scalar,
+    Values,
     type_name,
 )
 
@@ -61,6 +62,11 @@ def lacks(model: Model, node: int, feature: Feature) -> EnvgraphError:
     return TypeMismatch(f"`{model.class_of(node)}` has no feature `{feature.name}`; `{feature.owner}` has")
 
 
+def no_list(attribute: Attribute, value: object) -> TypeMismatch:
+    """One value where the attribute takes many."""
+    return TypeMismatch(f"`{attribute}` takes several values: write a list of them, not {value!r}")
+
+
 def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
     """The attribute does not take the value."""
     hint = None
@@ -76,6 +82,20 @@ def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
         shown = "one of thousands of digits"
     shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
     return TypeMismatch(_hinted(f"`{attribute}` takes {kind}, not {shown} ({type(value).__name__})", hint))
+
+
+def repeated(attribute: Attribute, values: Values) -> InvalidArgument:
+    """A value is given twice."""
+    twice = next(value for place, value in enumerate(values) if value in values[:place])
+    return InvalidArgument(
+        f"`{attribute}` has each value once, and {twice!r} is given twice; `@nonunique` allows that"
+    )
+
+
+def too_many(model: Model, node: int, attribute: Attribute, values: Values) -> RuleError:
+    """More values than the attribute may have."""
+    text = f"{model.describe(node)} would have {len(values)} of at most {attribute.upper} values of `{attribute.name}`"
+    return RuleError(text, reason="full", details=[repr(value) for value in values])
 
 
 def wrong_link(model: Model, source: int, reference: Reference, target: int | None) -> EnvgraphError:

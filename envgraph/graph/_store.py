@@ -15,7 +15,7 @@ from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._hashing import class_code, node_salts, reference_code, value_code
 from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Journal, make_sure
 from envgraph.graph._torn import Torn
-from envgraph.metamodel import Metamodel, Reference, Value
+from envgraph.metamodel import Metamodel, Reference, Value, Values
 
 CROWD = 32
 """Adjacency of more targets than this is an `IndexedSet`, of fewer an immutable tuple; nothing else decides."""
@@ -142,7 +142,9 @@ class Store:
         classes: index of each node's class in `metamodel.class_list`, -1 for no such object.
         place: position of each node in its extent.
         extents: for each class the objects of exactly that class.
-        values: for each attribute (by `index`) the column of values, None where there is none.
+        values: for each attribute (by `index`) the column of values, None where there is none; many are a tuple.
+        distinct: for each attribute with many values the column of those that differ, which is what patterns see: a
+            relation, of which one pair after the other changes. Empty lists for the others.
         forward, backward: for each reference (by `index`) the columns of targets and of sources.
         relations: for each reference how it is stored.
         names: name of each object, or None; `by_name` maps back (to None for names no longer in use).
@@ -160,8 +162,9 @@ class Store:
 
     No more than 30 attributes: CPython reads those of objects with more of them in a slower way.
 
-    Invariants: an adjacency is a tuple if it has at most `CROWD` elements, else an `IndexedSet`; forward and backward
-    hold the same links; a node that does not exist has no name, value or link.
+    Invariants: `distinct` has the values of `values`, each once; an adjacency is a tuple if it has at most `CROWD`
+    elements, else an `IndexedSet`; forward and backward hold the same links; a node that does not exist has no name,
+    value or link.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
@@ -169,7 +172,8 @@ class Store:
         self.classes: list[int] = []
         self.place: list[int] = []
         self.extents = tuple(Extent(i, self.classes, self.place) for i in range(len(metamodel.class_list)))
-        self.values: tuple[list[Value | None], ...] = tuple([] for _ in metamodel.attributes)
+        self.values: tuple[list[Any], ...] = tuple([] for _ in metamodel.attributes)
+        self.distinct: tuple[list[Values], ...] = tuple([] for _ in metamodel.attributes)
         self.forward, self.backward = _columns(metamodel)
         self.relations = tuple(
             Relation(reference, metamodel, self.forward[reference.index], self.backward[reference.index])
@@ -195,7 +199,7 @@ class Store:
         self.salts: tuple[list[int], list[int]] = ([], [])
         self._source_salts = self.salts[0]
         self._class_codes = tuple(class_code(cls) for cls in metamodel.class_list)
-        self._value_codes: tuple[dict[Value, int], ...] = tuple({} for _ in metamodel.attributes)
+        self._value_codes: tuple[dict[Value | Values, int], ...] = tuple({} for _ in metamodel.attributes)
         for relation in self.relations:
             relation.connect = self._connector(relation)
             relation.disconnect = self._disconnector(relation)
@@ -222,6 +226,9 @@ class Store:
         self.names.extend(repeat(None, size - len(self.names)))
         for column in self.values:
             column.extend(repeat(None, size - len(column)))
+        for attribute, distinct in zip(self.metamodel.attributes, self.distinct, strict=True):
+            if attribute.many:
+                distinct.extend(repeat((), size - len(distinct)))
         for ends in {id(ends): ends for ends in (*self.forward, *self.backward)}.values():
             ends.extend(repeat((), size - len(ends)))
         self.classes.extend(repeat(-1, size - len(self.classes)))
@@ -304,10 +311,13 @@ class Store:
         self.total -= self._source_salts[node] * self._class_codes[cls]
         self.revision += 1
 
-    def put(self, node: int, attribute: int, value: Value | None) -> None:
+    def put(self, node: int, attribute: int, value: Any) -> None:
         """The object gets another value in an attribute, or None."""
         if self.torn:
             self.recover()
+        if self.distinct[attribute]:
+            self._put_many(node, attribute, value)
+            return
         try:
             column = self.values[attribute]
             old = column[node]
@@ -337,6 +347,48 @@ class Store:
             self.torn.append((self._recount, ()))
             self.recover()
             raise
+
+    def _put_many(self, node: int, attribute: int, values: Values | None) -> None:
+        """The object gets other values; whoever follows hears of one after the other."""
+        try:
+            column, distinct = self.values[attribute], self.distinct[attribute]
+            old = column[node]
+            before, after = distinct[node], tuple(dict.fromkeys(values or ()))
+            hook = self.value_removing[attribute]
+            if hook is not None or self.listeners:
+                kept = dict.fromkeys(after)
+                for value in [value for value in before if value not in kept]:
+                    if hook is not None:
+                        hook(node, value)
+                    if self.listeners:
+                        self._removing(ValueFact(self.metamodel.attributes[attribute], node, value))
+                    self._keep(distinct, node, tuple(one for one in distinct[node] if one != value))
+            if self.recording:
+                self.journal.extend((column, node, old, SET))
+            column[node] = values
+            for each, sign in ((old, -1), (values, 1)):
+                if each:
+                    self.total += sign * self._source_salts[node] * self._code(attribute, each)
+            self.revision += 1
+            hook = self.value_added[attribute]
+            if hook is not None or self.listeners:
+                known = dict.fromkeys(before)
+                for value in [value for value in after if value not in known]:
+                    self._keep(distinct, node, (*distinct[node], value))
+                    if hook is not None:
+                        hook(node, value)
+                    if self.listeners:
+                        self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
+            self._keep(distinct, node, after)
+        except BaseException:
+            self.torn.append((self._made_distinct, (node, attribute)))
+            self.recover()
+            raise
+
+    def _keep(self, distinct: list[Values], node: int, values: Values) -> None:
+        if self.recording:
+            self.journal.extend((distinct, node, distinct[node], SET))
+        distinct[node] = values
 
     def connect(self, relation: Relation, source: int, target: int) -> None:
         """A link that was not there."""
@@ -489,7 +541,7 @@ class Store:
             self.journal.extend((column, node, old, SET))
         column[node] = rest
 
-    def _code(self, attribute: int, value: Value) -> int:
+    def _code(self, attribute: int, value: Value | Values) -> int:
         codes = self._value_codes[attribute]
         if len(codes) >= _CODES_KEPT:
             codes.clear()
@@ -572,6 +624,12 @@ class Store:
         self.extents[new].mend(node)
         if self.classes[node] < 0:
             self._enter(node, new)
+        self._recount()
+
+    def _made_distinct(self, node: int, attribute: int) -> None:
+        """After an interrupted `_put_many` the values are the old or the new ones, and those that differ follow."""
+        values = self.values[attribute][node] or ()
+        self._keep(self.distinct[attribute], node, tuple(dict.fromkeys(values)))
         self._recount()
 
     def _recount(self) -> None:

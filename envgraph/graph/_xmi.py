@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph._journal import IndexedSet
@@ -95,17 +95,27 @@ class _Writer:
             inside = list(self._inside(node))
             empty = [one for one in self._attributes(node) if self._is_nil(node, one)]
             parts = f" {extra}" * bool(extra) + self._parts(node)
-            if not inside and not empty:
+            lists = list(self._lists(node))
+            if not inside and not empty and not lists:
                 yield f"{indent}<{tag}{parts}/>"
                 continue
             yield f"{indent}<{tag}{parts}>"
             for attribute in empty:
                 yield f'{indent}  <{attribute.name} xsi:nil="true"/>'
+            for name, text in lists:
+                yield f"{indent}  <{name}>{text}</{name}>"
             waiting.append((-1, tag, "", level))
             for reference, target in reversed(inside):
                 cls = self.model.class_of(target)
                 exact = "" if cls == reference.target else f'xsi:type="{self._qualified(cls)}"'
                 waiting.append((target, reference.name, exact, level + 1))
+
+    def _lists(self, node: int) -> Iterator[tuple[str, str]]:
+        """Each value of the attributes with many, which stands in a tag of its own."""
+        for attribute in self._attributes(node):
+            for value in self.model.values(node, attribute) if attribute.many else ():
+                text = self._checked(xml_value(attribute, value), node)
+                yield attribute.name, escape(text, {"\r": "&#13;"})
 
     def _inside(self, node: int) -> Iterator[tuple[Reference, int]]:
         for feature in self._features[self.model.class_of(node)]:
@@ -121,7 +131,7 @@ class _Writer:
             written.append(f" xmi:id={self._quoted(name, node)}")
         for feature in self._features[model.class_of(node)]:
             if isinstance(feature, Attribute):
-                value = model.value(node, feature)
+                value = None if feature.many else model.value(node, feature)
                 if value is not None and value != usual_value(feature):
                     written.append(f" {feature.name}={self._quoted(xml_value(feature, value), node)}")
             elif not feature.containment:
@@ -135,7 +145,7 @@ class _Writer:
 
     def _is_nil(self, node: int, attribute: Attribute) -> bool:
         """Whether to say that there is no value: leaving it out would mean the default."""
-        return self.model.value(node, attribute) is None and usual_value(attribute) is not None
+        return not self.model.values(node, attribute) and usual_value(attribute) is not None
 
     def _implied(self, feature: Feature) -> bool:
         """Whether the place of an object says it: the link to its container."""
@@ -169,9 +179,12 @@ class _Writer:
         return f"{self._prefixes[cls.package]}:{simple_name(name)}"
 
     def _quoted(self, text: str, node: int) -> str:
+        return quoteattr(self._checked(text, node), _ESCAPES)
+
+    def _checked(self, text: str, node: int) -> str:
         if _FORBIDDEN.search(text):
             raise InvalidArgument(f"{self.model.describe(node)} has a string that XML cannot hold: {text!r}")
-        return quoteattr(text, _ESCAPES)
+        return text
 
 
 def arrange_targets(model: Model, node: int, reference: Reference, targets: Sequence[int]) -> None:
@@ -187,8 +200,8 @@ def usual_value(attribute: Attribute) -> Value | None:
     (0, None)
     """
     if attribute.default is not None:
-        return attribute.initial
-    if attribute.optional or attribute.type is Scalar.STRING:
+        return float(attribute.default) if attribute.type is Scalar.FLOAT else attribute.default
+    if attribute.many or attribute.optional or attribute.type is Scalar.STRING:
         return None
     return default_of(attribute.type)
 

@@ -497,15 +497,14 @@ class _Reader(Names):
         lower, upper = self._bounds(element)
         name = self._name(element, "attribute")
         data = self._data_type(target, name) if target else None
-        if upper != 1 and (data or target is None):
-            message = f"`{name}` has many values and is left out: an attribute holds one"
-            hint = "make a class with this attribute, and contain its objects"
-            self._warn("left-out", message, self._at(element, "upperBound"), hint)
-            self._leave_out(element, "it has many values, and was left out of the metamodel")
-            return None
         if data is None or target is None:
             return None
-        default = self._default(element, name, data.type)
+        many = upper != 1
+        default = None if many else self._default(element, name, data.type)
+        places = [("type", target.span), ("default", self._at(element, "defaultValueLiteral"))]
+        bound = next((one for one in ("upperBound", "lowerBound") if one in element.attributes), None)
+        if bound:
+            places.append(("multiplicity", self._at(element, bound)))
         return Attribute(
             name,
             data.type,
@@ -513,8 +512,10 @@ class _Reader(Names):
             doc=self._doc(element),
             annotations=self._annotations(element),
             span=self.named(element),
-            places=(("type", target.span), ("default", self._at(element, "defaultValueLiteral"))),
-            optional=lower == 0 and data.nullable and default is None,
+            places=tuple(places),
+            lower=lower if many else 0 if lower == 0 and data.nullable and default is None else 1,
+            upper=upper,
+            unique=self._boolean(element, "unique", True),
             identifier=self._boolean(element, "iD", False),
         )
 

@@ -37,7 +37,7 @@ from envgraph.metamodel import (
 from envgraph.pattern import data_type_hint
 
 _REFERENCE_ANNOTATIONS = ("derived", "frozen")
-_ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range", "glyph", "colour")
+_ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range", "glyph", "colour", "nonunique")
 _PLACES = {
     "key": "classes",
     "glyph": "classes and attributes",
@@ -45,6 +45,7 @@ _PLACES = {
     "derived": "features",
     "frozen": "classes and features",
     "range": "attributes",
+    "nonunique": "attributes",
 }
 
 
@@ -193,12 +194,16 @@ class _Reader:
     def _attribute(self, tree: Tree[Token]) -> Attribute | None:
         type_token, name = tokens(tree.children, "NAME")
         annotations = self._annotations(tree, _ATTRIBUTE_ANNOTATIONS)
-        type_ = self._type(type_token, name)
+        multiplicity = trees(tree.children, "multiplicity")
+        bounds = self.parsed.span(multiplicity[0]).text if multiplicity else ""
+        type_ = self._type(type_token, f"{type_token}{bounds} {name}")
         if type_ is None:
             self.lost.add(str(name))
             return None
-        defaults = [part for part in trees(tree.children) if part.data != "annotation"]
+        lower, upper = self._bounds(multiplicity[0]) if multiplicity else (1, 1)
+        defaults = [part for part in trees(tree.children) if part.data not in ("annotation", "multiplicity")]
         places = [("type", self._span(type_token))]
+        places.extend(("multiplicity", self.parsed.span(part)) for part in multiplicity)
         value = None
         if defaults:
             places.append(("default", self.parsed.span(defaults[0])))
@@ -211,18 +216,21 @@ class _Reader:
             annotations=annotations,
             span=self._span(name),
             places=tuple(places),
+            lower=lower,
+            upper=upper,
+            unique=not any(annotation.name == "nonunique" for annotation in annotations),
         )
 
-    def _type(self, token: Token, name: Token) -> AttributeType | None:
+    def _type(self, token: Token, rest: str) -> AttributeType | None:
         if token in set(Scalar):
             return Scalar(token)
         if token in self._enums:
             return self._enums[token]
         if token in self._class_names:
-            hint = f"write `refers {token} {name}` or `contains {token} {name}`"
+            hint = f"write `refers {rest}` or `contains {rest}`"
             self._error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
             return None
-        known = [*Scalar, *self._enums, "contains", "refers", "opposite"]
+        known = [*Scalar, *self._enums, "contains", "refers"]
         advice = data_type_hint(token) or name_hint(token, known)
         self._error("unknown-type", f"unknown type `{token}`", token, advice)
         return None

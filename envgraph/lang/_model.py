@@ -319,7 +319,7 @@ class _Reader:
             feature = self._feature(node, axis.attribute) if axis else None
             if axis is None or feature is None:
                 continue
-            if isinstance(feature, Attribute) and feature.type is Scalar.INT:
+            if isinstance(feature, Attribute) and feature.type is Scalar.INT and not feature.many:
                 self._model.set_value(node, feature, index)
             else:
                 message = f"`{feature}` is no `int`, and cannot hold the {kind}"
@@ -368,9 +368,32 @@ class _Reader:
         if task.value.data == "none":
             self._model.set_value(task.node, attribute, None)
             return
+        if attribute.many:
+            self._model.set_value(task.node, attribute, self._values(task.value, attribute))
+            return
         value = self._value(task.value, attribute)
         if value is not None:
             self._model.set_value(task.node, attribute, value)
+
+    def _values(self, tree: Tree[Token], attribute: Attribute) -> list[Value]:
+        """Values of an attribute with many; what is wrong is reported and left out."""
+        found: list[Value] = []
+        seen: set[Value] = set()
+        for item in trees(tree.children) if tree.data == "list" else [tree]:
+            value = self._value(item, attribute)
+            if value is None:
+                continue
+            if attribute.unique and value in seen:
+                hint = "leave it out; `@nonunique` on the attribute would allow it"
+                self._error("duplicate-value", f"`{attribute}` has this value already", item, hint)
+            elif len(found) == attribute.upper:
+                message = f"`{attribute}` takes {_plural(attribute.upper, 'value')} at most"
+                self._error("too-many-values", message, item, "leave the others out")
+                break
+            else:
+                found.append(value)
+                seen.add(value)
+        return found
 
     def _value(self, tree: Tree[Token], attribute: Attribute) -> Value | None:
         parts = tokens(tree.children)

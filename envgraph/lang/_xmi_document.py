@@ -83,7 +83,7 @@ class Reading:
             cls,
             attributes,
             {name: one for name, one in features.items() if isinstance(one, Reference)},
-            [one for one in attributes.values() if usual_value(one) is None],
+            [one for one in attributes.values() if usual_value(one) is None and not one.many],
             next((name for name, one in attributes.items() if one.identifier), None),
         )
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 
 from envgraph.errors import Note, Span, did_you_mean, with_article
 from envgraph.lang._ecore_types import too_large, value_of
 from envgraph.lang._imports import near_uri
 from envgraph.lang._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
 from envgraph.lang._xml import XMI, XSI, Handlers, Reader, Stop, namespaces
-from envgraph.metamodel import Attribute, EnumType, Package, Reference, Scalar, simple_name, type_name
+from envgraph.metamodel import Attribute, EnumType, Package, Reference, Scalar, Value, simple_name, type_name
 
 XMI_SPACES = re.compile(r"http://(www\.omg\.org|schema\.omg\.org/spec)/(spec/)?XMI(/\d+(\.\d+)*)?")
 
@@ -25,6 +26,7 @@ class _Frame:
         table: None where nothing inside can be understood.
         parent: the container, to which the object is linked by `reference` at the end.
         text: what stands in an attribute's tag; None for objects.
+        values: of the object's attributes with many, each with the place of its tag.
     """
 
     node: int
@@ -33,6 +35,7 @@ class _Frame:
     reference: Reference | None = None
     attribute: Attribute | None = None
     text: list[str] | None = None
+    values: dict[str, list[tuple[Value, int]]] = field(default_factory=dict)
 
 
 class TagReader:
@@ -106,7 +109,12 @@ class TagReader:
         frame = self._stack.pop()
         if frame.text is not None:
             self._close_attribute(frame)
-        elif frame.reference is not None:
+            return
+        for name, values in frame.values.items():
+            assert frame.table is not None
+            spans = [partial(self._document.places.tag, at) for _, at in values]
+            self._set_many(frame.node, frame.table.attributes[name], [one for one, _ in values], spans)
+        if frame.reference is not None:
             self._contain(frame)
 
     def _text(self, text: str) -> None:
@@ -297,7 +305,11 @@ class TagReader:
         attribute = table.attributes.get(tag)
         if attribute is not None:
             nil = self._is_nil(attributes)
-            if nil:
+            if nil and attribute.many:
+                message, span = f"a value of `{attribute}` is missing", self._document.places.tag(at)
+                self._document.report("missing-value", message, span, "write it, or leave the tag out")
+                self._skipped = 1
+            elif nil:
                 self._model.set_value(frame.node, attribute, None)
                 self._skipped = 1
             else:
@@ -362,20 +374,53 @@ class TagReader:
         where, hint = self._document.places.attribute(at, key), "give each object an id of its own"
         self._document.report("duplicate-object", message, where, hint, notes=notes)
 
-    def _set(self, node: int, attribute: Attribute, text: str, at: int, span: Span | None = None) -> None:
+    def _set(self, node: int, attribute: Attribute, text: str, at: int) -> None:
+        """Set an attribute that stands in the tag; many values have white space between them, as in EMF."""
+
+        def span() -> Span:
+            return self._document.places.attribute(at, attribute.name)
+
+        found = [self._value(attribute, one, span) for one in (text.split() if attribute.many else [text])]
+        values = [one for one in found if one is not None]
+        if attribute.many:
+            self._set_many(node, attribute, values, [span] * len(values))
+        elif values:
+            self._model.set_value(node, attribute, values[0])
+
+    def _set_many(
+        self, node: int, attribute: Attribute, values: Sequence[Value], spans: Sequence[Callable[[], Span]]
+    ) -> None:
+        """Add to the values of an attribute with many."""
+        kept = list(self._model.values(node, attribute))
+        seen = set(kept)
+        for value, span in zip(values, spans, strict=True):
+            if attribute.unique and value in seen:
+                message = f"`{attribute}` has this value already"
+                hint = 'leave it out; `unique="false"` in the metamodel would allow it'
+                self._document.report("duplicate-value", message, span(), hint)
+            elif len(kept) == attribute.upper:
+                message = f"`{attribute}` takes {plural(attribute.upper, 'value')} at most"
+                self._document.report("too-many-values", message, span(), "leave the others out")
+                break
+            else:
+                kept.append(value)
+                seen.add(value)
+        self._model.set_value(node, attribute, kept)
+
+    def _value(self, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
+        """The value of a text; None if it is none of the attribute's type, which is reported."""
         value = value_of(text, attribute.type)
         if value is not None:
-            self._model.set_value(node, attribute, value)
-            return
+            return value
         type_, hint = attribute.type, too_large(text, attribute.type)
-        span = span or self._document.places.attribute(at, attribute.name)
+        span = where()
         if isinstance(type_, EnumType):
             names = type_.labels or type_.literals
             hint = did_you_mean(text, names) or "its literals are " + ", ".join(f"`{one}`" for one in names)
             self._document.report(
                 "unknown-literal", f"`{type_.name}` has no literal `{short(text)}`", span, hint
             )
-            return
+            return None
         message = f"`{attribute}` takes {with_article(type_name(type_))}, not `{short(text)}`"
         if hint is None and type_ in (Scalar.INT, Scalar.FLOAT):
             hint = (
@@ -384,6 +429,7 @@ class TagReader:
         if type_name(type_) == "bool":
             hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
         self._document.report("wrong-type", message, span, hint)
+        return None
 
     def _other_attribute(self, table: Table, key: str, at: int) -> None:
         prefix, _, simple = key.rpartition(":")
@@ -404,7 +450,12 @@ class TagReader:
         assert frame.attribute is not None and frame.text is not None
         at = self._xml.at
         # Positions of texts are not kept: the tag that ends it stands for the value.
-        self._set(frame.node, frame.attribute, "".join(frame.text), at, self._document.places.tag(at))
+        attribute = frame.attribute
+        value = self._value(attribute, "".join(frame.text), lambda: self._document.places.tag(at))
+        if value is not None and attribute.many:
+            self._stack[-1].values.setdefault(attribute.name, []).append((value, at))
+        elif value is not None:
+            self._model.set_value(frame.node, attribute, value)
 
     def _contain(self, frame: _Frame) -> None:
         """Links an object that is complete to its container: then no chain of containers is walked."""

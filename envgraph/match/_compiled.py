@@ -319,7 +319,7 @@ class CompiledMatcher:
             case Members(index):
                 return store.extents[index]
             case Values(index):
-                return store.values[index]
+                return store.distinct[index] or store.values[index]
             case Forward(index):
                 return store.forward[index]
             case Backward(index):

@@ -6,7 +6,7 @@ plan was made. So the planner works with what classes and multiplicities tell.
 
 from __future__ import annotations
 
-from envgraph.metamodel import Metamodel, Reference
+from envgraph.metamodel import Attribute, Metamodel, Reference
 
 MANY = 10.0
 """Links of a many-valued reference."""
@@ -58,14 +58,16 @@ class Sizes:
                 size += self._estimate(owner, (*inside, cls)) * held / shared
         return min(max(size, 1.0), 10_000.0) if size else (0.0 if inside else UNKNOWN)
 
-    def forward(self, reference: Reference) -> float:
-        """Targets of an object."""
+    def forward(self, reference: Reference | Attribute) -> float:
+        """Targets of an object, or its values of an attribute with many."""
         if reference.many:
             return MANY if reference.upper is None else min(float(reference.upper), MANY)
         return 1.0 if reference.lower else 0.9
 
-    def backward(self, reference: Reference) -> float:
-        """Sources of an object."""
+    def backward(self, reference: Reference | Attribute) -> float:
+        """Sources of an object, or objects that have a value."""
+        if isinstance(reference, Attribute):
+            return max(self.extent(reference.owner) * self.link(reference), 1.0)
         opposite = self._metamodel.opposite(reference)
         if opposite is not None:
             return self.forward(opposite)
@@ -76,11 +78,15 @@ class Sizes:
         )
         return min(max(ratio, 0.1), MANY)
 
-    def link(self, reference: Reference) -> float:
-        """The chance that two given objects are linked."""
+    def link(self, reference: Reference | Attribute) -> float:
+        """The chance that two given objects are linked, or that an object has a given value among others."""
+        if isinstance(reference, Attribute):
+            return 0.2
         return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
 
-    def single_source(self, reference: Reference) -> bool:
+    def single_source(self, reference: Reference | Attribute) -> bool:
         """Whether an object has at most one source."""
+        if isinstance(reference, Attribute):
+            return False
         opposite = self._metamodel.opposite(reference)
         return reference.containment or (opposite is not None and not opposite.many)

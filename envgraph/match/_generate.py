@@ -67,6 +67,7 @@ from envgraph.match._symbols import (
     View,
 )
 from envgraph.match._write import DEPTH, INDENT, Block, Module
+from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -452,13 +453,20 @@ class Translation:
 
     def _others(self, step: Step, following: Sequence[Step]) -> list[str]:
         """Where the end of a link, over which is looped, has to stand besides: the other ends of links are known."""
-        if not isinstance(step.goal, LinkAtom) or not (self._shares and self._indexes):
+        if not (isinstance(step.goal, LinkAtom) and isinstance(step.goal.reference, Reference)):
+            return []
+        if not (self._shares and self._indexes):
             return []
         (end,) = step.binds
         found: list[str] = []
         for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
             goal = each.goal
-            if each.kind is Kind.TEST and isinstance(goal, LinkAtom) and goal.source != goal.target:
+            if (
+                each.kind is Kind.TEST
+                and isinstance(goal, LinkAtom)
+                and isinstance(goal.reference, Reference)
+                and goal.source != goal.target
+            ):
                 other = goal.source if goal.target == end else goal.target
                 if end in (goal.source, goal.target) and self._known(other):
                     found.append(self._ends(goal))
@@ -656,9 +664,10 @@ class Translation:
             return self._ends(goal)
         source, target = self._source(goal.source), self._source(goal.target)
         sizes = self._planner.sizes
-        if sizes.backward(goal.reference) < sizes.forward(goal.reference):  # look among the fewer
-            return f"{source} in {self._module.name(Backward(goal.reference.index))}[{target}]"
-        return f"{target} in {self._module.name(Forward(goal.reference.index))}[{source}]"
+        reference = goal.reference
+        if isinstance(reference, Reference) and sizes.backward(reference) < sizes.forward(reference):
+            return f"{source} in {self._module.name(Backward(reference.index))}[{target}]"  # the fewer
+        return f"{target} in {self._module.name(forward_column(reference))}[{source}]"
 
     # --- relations
 
@@ -678,10 +687,14 @@ class Translation:
         return f"{self._module.name(Builtin('chain'))}({', '.join(members)})" if members else "()"
 
     def _ends(self, goal: LinkAtom) -> str:
-        """What stands at the other end of the links of the one object that is known."""
+        """What stands at the other end of the links of the one object, or the value, that is known."""
+        reference = goal.reference
         if self._known(goal.source):
-            return f"{self._module.name(Forward(goal.reference.index))}[{self._source(goal.source)}]"
-        return f"{self._module.name(Backward(goal.reference.index))}[{self._source(goal.target)}]"
+            return f"{self._module.name(forward_column(reference))}[{self._source(goal.source)}]"
+        if isinstance(reference, Attribute):
+            valued = Valued(tuple(self._indices(reference.owner, False)), (reference.index,))
+            return f"{self._module.name(valued)}({self._source(goal.target)})"
+        return f"{self._module.name(Backward(reference.index))}[{self._source(goal.target)}]"
 
     def _view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> str:
         known = frozenset(v for v in goal.arguments if self._known(v))
@@ -706,6 +719,11 @@ class Translation:
         inputs = [self._source(v) for v in (goal.source, goal.target) if self._known(v)]
         name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
         return f"{name}({', '.join([*inputs, *more])})"
+
+
+def forward_column(feature: Reference | Attribute) -> Forward | Values:
+    """The column of targets, or of many values."""
+    return Values(feature.index) if isinstance(feature, Attribute) else Forward(feature.index)
 
 
 _FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence, Sized
 from typing import Final
 
 from envgraph.graph import Store
 from envgraph.match._estimate import Sizes
-from envgraph.metamodel import Reference
+from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import Library
 
 SAMPLE: Final = 256
@@ -21,7 +22,7 @@ class LiveSizes(Sizes):
         super().__init__(library.metamodel)
         self._store = store
         self._numbers = {cls.name: number for number, cls in enumerate(library.metamodel.class_list)}
-        self._degrees: dict[tuple[int, bool], float] = {}
+        self._degrees: dict[tuple[str, bool], float] = {}
         self._values: dict[int, float] = {}
 
     def exact_extent(self, cls: str) -> float:
@@ -30,16 +31,20 @@ class LiveSizes(Sizes):
             self._exact[cls] = float(len(self._store.extents[self._numbers[cls]])) or 0.5
         return self._exact[cls]
 
-    def forward(self, reference: Reference) -> float:
-        """Targets of an object, on average."""
+    def forward(self, reference: Reference | Attribute) -> float:
+        """Targets of an object, or its values of an attribute with many, on average."""
         return self._degree(reference, forward=True)
 
-    def backward(self, reference: Reference) -> float:
-        """Sources of an object, on average."""
+    def backward(self, reference: Reference | Attribute) -> float:
+        """Sources of an object, on average, or objects that have a value."""
+        if isinstance(reference, Attribute):
+            return super().backward(reference)
         return self._degree(reference, forward=False)
 
-    def link(self, reference: Reference) -> float:
-        """The chance that two given objects are linked."""
+    def link(self, reference: Reference | Attribute) -> float:
+        """The chance that two given objects are linked, or that an object has a given value among others."""
+        if isinstance(reference, Attribute):
+            return super().link(reference)
         return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
 
     def selectivity(self, attribute: int) -> float:
@@ -53,12 +58,16 @@ class LiveSizes(Sizes):
             self._values[attribute] = min(max(share, 0.001), 0.9)
         return self._values[attribute]
 
-    def _degree(self, reference: Reference, forward: bool) -> float:
-        key = (reference.index, forward)
+    def _degree(self, reference: Reference | Attribute, forward: bool) -> float:
+        key = (str(reference), forward)
         if key not in self._degrees:
-            column = (self._store.forward if forward else self._store.backward)[reference.index]
-            nodes = self._sample(reference.owner if forward else reference.target)
-            links = sum(len(column[node]) for node in nodes)
+            store, nodes = self._store, self._sample(reference.owner)
+            columns: Sequence[Sequence[Sized]] = store.forward
+            if isinstance(reference, Attribute):
+                columns = store.distinct
+            elif not forward:
+                columns, nodes = store.backward, self._sample(reference.target)
+            links = sum(len(columns[reference.index][node]) for node in nodes)
             self._degrees[key] = max(links / len(nodes), 0.01) if nodes else 0.5
         return self._degrees[key]
 

@@ -296,13 +296,15 @@ class NaiveMatcher:
     def _values(self, type_: AttributeType) -> list[Value]:
         """Those that occur in the model, each once."""
         attributes = [one for one in self.library.metamodel.attributes if one.type == type_]
-        values = [
-            self.model.value(node, attribute)
-            for attribute in attributes
-            for node in self.model.store.nodes()
-            if self._is(node, attribute.owner, False)
-        ]
-        return [value for value in dict.fromkeys(values) if value is not None]
+        return list(
+            dict.fromkeys(
+                value
+                for attribute in attributes
+                for node in self.model.store.nodes()
+                if self._is(node, attribute.owner, False)
+                for value in self.model.values(node, attribute)
+            )
+        )
 
     def _is(self, node: int, name: str, exact: bool) -> bool:
         cls = self.model.class_of(node)
@@ -321,8 +323,7 @@ class NaiveMatcher:
         if feature is None:
             return []
         if isinstance(feature, Attribute):
-            value = self.model.value(node, feature)
-            return [] if value is None else [value]
+            return list(dict.fromkeys(self.model.values(node, feature)))
         return list(self.model.targets(node, feature))
 
     def _read(self, node: int, name: str) -> Value | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from envgraph.metamodel import Value
+from envgraph.metamodel import Attribute, Value
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -78,6 +78,14 @@ def arguments(relation: RelationAtom) -> tuple[int, ...]:
             return (source, target)
         case CallAtom(_, variables):
             return variables
+
+
+def held_value(goal: Goal) -> tuple[Attribute, int, int] | None:
+    """The attribute of a goal that says that an object has a value, with the variables of both."""
+    match goal:
+        case AttributeAtom(attribute, owner, value) | LinkAtom(Attribute() as attribute, owner, value):
+            return attribute, owner, value
+    return None
 
 
 def inputs(goal: Goal) -> tuple[int, ...]:

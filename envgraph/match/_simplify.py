@@ -29,6 +29,7 @@ from envgraph.pattern import (
     StaticType,
     UnequalAtom,
     renumbered_relation,
+    target_type,
 )
 
 MOST_INLINED: Final = 8
@@ -180,7 +181,7 @@ class Simplifier:
             case AttributeAtom(attribute, owner, _):
                 return [(owner, ObjectType(attribute.owner))]
             case LinkAtom(reference, source, target):
-                return [(source, ObjectType(reference.owner)), (target, ObjectType(reference.target))]
+                return [(source, ObjectType(reference.owner)), (target, target_type(reference))]
             case CallAtom(pattern, called):
                 return zip(called, self._library.lowered(pattern).types, strict=True)
             case ClosureAtom(step, Closure.PLUS, source, target):

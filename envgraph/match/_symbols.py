@@ -46,7 +46,7 @@ class Members:
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """The column of an attribute (by index)."""
+    """The column of an attribute (by index); of one with many values, those that differ."""
 
     index: int
 

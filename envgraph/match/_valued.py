@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from envgraph.graph import Store
+from envgraph.metamodel import Values
 
 FEW: Final = 2
 """Questions about one state of the model that are answered by looking at all objects; for more there is an index."""
@@ -18,8 +19,12 @@ def by_value(store: Store, classes: Sequence[int], attributes: Sequence[int]) ->
         store: the model; it may change between calls.
         classes: indices of concrete classes.
         attributes: indices of attributes that all these classes have; their values are the arguments of the function.
+            One with many values stands alone.
     """
     extents = [store.extents[index] for index in classes]
+    many = store.distinct[attributes[0]]
+    if many:
+        return _by_one_of(store, extents, many)
     columns = [store.values[index] for index in attributes]
     (first, *others) = columns
     index: dict[Any, list[int]] = {}
@@ -43,5 +48,30 @@ def by_value(store: Store, classes: Sequence[int], attributes: Sequence[int]) ->
                 for node in extent:
                     index.setdefault(key(node), []).append(node)
         return index.get(values if others else values[0], ())
+
+    return found
+
+
+def _by_one_of(
+    store: Store, extents: Sequence[Sequence[int]], column: Sequence[Values]
+) -> Callable[[Any], Sequence[int]]:
+    """The same for an attribute with many values, of which an object has the one that is given."""
+    index: dict[Any, list[int]] = {}
+    revision, asked = -1, 0
+
+    def found(value: Any) -> Sequence[int]:
+        nonlocal revision, asked
+        if revision != store.revision:
+            revision, asked = store.revision, 0
+        asked += 1
+        if asked <= FEW:
+            return [node for extent in extents for node in extent if value in column[node]]
+        if asked == FEW + 1:
+            index.clear()
+            for extent in extents:
+                for node in extent:
+                    for one in column[node]:
+                        index.setdefault(one, []).append(node)
+        return index.get(value, ())
 
     return found

@@ -167,10 +167,23 @@ def _check_features(cls: Class, above: Above) -> Iterator[Diagnostic]:
     yield from _duplicates(cls.features, f"{cls.name}.")
     yield from _check_inherited(cls, above)
     for feature in cls.features:
+        yield from _check_bounds(feature, cls)
         if isinstance(feature, Attribute):
             yield from _check_default(feature, cls)
         else:
             yield from _check_reference(feature, cls, above)
+
+
+def _check_bounds(feature: Feature, cls: Class) -> Iterator[Diagnostic]:
+    lower, upper = feature.lower, feature.upper
+    if lower < 0 or (upper is not None and (upper < 1 or upper < lower)):
+        what = "values" if isinstance(feature, Attribute) else "targets"
+        yield Diagnostic(
+            "bad-multiplicity",
+            f"`{feature.name}` cannot have {lower}..{'*' if upper is None else upper} {what}",
+            place(feature, "multiplicity") or cls.span,
+            "the lower bound comes first, and the upper bound is at least 1",
+        )
 
 
 def _check_inherited(cls: Class, above: Above) -> Iterator[Diagnostic]:
@@ -202,6 +215,14 @@ def _check_inherited(cls: Class, above: Above) -> Iterator[Diagnostic]:
 
 def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
     default = attribute.default
+    if default is not None and attribute.many:
+        yield Diagnostic(
+            "bad-default",
+            f"`{attribute.name}` has many values, and so no default",
+            place(attribute, "default") or cls.span,
+            "leave the default out: a fresh object has no values of it",
+        )
+        return
     if default is None or accepts(attribute.type, default):
         return
     literals = attribute.type.literals if isinstance(attribute.type, EnumType) else ()
@@ -217,14 +238,7 @@ def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
 
 
 def _check_reference(reference: Reference, cls: Class, above: Above) -> Iterator[Diagnostic]:
-    upper, table = reference.upper, above.table
-    if reference.lower < 0 or (upper is not None and (upper < 1 or upper < reference.lower)):
-        yield Diagnostic(
-            "bad-multiplicity",
-            f"`{reference.name}` cannot have {reference.lower}..{'*' if upper is None else upper} targets",
-            place(reference, "multiplicity") or cls.span,
-            "the lower bound comes first, and the upper bound is at least 1",
-        )
+    table = above.table
     if reference.target not in table:
         yield Diagnostic(
             "unknown-class",
@@ -308,8 +322,14 @@ def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
         message = f"`@key` of `{cls.name}` names `{twice}` twice"
         yield Diagnostic("duplicate-definition", message, place(cls, f"key {twice}"), "leave it out once")
     for name in cls.key:
-        if not isinstance(known.get(name), Attribute):
-            attributes = [key for key, feature in known.items() if isinstance(feature, Attribute)]
+        found = known.get(name)
+        if isinstance(found, Attribute) and found.many:
+            message = f"`@key` names `{name}`, which has many values"
+            yield Diagnostic(
+                "many-valued", message, place(cls, f"key {name}"), "a key has one value for each object"
+            )
+        elif not isinstance(found, Attribute):
+            attributes = [key for key, one in known.items() if isinstance(one, Attribute) and not one.many]
             hint = "a key has attributes only: leave it out" if name in known else f"declare it: `int {name}`"
             yield Diagnostic(
                 "unknown-attribute",
@@ -339,7 +359,10 @@ def _glyph_problems(
 def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
     """`@glyph` is for Booleans, and `@colour` for enums."""
     for mark in attribute.annotations:
-        if mark.name == "glyph" and attribute.type is not Scalar.BOOL:
+        if mark.name in ("glyph", "colour") and attribute.many:
+            message = f"`{attribute.name}` has many values, and `@{mark.name}` shows one"
+            yield Diagnostic("bad-glyph", message, mark.span, "leave it out")
+        elif mark.name == "glyph" and attribute.type is not Scalar.BOOL:
             message = f"`@glyph` is for classes and for a `bool`, and `{attribute.name}` is none"
             hint = (
                 "`@colour` shows the value of an enum"

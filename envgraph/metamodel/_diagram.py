@@ -47,7 +47,8 @@ def _class(cls: Class, colour: str) -> PictureNode:
 def _attribute(attribute: Attribute, cls: Class) -> str:
     key = " (key)" if attribute.name in cls.key else ""
     default = "" if attribute.default is None else f" = {_default(attribute)}"
-    return visible(f"{attribute.name} : {type_name(attribute.type)}{key}") + default
+    bounds = f"[{attribute.multiplicity}]" if attribute.many else ""
+    return visible(f"{attribute.name} : {type_name(attribute.type)}{bounds}{key}") + default
 
 
 def _default(attribute: Attribute) -> str:

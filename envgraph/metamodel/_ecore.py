@@ -134,12 +134,14 @@ def _attribute(metamodel: Metamodel, attribute: Attribute) -> Parts:
         shown = _path(metamodel, type_.name)
     else:
         shown = f"ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//{_TYPES[type_]}"
-        if attribute.optional and type_ is not Scalar.STRING:
+        if attribute.optional and not attribute.many and type_ is not Scalar.STRING:
             shown = f"ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//{_TYPES[type_]}Object"
     return {
         "xsi:type": "ecore:EAttribute",
         "name": attribute.name,
-        "lowerBound": None if attribute.optional else "1",
+        "unique": "false" if attribute.many and not attribute.unique else None,
+        "lowerBound": None if attribute.optional else str(attribute.lower),
+        "upperBound": None if attribute.upper == 1 else str(attribute.upper or -1),
         "eType": shown,
         "defaultValueLiteral": None if attribute.default is None else xml_value(attribute, attribute.default),
         "iD": "true" if attribute.identifier else None,

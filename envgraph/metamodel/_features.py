@@ -15,6 +15,9 @@ Places = tuple[tuple[str, Span], ...]
 Value = int | float | bool | str
 """A data value. The literal of an enum is its name, a `str`; its enum is known from the static type."""
 
+Values = tuple[Value, ...]
+"""What an attribute with many values holds."""
+
 
 LARGEST_INT: Final = 2**63 - 1
 """Ints that are stored or leave an expression have 64 bits; the least one is `-LARGEST_INT - 1`."""
@@ -78,17 +81,42 @@ class Glyph:
     colour: str = "#adb5bd"
 
 
+class _Bounded:
+    """What the bounds of a feature say."""
+
+    __slots__ = ()
+
+    lower: int
+    upper: int | None
+
+    @property
+    def many(self) -> bool:
+        """Whether an object may hold more than one target or value."""
+        return self.upper is None or self.upper > 1
+
+    @property
+    def multiplicity(self) -> str:
+        """As written in a `.metamodel` file, without the brackets."""
+        if self.upper == self.lower:
+            return str(self.lower)
+        return f"{self.lower}..{'*' if self.upper is None else self.upper}"
+
+
 @dataclass(frozen=True, slots=True)
-class Attribute:
-    """A single-valued data feature.
+class Attribute(_Bounded):
+    """A data feature.
+
+    With many values it is a list in the order in which they were added, and a relation of an object and a value for
+    patterns, which see each value once.
 
     Attributes:
-        default: the declared default, or None: then 0, 0.0, False, "" or the first literal.
+        default: the declared default, or None: then 0, 0.0, False, "" or the first literal. Many values have none.
         owner: name of the declaring class; filled in by `Metamodel`.
         index: place in `Metamodel.attributes`; filled in by `Metamodel`.
-        optional: an object may be without a value.
+        lower, upper: multiplicity; `upper` None is `*`. With 0..1 an object may be without a value.
+        unique: of many values, no two of an object are equal; false where `@nonunique`.
         identifier: no two objects of a file have the same value, so that references can name it (Ecore's `iD`).
-        places: "type", "default".
+        places: "type", "multiplicity", "default".
     """
 
     name: str
@@ -100,12 +128,21 @@ class Attribute:
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
     places: Places = field(default=(), compare=False, repr=False)
-    optional: bool = False
+    lower: int = 1
+    upper: int | None = 1
+    unique: bool = True
     identifier: bool = False
 
     @property
-    def initial(self) -> Value:
-        """The value in a fresh object."""
+    def optional(self) -> bool:
+        """Whether an object may be without a value."""
+        return self.lower == 0
+
+    @property
+    def initial(self) -> Value | Values:
+        """The value in a fresh object; () for many."""
+        if self.many:
+            return ()
         if self.default is None:
             return default_of(self.type)
         return float(self.default) if self.type is Scalar.FLOAT else self.default
@@ -115,7 +152,7 @@ class Attribute:
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class Reference(_Bounded):
     """Directed links to objects of class `target`.
 
     Attributes:
@@ -139,18 +176,6 @@ class Reference:
     annotations: tuple[Annotation, ...] = ()
     span: Span | None = field(default=None, compare=False, repr=False)
     places: Places = field(default=(), compare=False, repr=False)
-
-    @property
-    def many(self) -> bool:
-        """Whether an object may hold more than one link."""
-        return self.upper is None or self.upper > 1
-
-    @property
-    def multiplicity(self) -> str:
-        """As written in a `.metamodel` file, without the brackets."""
-        if self.upper == self.lower:
-            return str(self.lower)
-        return f"{self.lower}..{'*' if self.upper is None else self.upper}"
 
     def __str__(self) -> str:
         return f"{self.owner}.{self.name}"

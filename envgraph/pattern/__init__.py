@@ -28,6 +28,7 @@ from envgraph.pattern._lowered import (
 )
 from envgraph.pattern._normal import renumbered_relation
 from envgraph.pattern._operations import EXPRESSION_NAMESPACE, FUNCTIONS, Function
+from envgraph.pattern._paths import target_type
 from envgraph.pattern._queries import (
     Aggregate,
     Body,
@@ -186,6 +187,7 @@ __all__ = [
     "navigations",
     "renumbered_relation",
     "static_type",
+    "target_type",
     "terms_in",
     "terms_of",
     "type_hint",

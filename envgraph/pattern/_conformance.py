@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from envgraph.metamodel import Annotation, Attribute, Class, Feature, Metamodel, Reference
+from envgraph.metamodel import Annotation, Attribute, Class, Feature, Metamodel
 from envgraph.pattern._queries import (
     Aggregate,
     Body,
@@ -32,17 +32,16 @@ def conformance_patterns(metamodel: Metamodel) -> tuple[Pattern, ...]:
         for cls in metamodel.class_list
         if metamodel.concrete(cls.name)
         for feature in cls.features
-        if (not feature.optional if isinstance(feature, Attribute) else feature.lower > 0)
+        if feature.lower > 0
     )
 
 
 def _pattern(cls: Class, feature: Feature) -> Pattern:
-    if isinstance(feature, Attribute):
-        message = f"`{feature.name}` of $object$ has no value"
-    elif feature.lower == 1:
-        message = f"`{feature.name}` of $object$ has no target"
+    what = "value" if isinstance(feature, Attribute) else "target"
+    if feature.lower == 1:
+        message = f"`{feature.name}` of $object$ has no {what}"
     else:
-        message = f"`{feature.name}` of $object$ has fewer than {feature.lower} targets"
+        message = f"`{feature.name}` of $object$ has fewer than {feature.lower} {what}s"
     annotation = Annotation("Constraint", (), (("key", _OBJECT), ("severity", "error"), ("message", message)))
     return Pattern(
         feature.name,
@@ -55,7 +54,7 @@ def _pattern(cls: Class, feature: Feature) -> Pattern:
 
 def _missing(cls: Class, feature: Feature) -> Iterator[Negation | Comparison | Check]:
     path = PathConstraint(cls.name, (feature.name,), Variable(_OBJECT), Variable("_"))
-    if isinstance(feature, Reference) and feature.lower > 1:
+    if feature.lower > 1:
         yield Comparison("==", Variable("n"), Aggregate("count", path))
         yield Check(Binary("<", Variable("n"), Constant(feature.lower)))
     else:

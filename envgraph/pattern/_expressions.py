@@ -23,7 +23,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from envgraph.errors import Diagnostic, Span, did_you_mean, name_hint, with_article
-from envgraph.metamodel import EnumType, Metamodel, Reference, Scalar
+from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern._bodies import children, depth, none_test, size
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._operations import FUNCTIONS, Function
@@ -228,13 +228,12 @@ class ExpressionChecker:
             hint = hint or name_hint(node.feature, self.metamodel.features(owner.cls))
             self._at("unknown-feature", f"`{owner.cls}` has no feature `{node.feature}`", span, hint)
             return None
-        if isinstance(feature, Reference):
-            if feature.many:
-                hint = f"use a constraint: `{owner.cls}.{feature.name}(.., target)`, or an aggregate over it"
-                self._at("many-valued", f"`{feature}` leads to more than one object", span, hint)
-                return None
-            return ObjectType(feature.target)
-        return feature.type
+        if feature.many:
+            what, end = ("value", "value") if isinstance(feature, Attribute) else ("object", "target")
+            hint = f"use a constraint: `{owner.cls}.{feature.name}(.., {end})`, or an aggregate over it"
+            self._at("many-valued", f"`{feature}` leads to more than one {what}", span, hint)
+            return None
+        return ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
 
     def _unary(self, node: Unary) -> StaticType | None:
         wanted = "bool" if node.operator == "!" else "number"

@@ -36,7 +36,7 @@ class InstanceAtom:
 
 @dataclass(frozen=True, slots=True)
 class AttributeAtom:
-    """`object` has `value` in an attribute; an attribute without a value has no tuple."""
+    """`object` has `value` in an attribute with one; an attribute without a value has no tuple."""
 
     attribute: Attribute
     object: int
@@ -45,9 +45,9 @@ class AttributeAtom:
 
 @dataclass(frozen=True, slots=True)
 class LinkAtom:
-    """There is a link from `source` to `target`."""
+    """There is a link from `source` to `target`, or `target` is one of the values of an attribute with many."""
 
-    reference: Reference
+    reference: Reference | Attribute
     source: int
     target: int
 

@@ -420,7 +420,7 @@ class BodyLowering:
 
 
 def _feature_atom(feature: Feature, source: int, target: int) -> AttributeAtom | LinkAtom:
-    if isinstance(feature, Attribute):
+    if isinstance(feature, Attribute) and not feature.many:
         return AttributeAtom(feature, source, target)
     return LinkAtom(feature, source, target)
 

@@ -26,7 +26,7 @@ from envgraph.pattern._lowered import (
     UnequalAtom,
 )
 from envgraph.pattern._lowering import BodyLowering, Generate
-from envgraph.pattern._paths import closure_target
+from envgraph.pattern._paths import closure_target, target_type
 from envgraph.pattern._queries import Parameter
 from envgraph.pattern._slots import Slots, Unsatisfiable
 from envgraph.pattern._terms import Expression, Variable
@@ -135,7 +135,7 @@ class _Normaliser:
                 yield atom.object, ObjectType(atom.attribute.owner)
             case LinkAtom():
                 yield atom.source, ObjectType(atom.reference.owner)
-                yield atom.target, ObjectType(atom.reference.target)
+                yield atom.target, target_type(atom.reference)
             case CallAtom():
                 yield from zip(atom.arguments, self._types_of(atom.pattern), strict=True)
             case ClosureAtom():

@@ -26,8 +26,7 @@ class ResolvedPath:
     @property
     def target(self) -> StaticType:
         """The type of what the path leads to."""
-        last = self.steps[-1]
-        return ObjectType(last.target) if isinstance(last, Reference) else last.type
+        return target_type(self.steps[-1])
 
     def __str__(self) -> str:
         return ".".join([self.cls, *(step.name for step in self.steps)])
@@ -40,6 +39,11 @@ class BrokenPath:
     position: int
     cls: str
     attribute: Attribute | None = None
+
+
+def target_type(feature: Feature) -> StaticType:
+    """The type of what a feature leads to."""
+    return ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
 
 
 def resolve_path(cls: str, features: tuple[str, ...], metamodel: Metamodel) -> ResolvedPath | BrokenPath:

@@ -19,7 +19,16 @@ from envgraph.pattern import (
     type_text,
     variables_in,
 )
-from envgraph.rewrite._plan import Assign, ChangeTargets, Compute, Increase, Link, SetTargets, SetValue
+from envgraph.rewrite._plan import (
+    Assign,
+    ChangeTargets,
+    Compute,
+    Increase,
+    Link,
+    SetTargets,
+    SetValue,
+    SetValues,
+)
 from envgraph.rewrite._sight import Sight
 
 Operator = Literal["=", "+=", "-="]
@@ -85,7 +94,9 @@ class AssignmentReader:
     def _attribute(
         self, name: str, attribute: Attribute, operator: Operator, value: Values, span: Span | None
     ) -> None:
-        if isinstance(value, tuple):
+        if attribute.many:
+            self._values(name, attribute, operator, value, span)
+        elif isinstance(value, tuple):
             self.sight.error(
                 "wrong-type",
                 f"`{attribute}` has one value, not a list",
@@ -108,6 +119,19 @@ class AssignmentReader:
                     if operator == "="
                     else Increase(object_, attribute, operator, slot, span)
                 )
+
+    def _values(
+        self, name: str, attribute: Attribute, operator: Operator, value: Values, span: Span | None
+    ) -> None:
+        """An attribute with many values."""
+        parts = () if operator == "=" and _is_none(value) else value if isinstance(value, tuple) else (value,)
+        slots = [self._value(part, attribute.type, part.span or span, needed=True) for part in parts]
+        found = tuple(slot for slot in slots if slot is not None)  # the others are reported
+        object_ = self.sight.slot(name)
+        if operator == "=":
+            self.sets.append(SetValues(object_, attribute, found, span))
+        else:
+            self.sets.extend(Increase(object_, attribute, operator, slot, span) for slot in found)
 
     def _reference(
         self, name: str, reference: Reference, operator: Operator, value: Values, span: Span | None

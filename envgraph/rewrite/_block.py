@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Literal
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
-from envgraph.metamodel import Reference
+from envgraph.metamodel import Attribute, Feature
 from envgraph.pattern import (
     Action,
     Create,
@@ -40,10 +40,12 @@ from envgraph.rewrite._plan import (
     ChangeClass,
     ChangeTargets,
     Delete,
+    Increase,
     Link,
     New,
     Rehome,
     SetTargets,
+    SetValues,
     Unlink,
 )
 from envgraph.rewrite._sight import LinkKey, ResolvedEdge, Sight
@@ -658,24 +660,21 @@ class BlockBuilder:
 
     def _check_required(self, plan: BlockPlan) -> None:
         """Warn where an object surely ends without a target that its class requires."""
-        fresh = {name: set[Reference]() for name in self._own_created if name in self.sight.created}
+        fresh = {name: set[Feature]() for name in self._own_created if name in self.sight.created}
         for name in self._own_retyped:
             before = self.sight.before(name)
-            fresh[name] = (
-                {f for f in self.sight.metamodel.features(before or "").values() if isinstance(f, Reference)}
-                if before
-                else set()
-            )
+            fresh[name] = set(self.sight.metamodel.features(before).values()) if before else set()
         for name, had in fresh.items():
             cls = self.sight.after(name)
             assert cls is not None
             for feature in self.sight.metamodel.features(cls).values():
-                if not isinstance(feature, Reference) or feature.lower == 0 or feature in had:
+                single = isinstance(feature, Attribute) and not feature.many  # a fresh object has its default
+                if single or feature.lower == 0 or feature in had:
                     continue
                 if not _provides(plan, self.sight.slot(name), feature, self.sight):
                     self._warn_required(name, feature)
 
-    def _warn_required(self, name: str, feature: Reference) -> None:
+    def _warn_required(self, name: str, feature: Feature) -> None:
         self.sight.warn(
             "missing-required",
             f"`{name}` gets no `{feature.name}`, and `{feature}` needs {feature.multiplicity}",
@@ -684,8 +683,11 @@ class BlockBuilder:
         )
 
 
-def _provides(plan: BlockPlan, slot: int, reference: Reference, sight: Sight) -> bool:
-    """Whether a plan links an object by a reference, from either end."""
+def _provides(plan: BlockPlan, slot: int, reference: Feature, sight: Sight) -> bool:
+    """Whether a plan links an object by a reference, from either end, or gives it values of an attribute."""
+    if isinstance(reference, Attribute):
+        given = (one for one in plan.sets if isinstance(one, SetValues | Increase))
+        return any((one.object, one.attribute) == (slot, reference) for one in given)
     opposite = sight.metamodel.opposite(reference)
     for link in plan.links:
         if (link.source, link.reference) == (slot, reference) or (link.target, link.reference) == (

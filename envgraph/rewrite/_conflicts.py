@@ -18,11 +18,22 @@ from envgraph.rewrite._plan import (
     Rehome,
     SetTargets,
     SetValue,
+    SetValues,
     Unlink,
 )
 
 Operation = (
-    Absorb | ChangeClass | ChangeTargets | Delete | Increase | Link | Rehome | SetTargets | SetValue | Unlink
+    Absorb
+    | ChangeClass
+    | ChangeTargets
+    | Delete
+    | Increase
+    | Link
+    | Rehome
+    | SetTargets
+    | SetValue
+    | SetValues
+    | Unlink
 )
 Arrow = tuple[Reference, int, int]
 """A link from the end that is named first: `Conflicts.canonical`."""
@@ -84,6 +95,7 @@ class Conflicts:
         self._touched: dict[int, Want] = {}
         self._classes: dict[int, tuple[str, Want]] = {}
         self._values: dict[tuple[int, Attribute], tuple[object, Want]] = {}
+        self._members: dict[tuple[int, Attribute, object], tuple[str, Want]] = {}
         self._removed: dict[Arrow, Want] = {}
         self._added: dict[Arrow, Want] = {}
         self._withdrawn: dict[Arrow, Want] = {}
@@ -241,8 +253,12 @@ class Conflicts:
                 self._value(slots[node], attribute, None if value is None else slots[value], want)
             case Increase(node, attribute, operator, value):
                 # The order of texts shows.
-                amount = (operator, slots[value]) if attribute.type is Scalar.STRING else SUM
-                self._value(slots[node], attribute, amount, want)
+                texts = attribute.type is Scalar.STRING and not attribute.many
+                self._value(slots[node], attribute, (operator, slots[value]) if texts else SUM, want)
+                if attribute.many:
+                    self._member(slots[node], attribute, slots[value], operator, want)
+            case SetValues(node, attribute, values):
+                self._value(slots[node], attribute, tuple(slots[value] for value in values), want)
             case SetTargets(node, reference, values):
                 targets = tuple(slots[value] for value in values if slots[value] is not None)
                 self._end_targets(slots[node], reference, targets, want)
@@ -264,6 +280,13 @@ class Conflicts:
         other, earlier = self._values.setdefault((node, attribute), (value, want))
         if other != value:
             raise self._two_values(node, attribute, (other, earlier), (value, want))
+
+    def _member(self, node: int, attribute: Attribute, value: object, operator: str, want: Want) -> None:
+        """A value comes or goes among many."""
+        other, earlier = self._members.setdefault((node, attribute, value), (operator, want))
+        if other != operator:
+            message = f"{value!r} is added to and removed from `{attribute.name}` of {self.describe(node)}"
+            raise Contradiction(message, earlier, want, always=False)
 
     def _end_targets(
         self, node: int, reference: Reference, targets: tuple[int, ...] | None, want: Want
@@ -343,6 +366,8 @@ def _action(want: Want, describe: Callable[[int], str]) -> str:
             return f"create {name(source)} -{reference.name}-> {name(target)}"
         case SetValue(node, attribute, value):
             return f"set {name(node)}.{attribute.name} = {'none' if value is None else name(value)}"
+        case SetValues(node, attribute, values):
+            return f"set {name(node)}.{attribute.name} = [{', '.join(map(name, values))}]"
         case Increase(node, attribute, operator, value):
             return f"set {name(node)}.{attribute.name} {operator} {name(value)}"
         case SetTargets(node, reference, values):

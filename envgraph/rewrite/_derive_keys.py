@@ -200,6 +200,7 @@ def _defaults(owner: str, attributes: Sequence[Attribute], twin: str) -> Iterato
     """An object has the defaults of all these attributes."""
     for attribute in attributes:
         value = attribute.initial
+        assert not isinstance(value, tuple), "a key has one value"
         literal = (
             Constant(value)
             if isinstance(attribute.type, Scalar)

@@ -155,8 +155,12 @@ class Schema:
     # --- classes
 
     def frozen(self, cls: str) -> bool:
-        """Whether operators leave the objects of a class alone: it or a supertype is `@frozen`."""
-        return any(self.metamodel.classes[above].frozen for above in self.metamodel.supertypes(cls))
+        """Whether operators leave the objects of a class alone: it or a supertype is `@frozen`.
+
+        Or it needs values of an attribute with many, which no operator can choose.
+        """
+        classes = [self.metamodel.classes[above] for above in self.metamodel.supertypes(cls)]
+        return any(one.frozen or any(_several(f) and f.lower for f in one.features) for one in classes)
 
     def frozen_below(self, cls: str) -> tuple[str, ...]:
         """The frozen classes among the concrete ones of a class, without the subclasses of others of them."""
@@ -212,7 +216,7 @@ class Schema:
     def left_alone(self, feature: Feature) -> bool:
         """Whether operators leave a feature alone."""
         marked = any(annotation.name in LEFT_ALONE for annotation in feature.annotations)
-        return marked or self.frozen(feature.owner)
+        return marked or _several(feature) or self.frozen(feature.owner)
 
     def keyed(self, cls: str, attribute: Attribute) -> bool:
         """Whether an attribute names the objects of a class or of one of its subclasses."""
@@ -249,6 +253,10 @@ def _stands_for_both(reference: Reference, opposite: Reference | None) -> bool:
 
 def _counts(end: End) -> bool:
     return end.forward or not end.association.symmetric
+
+
+def _several(feature: Feature) -> bool:
+    return isinstance(feature, Attribute) and feature.many
 
 
 def _closure(classes: Iterable[str], after: Callable[[str], Iterable[str]]) -> Mapping[str, frozenset[str]]:

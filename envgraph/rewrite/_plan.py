@@ -110,8 +110,21 @@ class SetValue:
 
 
 @dataclass(frozen=True, slots=True)
+class SetValues:
+    """Replace all values of an attribute with many."""
+
+    object: int
+    attribute: Attribute
+    values: tuple[int, ...]
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Increase:
-    """Add to an attribute, or subtract from it; the amounts of several matches add up."""
+    """Add to an attribute, or subtract from it; the amounts of several matches add up.
+
+    Of an attribute with many values it is one value that comes or goes.
+    """
 
     object: int
     attribute: Attribute
@@ -141,7 +154,7 @@ class ChangeTargets:
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
-Assign = SetValue | Increase | SetTargets | ChangeTargets
+Assign = SetValue | SetValues | Increase | SetTargets | ChangeTargets
 
 
 @dataclass(frozen=True, slots=True)

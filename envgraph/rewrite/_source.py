@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 
 from envgraph.errors import EvaluationError, RuleError, with_article
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, Reference, Value
+from envgraph.metamodel import Attribute, Reference, Value, Values
 from envgraph.pattern import (
     EXPRESSION_NAMESPACE,
     Binary,
@@ -46,6 +46,7 @@ from envgraph.rewrite._plan import (
     Rehome,
     SetTargets,
     SetValue,
+    SetValues,
     Unlink,
 )
 
@@ -115,6 +116,7 @@ class Writer:
             "target": model.target,
             "unlink": model.unlink,
             "value": model.value,
+            "values": model.values,
             "_absorb": lambda kept, absorbed, links: absorb(model, kept, absorbed, links, lossy=lossy),
             "_strip": lambda node: strip(model, node),
             "_leave": lambda node, container, reference: leave(model, node, container, reference),
@@ -128,6 +130,9 @@ class Writer:
             "_again": again,
             "_need": need,
             "_present": present,
+            "_listed": listed,
+            "_more": more,
+            "_less": less,
         }
 
     def constant(self, value: object) -> str:
@@ -283,17 +288,24 @@ class Writer:
             return [Line(self._assign(op), op)]
         # Two steps: to set a value once more changes nothing.
         node, attribute = self.slot(op.object), self.constant(op.attribute)
+        if op.attribute.many:
+            changed = f"values({node}, {attribute}), {self.slot(op.value)}"
+            new = f"t = _more({changed}, {attribute})" if op.operator == "+=" else f"t = _less({changed})"
+            return [Line(new, op), Line(f"set_value({node}, {attribute}, t)", op)]
         function = "_add" if op.operator == "+=" else "_subtract"
         old = f"_need(value({node}, {attribute}), {self.constant(str(op.attribute))})"
         new = f"t = _bounded({function}({old}, {self.slot(op.value)}))"
         return [Line(new, op), Line(f"set_value({node}, {attribute}, t)", op)]
 
-    def _assign(self, op: SetValue | SetTargets | ChangeTargets) -> str:
+    def _assign(self, op: SetValue | SetValues | SetTargets | ChangeTargets) -> str:
         node = self.slot(op.object)
         match op:
             case SetValue():
                 value = "None" if op.value is None else self.slot(op.value)
                 return f"set_value({node}, {self.constant(op.attribute)}, {value})"
+            case SetValues():
+                attribute = self.constant(op.attribute)
+                return f"set_value({node}, {attribute}, _listed({self.slots(op.values)}, {attribute}))"
             case SetTargets():
                 return self._set_targets(op)
             case ChangeTargets():
@@ -413,6 +425,21 @@ def need(value: Value | int | None, feature: str) -> Value | int:
     if value is None:
         raise EvaluationError(f"`{feature}` has no value")
     return value
+
+
+def listed(values: Values, attribute: Attribute) -> Values:
+    """The values of an attribute with many: each once, unless it may have one several times."""
+    return tuple(dict.fromkeys(values)) if attribute.unique else values
+
+
+def more(values: Values, value: Value, attribute: Attribute) -> Values:
+    """The values with one more at the end; see `listed`."""
+    return listed((*values, value), attribute)
+
+
+def less(values: Values, value: Value) -> Values:
+    """The values without one, wherever it stands."""
+    return tuple(one for one in values if one != value)
 
 
 class Dragged(RuleError):

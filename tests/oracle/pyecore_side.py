@@ -74,6 +74,8 @@ def _feature(feature: EAttribute | EReference) -> tuple[object, ...]:
         opposite = feature.eOpposite.name if feature.eOpposite else None
         bounds = feature.lowerBound, feature.upperBound
         return feature.name, feature.eType.name, *bounds, feature.containment, opposite
+    if feature.many:
+        return feature.name, feature.eType.name, feature.lowerBound, feature.upperBound, feature.unique
     return feature.name, feature.eType.name, feature.defaultValueLiteral
 
 
@@ -86,6 +88,10 @@ def metamodel_in_words(metamodel: Metamodel) -> dict[str, object]:
         for one in cls.features:
             if isinstance(one, Attribute):
                 name = types.get(str(one.type)) or getattr(one.type, "name", "")
+                if one.many:
+                    upper = -1 if one.upper is None else one.upper
+                    features.append((one.name, name, one.lower, upper, one.unique))
+                    continue
                 name += "Object" * (one.optional and name in ("ELong", "EDouble", "EBoolean"))
                 default = None if one.default is None else _text(one, one.default)
                 features.append((one.name, name, default))
@@ -130,14 +136,16 @@ def _in_words(one: Any, metamodel: Metamodel, numbers: Mapping[int, int]) -> obj
     for feature in metamodel.features(one.eClass.name).values():
         if isinstance(feature, Attribute):
             value = getattr(one, feature.name)
-            values[feature.name] = (
-                value if value is None or isinstance(value, (int, float, str)) else str(value)
-            )
+            values[feature.name] = tuple(map(_plain, value)) if feature.many else _plain(value)
         else:
             targets = [numbers[id(target)] for target in _targets(one, feature.name, feature.many)]
             # pyecore does not keep the order of a list whose opposite has been read before.
             values[feature.name] = sorted(targets) if feature.opposite else targets
     return one.eClass.name, values
+
+
+def _plain(value: Any) -> object:
+    return value if value is None or isinstance(value, (int, float, str)) else str(value)
 
 
 def _targets(one: Any, name: str, many: bool) -> list[Any]:

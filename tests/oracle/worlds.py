@@ -95,7 +95,11 @@ def random_metamodel(dice: Dice) -> Metamodel:
     names = ["A", "B", "C", "D"][: dice.number(2, 4)]
     features: dict[str, list[Attribute | Reference]] = {name: [] for name in names}
     for number in range(dice.number(1, 3)):
-        features[dice.one(names)].append(Attribute(f"a{number}", dice.one(list(DOMAINS))))
+        attribute = Attribute(f"a{number}", dice.one(list(DOMAINS)))
+        if dice.chance(35):
+            bounds = {"lower": 0, "upper": dice.one([None, None, 2]), "unique": dice.chance(60)}
+            attribute = replace(attribute, **bounds)
+        features[dice.one(names)].append(attribute)
     for number in range(dice.number(2, 5)):
         owner, target = dice.one(names), dice.one(names)
         forward = Reference(f"r{number}", target, 0, dice.one([1, None, None, 2]))
@@ -145,13 +149,24 @@ def edit(dice: Dice, model: Model, thin: bool = False) -> None:
                 f for f in metamodel.features(model.class_of(node)).values() if isinstance(f, Attribute)
             ]
             if attributes:
-                attribute = dice.one(attributes)
-                values = [*domain(attribute.type), None]
-                model.set_value(node, attribute, dice.one(values))
+                _edit_value(dice, model, node, dice.one(attributes))
         else:
             _edit_link(dice, model, node, unlink=kind > 10)
     except RuleError:
         pass
+
+
+def _edit_value(dice: Dice, model: Model, node: int, attribute: Attribute) -> None:
+    values = domain(attribute.type)
+    if not attribute.many:
+        model.set_value(node, attribute, dice.one([*values, None]))
+    elif dice.chance(50):
+        model.add_value(node, attribute, dice.one(values))
+    elif dice.chance(50):
+        model.remove_value(node, attribute, dice.one(values))
+    else:
+        several = [value for value in values for _ in range(dice.number(0, 2 - attribute.unique))]
+        model.set_value(node, attribute, several if dice.chance(50) else several[::-1])
 
 
 def _edit_link(dice: Dice, model: Model, node: int, unlink: bool) -> None:
@@ -372,7 +387,7 @@ def number(scope: Scope, depth: int = 0) -> Expression | None:
     for name, type_ in scope.variables.items():
         if isinstance(type_, ObjectType):
             for feature in scope.metamodel.features(type_.cls).values():
-                if isinstance(feature, Attribute) and feature.type is Scalar.INT:
+                if isinstance(feature, Attribute) and feature.type is Scalar.INT and not feature.many:
                     leaves.append(Navigation(Variable(name), feature.name))
     if not leaves:
         return None
@@ -402,7 +417,7 @@ def condition(scope: Scope) -> Expression | None:
             for name, type_ in scope.variables.items()
             if isinstance(type_, ObjectType)
             for feature in scope.metamodel.features(type_.cls).values()
-            if isinstance(feature, Attribute) or not feature.many
+            if not feature.many
         ]
         if links:
             return Binary(dice.one(["==", "!="]), dice.one(links), Constant(None))

@@ -32,8 +32,7 @@ def facts(model: Model) -> Iterator[Fact]:
     for node in model.store.nodes():
         yield ClassFact(model.class_of(node), node)
         for attribute in model.metamodel.attributes:
-            value = model.value(node, attribute)
-            if value is not None:
+            for value in dict.fromkeys(model.values(node, attribute)):
                 yield ValueFact(attribute, node, value)
         for reference in model.metamodel.references:
             opposite = model.metamodel.opposite(reference)
@@ -50,7 +49,7 @@ def has_fact(model: Model, fact: Fact) -> bool:
         case ClassFact(cls, node):
             return model.alive(node) and model.class_of(node) == cls
         case ValueFact(attribute, node, value):
-            return model.value(node, attribute) == value
+            return value in model.values(node, attribute)
         case LinkFact(reference, source, target):
             return model.has_link(source, reference, target)
 

@@ -57,6 +57,9 @@ def metamodels(draw: st.DrawFn) -> Metamodel:
 @st.composite
 def _attributes(draw: st.DrawFn, name: str) -> Attribute:
     type_ = draw(st.sampled_from([*Scalar, COLOUR]))
+    if draw(st.booleans()):
+        lower, upper = draw(st.sampled_from([(0, None), (1, None), (0, 3), (2, 3)]))
+        return Attribute(name, type_, lower=lower, upper=upper, unique=draw(st.booleans()))
     return Attribute(name, type_, draw(st.none() | values_of(type_)))
 
 
@@ -138,7 +141,14 @@ def _edit_object(draw: Any, model: Model, kind: str, node: int) -> None:
             model.set_object_name(node, name)
     elif attributes:
         attribute = draw(st.sampled_from(attributes))
-        model.set_value(node, attribute, draw(st.none() | values_of(attribute.type)))
+        value = values_of(attribute.type)
+        if attribute.many and draw(st.booleans()):
+            getattr(model, draw(st.sampled_from(["add_value", "remove_value"])))(node, attribute, draw(value))
+        elif attribute.many:
+            several = st.lists(value, unique=attribute.unique, max_size=4)
+            model.set_value(node, attribute, draw(several))
+        else:
+            model.set_value(node, attribute, draw(st.none() | value))
 
 
 def _link(draw: Any, model: Model, kind: str) -> None:

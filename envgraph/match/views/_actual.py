@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, Final
 
@@ -16,6 +16,7 @@ from envgraph.match.views._folds import Fold
 from envgraph.match.views._operators import Operator, Rows
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
+from envgraph.metamodel import Attribute
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -112,8 +113,10 @@ def tuples_of(delta: Delta, store: Store, operators: Mapping[str, Operator]) -> 
         case AttributeAtom(attribute):
             column = store.values[attribute.index]
             yield from ((node, value) for node, value in enumerate(column) if value is not None)
-        case LinkAtom(reference):
-            for node, ends in enumerate(store.forward[reference.index]):
+        case LinkAtom(feature):
+            columns: Sequence[Sequence[Iterable[Any]]] = store.forward
+            columns = store.distinct if isinstance(feature, Attribute) else columns
+            for node, ends in enumerate(columns[feature.index]):
                 yield from ((node, other) for other in ends)
         case CallAtom(name) | ClosureAtom(name):
             yield from _rows_of(operators[name])

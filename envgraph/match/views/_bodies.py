@@ -15,6 +15,7 @@ from typing import Final
 from envgraph.graph import Store
 from envgraph.match._plan import Absence, Conjunction, Goal, arguments, inputs, variables
 from envgraph.match._simplify import Simplifier
+from envgraph.metamodel import Reference
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -64,7 +65,7 @@ def _single(body: Conjunction) -> bool:
 def canonical(goal: Goal, store: Store) -> Goal:
     """The goal over facts as the store tells them: the two references of an opposite pair are one relation."""
     match goal:
-        case LinkAtom(reference, source, target):
+        case LinkAtom(Reference() as reference, source, target):
             relation = store.relations[reference.index]
             return LinkAtom(relation.fact, target, source) if relation.flipped else goal
         case Absence(alternatives):
@@ -119,9 +120,11 @@ def existential(conjunction: Conjunction) -> frozenset[int]:
     found: set[int] = set()
     for goal in conjunction.goals:
         match goal:
-            case LinkAtom(_, source, target) if source != target and alone(source) != alone(target):
+            case LinkAtom(Reference(), source, target) if source != target and alone(source) != alone(target):
                 found.add(source if alone(source) else target)
-            case AttributeAtom(_, owner, value) if alone(value) and not alone(owner):
+            case LinkAtom(_, owner, value) | AttributeAtom(_, owner, value) if alone(value) and not alone(
+                owner
+            ):
                 found.add(value)
             case _:
                 pass

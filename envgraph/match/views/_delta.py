@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from envgraph.match._generate import Translation
+from envgraph.match._generate import Translation, forward_column
 from envgraph.match._plan import Absence, Conjunction, Goal, Kind, Plan, Step, arguments, inputs
 from envgraph.match._sinks import EXISTENCE, Sink, gathering, row, value
-from envgraph.match._symbols import Backward, Forward, Held, Source, Values
+from envgraph.match._symbols import Backward, Held, Source, Values
 from envgraph.match._write import Block, Module
 from envgraph.match.views._bodies import Relation, existential, free_inside, negated
 from envgraph.match.views._planning import ViewPlanner
@@ -469,7 +469,7 @@ class DeltaTranslation(Translation):
         relation = occurrence.relation
         assert isinstance(relation, LinkAtom)
         if occurrence.columns[0] is not None:
-            return f"{self._module.name(Forward(relation.reference.index))}[{names[0]}]"
+            return f"{self._module.name(forward_column(relation.reference))}[{names[0]}]"
         return f"{self._module.name(Backward(relation.reference.index))}[{names[1]}]"
 
     # --- views

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 from envgraph.graph import Store
 from envgraph.match._calls import CallGraph
 from envgraph.match._options import Unplannable
-from envgraph.match._plan import Absence, Conjunction, Goal, arguments, variables
+from envgraph.match._plan import Absence, Conjunction, Goal, arguments, held_value, variables
 from envgraph.match._planner import determined, disjoint
 from envgraph.match._symbols import Source
 from envgraph.match.views._bodies import (
@@ -36,6 +36,7 @@ from envgraph.match.views._operators import Evaluated, Operator, Rows, View, fil
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
 from envgraph.match.views._recursive import Component, Member
+from envgraph.metamodel import Reference
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -202,10 +203,11 @@ class Growth:
         """The body with views of the values by which it joins."""
         attributes = joined_by_value(self.store, self._planner, body)
         for goal in body.goals:
-            if isinstance(goal, AttributeAtom) and goal.attribute.index in attributes:
-                name = values_of(goal)
+            held = held_value(goal)
+            if held and held[0].index in attributes:
+                name = values_of(held[0])
                 if name not in self.operators:
-                    self._define(name, [all_values(body, goal)])
+                    self._define(name, [all_values(goal)])
         return with_values(body, attributes) if attributes else body
 
     def _with_apart(self, body: Conjunction, place: str) -> Conjunction:
@@ -302,8 +304,8 @@ class Growth:
             self._usable(relation.pattern)
         whole = {v for v in arguments(relation) if v not in local}
         direct = not local if isinstance(relation, InstanceAtom | CallAtom) else bool(whole)
-        if isinstance(relation, AttributeAtom):
-            direct = relation.object not in local
+        if held := held_value(relation):
+            direct = held[1] not in local
         if direct:
             return goal
         fixed = {number for number, _ in body.constants}
@@ -327,6 +329,7 @@ class Growth:
             isinstance(relation, LinkAtom)
             and goal.function == "count"
             and len([v for v in called if v in local]) == 1
+            and (isinstance(relation.reference, Reference) or relation.target in local)
         ):
             return goal
         if isinstance(relation, ClosureAtom):
@@ -422,7 +425,7 @@ class Growth:
         if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
             return None
         goal = canonical(bodies[0].goals[0], self.store)
-        if not isinstance(goal, LinkAtom):
+        if not (isinstance(goal, LinkAtom) and isinstance(goal.reference, Reference)):
             return None
         ends = (goal.source, goal.target)
         if bodies[0].parameters == ends:

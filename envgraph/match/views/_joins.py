@@ -7,11 +7,19 @@ from typing import Final
 
 from envgraph.graph import Store
 from envgraph.match._options import Unplannable
-from envgraph.match._plan import Condition, Conjunction, Kind, Plan, variables
+from envgraph.match._plan import Condition, Conjunction, Goal, Kind, Plan, held_value, variables
 from envgraph.match.views._delta import Role, occurrences
 from envgraph.match.views._planning import ViewPlanner
-from envgraph.metamodel import Metamodel, Value
-from envgraph.pattern import AggregateAtom, AttributeAtom, CallAtom, ObjectType, UnequalAtom
+from envgraph.metamodel import Attribute, Metamodel, Value, Values
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    LinkAtom,
+    ObjectType,
+    UnequalAtom,
+    renumbered_relation,
+)
 
 MANY: Final = 100.0
 """Objects that are looked through, from which on their values are worth a view."""
@@ -30,12 +38,12 @@ def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> fr
         body: goals over relations of the network.
     """
     possible = {
-        goal.attribute.index
+        held[0].index
         for goal in body.goals
-        if isinstance(goal, AttributeAtom)
+        if (held := held_value(goal))
         and _met_elsewhere(body, goal)
-        and planner.sizes.extent(goal.attribute.owner) > MANY
-        and _telling(store, planner.library.metamodel, goal)
+        and planner.sizes.extent(held[0].owner) > MANY
+        and _telling(store, planner.library.metamodel, held[0])
     }
     if not possible:
         return frozenset()
@@ -53,40 +61,43 @@ def joined_by_value(store: Store, planner: ViewPlanner, body: Conjunction) -> fr
 def with_values(body: Conjunction, attributes: frozenset[int]) -> Conjunction:
     """The body with calls of the views of these attributes."""
     goals = tuple(
-        CallAtom(values_of(goal), (goal.object, goal.value))
-        if isinstance(goal, AttributeAtom) and goal.attribute.index in attributes
+        CallAtom(values_of(held[0]), held[1:])
+        if (held := held_value(goal)) and held[0].index in attributes
         else goal
         for goal in body.goals
     )
     return Conjunction(body.types, body.constants, body.parameters, goals)
 
 
-def values_of(goal: AttributeAtom) -> str:
+def values_of(attribute: Attribute) -> str:
     """Name of the view of an attribute's values."""
-    return f"{goal.attribute}/values"
+    return f"{attribute}/values"
 
 
-def all_values(body: Conjunction, goal: AttributeAtom) -> Conjunction:
+def all_values(goal: Goal) -> Conjunction:
     """The body of that view: objects and values."""
-    types = (ObjectType(goal.attribute.owner), body.types[goal.value])
-    return Conjunction(types, (), (0, 1), (AttributeAtom(goal.attribute, 0, 1),))
+    held = held_value(goal)
+    assert isinstance(goal, AttributeAtom | LinkAtom) and held
+    types = (ObjectType(held[0].owner), held[0].type)
+    return Conjunction(types, (), (0, 1), (renumbered_relation(goal, {held[1]: 0, held[2]: 1}),))
 
 
-def _met_elsewhere(body: Conjunction, goal: AttributeAtom) -> bool:
+def _met_elsewhere(body: Conjunction, goal: Goal) -> bool:
     """Whether another goal may give its value."""
-    return any(
-        goal.value in variables(other)
+    held = held_value(goal)
+    return held is not None and any(
+        held[2] in variables(other)
         for other in body.goals
         if other is not goal and not isinstance(other, UnequalAtom | Condition)
     )
 
 
-def _telling(store: Store, metamodel: Metamodel, goal: AttributeAtom) -> bool:
+def _telling(store: Store, metamodel: Metamodel, attribute: Attribute) -> bool:
     """Whether objects differ in an attribute."""
-    column = store.values[goal.attribute.index]
-    different: set[Value] = set()  # for its size alone
+    column = store.values[attribute.index]
+    different: set[Value | Values] = set()  # for its size alone
     for cls, extent in zip(metamodel.class_list, store.extents, strict=True):
-        if metamodel.is_a(cls.name, goal.attribute.owner):
+        if metamodel.is_a(cls.name, attribute.owner):
             different.update(value for node in extent[:SAMPLE] if (value := column[node]) is not None)
     return len(different) >= DIFFERENT
 
@@ -110,12 +121,8 @@ def _told_apart(plan: Plan, known: set[int]) -> Iterator[int]:
     for step in plan.steps:
         if step.kind is Kind.LOOP and step.rows > MANY * rows:
             looped.update((variable, before.copy()) for variable in step.binds)
-        goal = step.goal
-        if (
-            isinstance(goal, AttributeAtom)
-            and step.kind is Kind.TEST
-            and goal.value in looped.get(goal.object, ())
-        ):
-            yield goal.attribute.index
+        held = held_value(step.goal)
+        if held and step.kind is Kind.TEST and held[2] in looped.get(held[1], ()):
+            yield held[0].index
         rows = max(step.rows, 1e-9)
         before.update(step.binds)

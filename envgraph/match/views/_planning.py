@@ -11,8 +11,19 @@ from envgraph.match._estimate import Sizes
 from envgraph.match._live import LiveSizes
 from envgraph.match._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside
 from envgraph.match._order import Draft, Search
-from envgraph.match._plan import Absence, Conjunction, Goal, Kind, Plan, ViewKey, ViewPlan, variables
+from envgraph.match._plan import (
+    Absence,
+    Conjunction,
+    Goal,
+    Kind,
+    Plan,
+    ViewKey,
+    ViewPlan,
+    held_value,
+    variables,
+)
 from envgraph.match.views._bodies import existential
+from envgraph.metamodel import Reference
 from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
@@ -79,6 +90,8 @@ class ViewOptions(Options):
         self._loose = existential(conjunction)
 
     def filter(self, goal: Goal, bound: Bound, uses: Counter[int]) -> Option | None:
+        if _from_value(goal, bound):
+            return None
         if isinstance(goal, AttributeAtom) and goal.object in bound and goal.value in bound:
             return Option(Kind.TEST, goal, (), ACCESS, self._live.selectivity(goal.attribute.index))
         return super().filter(goal, bound, uses)
@@ -116,7 +129,9 @@ class ViewOptions(Options):
         return starts if other in bound else starts * each
 
     def _relations(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
-        for option in super()._relations(goals, bound, uses):
+        for option in super()._relations(
+            [goal for goal in goals if not _from_value(goal, bound)], bound, uses
+        ):
             if isinstance(option.goal, ClosureAtom):
                 _, starts, each = self._held.reached(option.goal.step)
                 rows = min(starts * each, option.cost)
@@ -140,6 +155,12 @@ class ViewOptions(Options):
             yield Option(Kind.LOOP, atom, (variable,), size, size)
 
 
+def _from_value(goal: Goal, bound: Bound) -> bool:
+    """Whether objects are looked for that have one of many values: no index of them follows the changes."""
+    held = held_value(goal)
+    return held is not None and held[1] not in bound
+
+
 def _classes(goal: Goal) -> Sequence[InstanceAtom]:
     """The objects of a fact, and the classes that they are instances of."""
     match goal:
@@ -147,8 +168,10 @@ def _classes(goal: Goal) -> Sequence[InstanceAtom]:
             return [goal]
         case AttributeAtom(attribute, owner, _):
             return [InstanceAtom(attribute.owner, owner)]
-        case LinkAtom(reference, source, target):
+        case LinkAtom(Reference() as reference, source, target):
             return [InstanceAtom(reference.owner, source), InstanceAtom(reference.target, target)]
+        case LinkAtom(attribute, owner, _):
+            return [InstanceAtom(attribute.owner, owner)]
         case _:
             return []
 

@@ -20,6 +20,7 @@ from envgraph.match.views._operators import Evaluated, Hook, Operator, View
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Member
+from envgraph.metamodel import Attribute
 from envgraph.pattern import AttributeAtom, CallAtom, ClosureAtom, InstanceAtom, LinkAtom
 
 Consumer = tuple[Hook, Hook]
@@ -283,7 +284,7 @@ class Wiring:
 def _key(place: Occurrence) -> Key | None:
     """The relation of an occurrence; None for a class, which has functions of its own."""
     match place.relation:
-        case AttributeAtom(attribute):
+        case AttributeAtom(attribute) | LinkAtom(Attribute() as attribute):
             return "value", attribute.index
         case LinkAtom(reference):
             return "link", reference.index
