@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from envgraph.metamodel import Metamodel
     from envgraph.pattern import Derivation
     from envgraph.rewrite import Engine
+    from envgraph.search import make, make_vec
 
 __version__ = "0.1.0"
 
@@ -31,6 +32,8 @@ _HOME = {
     "Rule": "envgraph.lang",
     "Unit": "envgraph.lang",
     "load": "envgraph.lang",
+    "make": "envgraph.search",
+    "make_vec": "envgraph.search",
     "open": "envgraph.lang",
 }
 
@@ -47,6 +50,8 @@ __all__ = [
     "Unit",
     "__version__",
     "load",
+    "make",
+    "make_vec",
     "open",
 ]
 

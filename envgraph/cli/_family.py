@@ -127,12 +127,17 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
     if format not in formats:
         hint = did_you_mean(format, formats) or f"there are {', '.join(formats)}"
         raise InvalidArgument(f"unknown format `{format}`; {hint}")
-    text = formats[format](open_family(run, directory))
+    family = open_family(run, directory)
+    text = formats[format](family)
     if output is None:
         sys.stdout.write(text if format == "svg" else printable_json(text))
         return
     replace_file(output, text)
     print_line(f"wrote {output}")
+    if format == "family" and family.domain.behaviour is not None:
+        target = family.members[-1].name
+        print_line(f"env = envgraph.make({str(output)!r}, variant={target!r})")
+        print_line(f"envs = envgraph.make_vec({str(output)!r}, num_envs=8, variant={target!r})")
 
 
 def import_family(file: Path, domain: str, name: str | None, directory: Path, format: OutputFormat) -> None:

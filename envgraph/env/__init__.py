@@ -10,6 +10,8 @@ Importing the package registers the bundled environments (`envgraph/BurningFores
 200
 """
 
+from gymnasium.envs.registration import EnvSpec
+
 from envgraph.env._behaviour import (
     Action,
     Agent,
@@ -45,7 +47,14 @@ from envgraph.env._table_file import read_explored, write_explored
 from envgraph.env._tabular import Tabular
 from envgraph.env._text import scene_text, scene_title
 from envgraph.env._vector import EnvgraphVectorEnv
-from envgraph.env.registration import register, register_entry_point
+from envgraph.env.registration import (
+    Environment,
+    VectorEnvironment,
+    environment_spec,
+    make_vec_spec,
+    register,
+    register_entry_point,
+)
 
 __all__ = [
     "DEFAULT_LIMIT",
@@ -61,9 +70,11 @@ __all__ = [
     "EachStep",
     "Edge",
     "Effect",
+    "EnvSpec",
     "EnvgraphEnv",
     "EnvgraphLiveEnv",
     "EnvgraphVectorEnv",
+    "Environment",
     "Explored",
     "GraphScene",
     "GridScene",
@@ -83,12 +94,15 @@ __all__ = [
     "Simulator",
     "Tabular",
     "Token",
+    "VectorEnvironment",
     "can_end",
     "check_behaviour",
     "enumerate_states",
+    "environment_spec",
     "explore",
     "indexed_classes",
     "legend",
+    "make_vec_spec",
     "read_explored",
     "register",
     "register_entry_point",

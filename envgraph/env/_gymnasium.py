@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any, Literal
 
 import gymnasium
@@ -19,7 +20,7 @@ from envgraph.env._scene import Scene
 from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import Tabular
 from envgraph.env._text import scene_text
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, listed
 
 ObservationKind = Literal["index", "multi"]
 
@@ -48,6 +49,20 @@ def components(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> ND
     """The components of observations given by index, on a new last axis; the first component varies fastest."""
     parts = np.unravel_index(observation, tuple(shape) or (1,), order="F")
     return np.stack([np.asarray(part, dtype=np.int64) for part in parts], axis=-1)
+
+
+def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> dict[str, Any]:
+    """The options of a reset.
+
+    Raises:
+        InvalidArgument: one of them means nothing.
+    """
+    for name in options or {}:
+        if name not in known:
+            there_are = f"there is {listed(known)}" if known else "there are none here"
+            hint = "another variant is another environment" if name == "variant" else there_are
+            raise InvalidArgument(f"unknown option `{name}` of a reset: {hint}")
+    return options or {}
 
 
 class _Environment(gymnasium.Env[Any, Any]):
@@ -112,7 +127,7 @@ class EnvgraphEnv(_Environment):
     `agent`, the one that acts next. Time limits are Gymnasium's own: registered, or `gymnasium.wrappers.TimeLimit`.
     Stepping on after the end of an episode is an error.
 
-    `reset(options={"state": s})` begins in state s.
+    `reset(options={"state": s})` begins in state s; other options are refused.
 
     Args:
         tabular: the states.
@@ -153,8 +168,9 @@ class EnvgraphEnv(_Environment):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
         """Begin an episode in one of the start states."""
+        wanted = known_options(options, ("state",)).get("state")
         super().reset(seed=seed)
-        self._state = self._start((options or {}).get("state"))
+        self._state = self._start(wanted)
         self._begin()
         return self._observed(self._flat.observation[self._state]), self._info(success=False)
 
@@ -162,8 +178,8 @@ class EnvgraphEnv(_Environment):
         if wanted is None:
             place = bisect_right(self._flat.start_sums, self.np_random.random())
             return int(self.tabular.start_states[place])
-        if not 0 <= int(wanted) < self.tabular.n_states:
-            raise InvalidArgument(f"there is no state {wanted!r}")
+        if not isinstance(wanted, Integral) or not 0 <= int(wanted) < self.tabular.n_states:
+            raise InvalidArgument(f"there is no state {wanted!r}, but 0..{self.tabular.n_states - 1}")
         return int(wanted)
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
@@ -249,6 +265,7 @@ class EnvgraphLiveEnv(_Environment):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
         """Begin an episode in one of the start states."""
+        known_options(options)
         super().reset(seed=seed)
         index = self.simulator.reset(self.np_random)
         self._begin()

@@ -12,12 +12,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from envgraph.env._gymnasium import SUCCESS, ObservationKind, components, observation_space
+from envgraph.env._gymnasium import SUCCESS, ObservationKind, components, known_options, observation_space
 from envgraph.env._pixels import scene_rgb
 from envgraph.env._sampling import cumulative
 from envgraph.env._scene import Scene
 from envgraph.env._tabular import Tabular
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, listed
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -28,9 +28,13 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
     """Copies of one environment, or members of a family side by side, stepped by NumPy indexing.
 
     Environment i is table i modulo the number of tables; all tables need the same actions and observations, as the
-    members of a family have. An environment whose episode ended is reset by the next step, which ignores its action
-    (Gymnasium's `NEXT_STEP`). Infos are arrays: `state`, `step`, `success`, and where several agents take turns
-    `agent`, the names of those that act next.
+    members of a family have. Infos are arrays: `state`, `step`, `success`, and where several agents take turns `agent`,
+    the names of those that act next; `_state` and so on say for which environments.
+
+    The autoreset mode says what happens after the end of an episode, as Gymnasium has it. NEXT_STEP: the next step
+    ignores the action of that environment, and begins anew. SAME_STEP: the step that ends an episode also begins the
+    next one; `final_obs` and `final_info` are those of the end. DISABLED: `reset(options={"reset_mask": mask})` begins
+    anew where the mask, an array of bools, says so; stepping an environment that has ended is an error.
 
     Args:
         tabulars: one table, or several.
@@ -39,6 +43,7 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         pictures: scenes of every state of each table; needed for rendering alone.
         render_mode: None or "rgb_array".
         observation: "index" or "multi".
+        autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
 
     Raises:
         InvalidArgument: no table, tables that differ in actions or observations, or a count below 1.
@@ -59,6 +64,7 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         pictures: Sequence[Sequence[Scene]] = (),
         render_mode: str | None = None,
         observation: ObservationKind = "index",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         tables = (tabulars,) if isinstance(tabulars, Tabular) else tuple(tabulars)
         self.num_envs = len(tables) if num_envs is None else num_envs
@@ -66,6 +72,8 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         if render_mode is not None and (render_mode != "rgb_array" or len(pictures) != len(tables)):
             raise InvalidArgument("rendering needs `rgb_array` and the pictures of every table")
         first = tables[0]
+        self.autoreset_mode = _mode(autoreset_mode)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
         self.max_episode_steps = max_episode_steps
         self.single_action_space = spaces.Discrete(first.n_actions)
@@ -106,34 +114,73 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Ints, dict[str, Any]]:
-        """Begin an episode in every environment."""
+        """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
+        mask = self._mask(known_options(options, ("reset_mask",)).get("reset_mask"))
         super().reset(seed=seed)
-        self._steps: Ints = np.zeros(self.num_envs, dtype=np.int64)
-        self._done: Bools = np.zeros(self.num_envs, dtype=np.bool_)
-        self._state = self._drawn_starts()
-        return self._observed(), self._info(np.zeros(self.num_envs, dtype=np.bool_))
+        if self._state is None:
+            self._state = np.zeros(self.num_envs, dtype=np.int64)
+            self._steps: Ints = np.zeros(self.num_envs, dtype=np.int64)
+            self._done: Bools = np.zeros(self.num_envs, dtype=np.bool_)
+        self._begin(mask)
+        return self._observed(), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask)
+
+    def _mask(self, wanted: Any) -> Bools:
+        """Which environments to reset."""
+        if wanted is None:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        mask = np.asarray(wanted)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise InvalidArgument(
+                f"`reset_mask` is an array of {self.num_envs} bools, at least one of them True"
+            )
+        if self._state is None and not mask.all():
+            raise ResetNeeded("the first `reset` is one of all environments")
+        return mask
+
+    def _begin(self, mask: Bools) -> None:
+        """Draw a start for some environments."""
+        assert self._state is not None
+        self._state = np.where(mask, self._drawn_starts(), self._state)
+        self._steps = np.where(mask, 0, self._steps)
+        self._done = self._done & ~mask
 
     def step(self, actions: Any) -> tuple[Ints, Floats, Bools, Bools, dict[str, Any]]:
-        """Do one action in every environment; those that ended in the step before begin anew instead."""
+        """Do one action in every environment; what happens to those that have ended says the autoreset mode."""
         state = self._state
         if state is None:
             raise ResetNeeded("call `reset` before `step`")
         chosen = np.asarray(actions)
         if chosen.shape != (self.num_envs,) or not ((chosen >= 0) & (chosen < self._next.shape[1])).all():
             raise InvalidArgument(f"actions are {self.num_envs} numbers in 0..{self._next.shape[1] - 1}")
+        again = self._done
+        if self.autoreset_mode is AutoresetMode.DISABLED and again.any():
+            numbers = ", ".join(map(str, np.flatnonzero(again).tolist()))
+            raise ResetNeeded(
+                f"the episodes of {numbers} are over: `reset` with a `reset_mask` begins them anew"
+            )
         uniform = self.np_random.random(self.num_envs)
         outcome = (self._sums[state, chosen] <= uniform[:, None]).sum(axis=1)
-        again = self._done
         reward = np.where(again, 0.0, self._reward[state, chosen, outcome])
         ended = np.where(again, 0, self._ended[state, chosen, outcome])
-        self._state = np.where(again, 0, self._next[state, chosen, outcome])
+        self._state = np.where(again, state, self._next[state, chosen, outcome])
+        self._steps = self._steps + ~again
         if again.any():
-            self._state[again] = self._drawn_starts()[again]
-        self._steps = np.where(again, 0, self._steps + 1)
+            self._begin(again)
         terminated = ended > 0
         truncated = self._late() & ~terminated & ~again
         self._done = terminated | truncated
-        return self._observed(), reward, terminated, truncated, self._info(ended == SUCCESS)
+        success = ended == SUCCESS
+        if self.autoreset_mode is not AutoresetMode.SAME_STEP or not self._done.any():
+            return self._observed(), reward, terminated, truncated, self._info(success)
+        final = self._final(success)
+        self._begin(self._done)
+        return (
+            self._observed(),
+            reward,
+            terminated,
+            truncated,
+            {**final, **self._info(success & ~final["_final_obs"])},
+        )
 
     def _late(self) -> Bools:
         if self.max_episode_steps is None:
@@ -149,16 +196,34 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         index = self._observation[self._state]
         return np.asarray(index if self._shape is None else components(index, self._shape))
 
-    def _info(self, success: Bools) -> dict[str, Any]:
-        every = np.ones(self.num_envs, dtype=np.bool_)
+    def _final(self, success: Bools) -> dict[str, Any]:
+        """What there is to see of the episodes that are over."""
+        over, observed = self._done.copy(), self._observed()
+        seen = np.full(self.num_envs, None, dtype=object)
+        for place in np.flatnonzero(over):
+            seen[place] = observed[place]
+        return {
+            "final_obs": seen,
+            "_final_obs": over,
+            "final_info": self._info(success, over),
+            "_final_info": over.copy(),
+        }
+
+    def _info(self, success: Bools, mask: Bools | None = None) -> dict[str, Any]:
+        """Infos of the environments of the mask, of all for None."""
         values: dict[str, NDArray[Any]] = {
             "state": self._state - self._first[self._which],
             "step": self._steps.copy(),
-            "success": success,
+            "success": success.copy(),
         }
         if self._agent is not None:
             values["agent"] = self._agent[self._state]
-        return {**values, **{f"_{name}": every.copy() for name in values}}
+        if mask is None:
+            mask = np.ones(self.num_envs, dtype=np.bool_)
+        else:
+            for name, value in values.items():
+                value[~mask] = None if name == "agent" else 0
+        return {**values, **{f"_{name}": mask.copy() for name in values}}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """One picture an environment, or None without a render mode."""
@@ -169,6 +234,14 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         states = self._state - self._first[self._which]
         places = zip(self._which.tolist(), states.tolist(), strict=True)
         return tuple(scene_rgb(self._pictures[table][state]) for table, state in places)
+
+
+def _mode(wanted: AutoresetMode | str) -> AutoresetMode:
+    try:
+        return AutoresetMode(wanted)
+    except ValueError:
+        modes = listed(mode.value for mode in AutoresetMode)
+        raise InvalidArgument(f"unknown autoreset mode {wanted!r}: there are {modes}") from None
 
 
 def _check(tables: Sequence[Tabular], num_envs: int, max_episode_steps: int | None) -> None:

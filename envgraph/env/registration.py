@@ -13,8 +13,12 @@ from typing import Any
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
+from gymnasium.vector import VectorEnv
 
 from envgraph.errors import InvalidArgument
+
+Environment = gymnasium.Env[Any, Any]
+VectorEnvironment = VectorEnv[Any, Any, Any]
 
 NAMESPACE = "envgraph"
 
@@ -28,6 +32,63 @@ BUNDLED = (
     ("Warehouse", "warehouse", 300, True),
 )
 """Name, folder under `rules/`, time limit, and whether there are too many states for a table, of every bundled one."""
+
+
+def environment_spec(
+    name: str,
+    /,
+    *,
+    entry_point: str = MAKE_ENVIRONMENT,
+    vector_entry_point: str | None = MAKE_VECTOR_ENVIRONMENT,
+    limit: int | None = None,
+    **kwargs: Any,
+) -> EnvSpec:
+    """What Gymnasium has to know to make `envgraph/<name>-v0`; the arguments are those of `register`.
+
+    Raises:
+        InvalidArgument: the name is malformed.
+    """
+    try:
+        return EnvSpec(
+            f"{NAMESPACE}/{name}-v0",
+            entry_point=entry_point,
+            vector_entry_point=vector_entry_point,
+            max_episode_steps=limit,
+            kwargs=kwargs,
+        )
+    except gymnasium.error.Error as error:
+        raise InvalidArgument(f"`{name}` cannot name an environment: {error}") from None
+
+
+def make_vec_spec(
+    spec: EnvSpec,
+    num_envs: int,
+    *,
+    vectorization_mode: str | None = None,
+    autoreset_mode: Any = None,
+    vector_kwargs: dict[str, Any] | None = None,
+    **options: Any,
+) -> VectorEnvironment:
+    """`gymnasium.make_vec` of what need not be registered.
+
+    Args:
+        spec: what to make; its vector entry point is not for environments that are `live`.
+        num_envs: how many.
+        vectorization_mode: as Gymnasium has it.
+        autoreset_mode: for the vector environment, whichever makes it.
+        vector_kwargs: as Gymnasium has it.
+        options: passed on to `gymnasium.make_vec`.
+    """
+    if vectorization_mode is None and options.get("live"):
+        vectorization_mode = "sync"
+    if autoreset_mode is not None:
+        if vectorization_mode in ("sync", "async"):
+            vector_kwargs = {**(vector_kwargs or {}), "autoreset_mode": autoreset_mode}
+        else:
+            options["autoreset_mode"] = autoreset_mode
+    return gymnasium.make_vec(
+        spec, num_envs, vectorization_mode=vectorization_mode, vector_kwargs=vector_kwargs, **options
+    )
 
 
 def register(
@@ -54,29 +115,21 @@ def register(
     Raises:
         InvalidArgument: the id stands for something else already, or is malformed.
     """
-    id_ = f"{NAMESPACE}/{name}-v0"
-    try:
-        wanted = EnvSpec(
-            id_,
-            entry_point=entry_point,
-            vector_entry_point=vector_entry_point,
-            max_episode_steps=limit,
-            kwargs=kwargs,
-        )
-    except gymnasium.error.Error as error:
-        raise InvalidArgument(f"`{name}` cannot name an environment: {error}") from None
-    known = gymnasium.registry.get(id_)
+    wanted = environment_spec(
+        name, entry_point=entry_point, vector_entry_point=vector_entry_point, limit=limit, **kwargs
+    )
+    known = gymnasium.registry.get(wanted.id)
     if known is None:
         gymnasium.register(
-            id_,
+            wanted.id,
             entry_point=entry_point,
             vector_entry_point=vector_entry_point,
             max_episode_steps=limit,
             kwargs=kwargs,
         )
     elif known != wanted:
-        raise InvalidArgument(f"`{id_}` is registered already, for something else")
-    return id_
+        raise InvalidArgument(f"`{wanted.id}` is registered already, for something else")
+    return wanted.id
 
 
 def register_entry_point() -> None:

@@ -7,7 +7,7 @@
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
 from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
-from envgraph.search._environment import make_environment, make_vector_environment
+from envgraph.search._environment import make, make_environment, make_vec, make_vector_environment
 from envgraph.search._evolution import Evolution, Settings
 from envgraph.search._family import (
     Family,
@@ -98,7 +98,9 @@ __all__ = [
     "generate",
     "grid_rows",
     "import_ga4cl",
+    "make",
     "make_environment",
+    "make_vec",
     "make_vector_environment",
     "open_family",
     "option_problems",

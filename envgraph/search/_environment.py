@@ -1,4 +1,4 @@
-"""What `gymnasium.make` calls for a family member."""
+"""Members of families as Gymnasium environments: `envgraph.make`, and what `gymnasium.make` calls."""
 
 from __future__ import annotations
 
@@ -8,22 +8,95 @@ from pathlib import Path
 from typing import Any, Literal
 
 from envgraph.env import (
-    Behaviour,
     EnvgraphEnv,
     EnvgraphLiveEnv,
     EnvgraphVectorEnv,
-    Explored,
+    Environment,
+    EnvSpec,
     Simulator,
+    VectorEnvironment,
+    environment_spec,
+    make_vec_spec,
 )
 from envgraph.errors import InvalidArgument
+from envgraph.graph import model_to_json
 from envgraph.search._domain import Domain
-from envgraph.search._family import open_family
-from envgraph.search._tables import Tables
+from envgraph.search._family import Family, Member, open_family, run_file
+from envgraph.search._store import dump_json
+
+Location = str | PathLike[str]
+
+
+def make(
+    family: Location | None = None,
+    variant: int | str | None = None,
+    *,
+    domain: Location | None = None,
+    **options: Any,
+) -> Environment:
+    """The Gymnasium environment of one member of a family, with the time limit of the family.
+
+    Like `gymnasium.make`, without a name that would have to be registered: `env.spec` makes the environment again.
+
+    Args:
+        family: a family file (`envgraph export`), a run, its name below `runs`, or its run store.
+        variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
+        domain: instead of a family: a family.toml, its directory, or the name of a bundled domain, whose own model is
+            the environment.
+        options: of `gymnasium.make` (`max_episode_steps`, `disable_env_checker`) and of `make_environment`
+            (`render_mode`, `observation`, `live`, `cell`).
+
+    Raises:
+        InvalidArgument: no such family or member, or both a family and a domain are given, or neither.
+        LoadError: the files have errors.
+        EvaluationError: too many states to visit; `live=True` steps without visiting them.
+
+    >>> make(domain="keydoor").spec.max_episode_steps
+    100
+    """
+    return _spec(family, domain).make(**_given(variant=variant), **options)
+
+
+def make_vec(
+    family: Location | None = None,
+    num_envs: int = 1,
+    variant: int | str | Sequence[int | str] | None = None,
+    *,
+    domain: Location | None = None,
+    **options: Any,
+) -> VectorEnvironment:
+    """Many environments at once, stepped by array indexing; like `gymnasium.make_vec`, and the arguments of `make`.
+
+    Args:
+        family, domain: as for `make`.
+        num_envs: how many.
+        variant: as for `make`, or a list, whose members take turns: `num_envs=60, variant=["E1", "E2"]` gives thirty
+            of each.
+        options: of `gymnasium.make_vec`, of `make_vector_environment`, and `live`. `vectorization_mode` "sync" or
+            "async" steps single environments instead, as `live=True` does; `autoreset_mode` is for all of them.
+    """
+    return make_vec_spec(_spec(family, domain), num_envs, **_given(variant=variant), **options)
+
+
+def _spec(family: Location | None, domain: Location | None) -> EnvSpec:
+    """What Gymnasium has to know; places are absolute, so that other processes make the same."""
+    if family is not None and domain is not None:
+        raise InvalidArgument("give a `family` or a `domain`, not both")
+    place = None if domain is None else str(domain)
+    if family is not None:
+        path = Path(family)
+        family = str((path if path.suffix == ".json" else run_file(path)).resolve())
+    opened = _opened(place, family)
+    return environment_spec(opened.behaviour.name, limit=opened.limit, **_given(domain=place, family=family))
+
+
+def _given(**values: object) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def make_environment(
     domain: str | None = None,
-    family: str | PathLike[str] | None = None,
+    family: Location | None = None,
     variant: int | str | None = None,
     *,
     render_mode: str | None = None,
@@ -31,7 +104,7 @@ def make_environment(
     live: bool = False,
     **options: Any,
 ) -> EnvgraphEnv | EnvgraphLiveEnv:
-    """The Gymnasium environment of one member of a family.
+    """What `gymnasium.make` calls: one member of a family, without a time limit.
 
     Args:
         domain: where the behaviour and the initial model come from when there is no family: a family file, its
@@ -40,83 +113,89 @@ def make_environment(
         variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
         render_mode: None, "ansi" or "rgb_array".
         observation: "index" for one number, "multi" for its components.
-        live: whether to step on an engine. By default all states are visited now, which makes steps faster, but there
-            must not be too many of them. Episodes are the same.
+        live: whether to step on an engine. By default the table of all states is used, which makes steps faster, but
+            there must not be too many of them. Episodes are the same.
         options: passed on to `EnvgraphEnv`, or `EnvgraphLiveEnv`.
 
     Raises:
-        InvalidArgument: no such family or member, or neither a domain nor a family is given.
+        InvalidArgument: no such family or member, or neither a domain nor a family is given, or the family is of
+            another environment than the domain.
         LoadError: the files have errors.
         EvaluationError: too many states to visit.
     """
+    opened = _opened(domain, family, () if variant is None else (variant,))
+    member = opened.member(variant)
+    environment: EnvgraphEnv | EnvgraphLiveEnv
     if live:
-        simulator = _simulator(domain, family, variant)
-        return EnvgraphLiveEnv(simulator, render_mode=render_mode, observation=observation, **options)
-    variants = () if variant is None else (variant,)
-    (found,) = _explored(domain, family, variants, pictures=render_mode is not None)
-    return EnvgraphEnv(
-        found.tabular, pictures=found.pictures, render_mode=render_mode, observation=observation, **options
-    )
+        simulator = Simulator(opened.domain.engine(opened.model(member)), opened.behaviour, opened.keys)
+        environment = EnvgraphLiveEnv(simulator, render_mode=render_mode, observation=observation, **options)
+    else:
+        found = opened.explored(member, pictures=render_mode is not None)
+        environment = EnvgraphEnv(
+            found.tabular,
+            pictures=found.pictures,
+            render_mode=render_mode,
+            observation=observation,
+            **options,
+        )
+    if opened.behaviour.draw is None:
+        environment.metadata = {**environment.metadata, "render_modes": []}
+    return environment
 
 
 def make_vector_environment(
     num_envs: int = 1,
     domain: str | None = None,
-    family: str | PathLike[str] | None = None,
+    family: Location | None = None,
     variant: int | str | Sequence[int | str] | None = None,
     *,
     render_mode: str | None = None,
-    observation: Literal["index", "multi"] = "index",
-    max_episode_steps: int | None = None,
+    **options: Any,
 ) -> EnvgraphVectorEnv:
-    """The vector environment that `gymnasium.make_vec` makes: `num_envs` environments, stepped by array indexing.
+    """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by array indexing.
 
     The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
-    `num_envs=60, variant=["E1", "E2"]` gives thirty of each.
+    `num_envs=60, variant=["E1", "E2"]` gives thirty of each. The options are those of `EnvgraphVectorEnv`.
     """
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
-    found = _explored(domain, family, variants, pictures=render_mode is not None)
+    opened = _opened(domain, family, variants)
+    members = [opened.member(one) for one in variants or (None,)]
+    found = [opened.explored(member, pictures=render_mode is not None) for member in members]
     return EnvgraphVectorEnv(
         [one.tabular for one in found],
         num_envs,
         pictures=[one.pictures for one in found],
         render_mode=render_mode,
-        observation=observation,
-        max_episode_steps=max_episode_steps,
+        **options,
     )
 
 
-def _explored(
-    domain: str | None, family: str | PathLike[str] | None, variants: Sequence[int | str], *, pictures: bool
-) -> list[Explored]:
-    """The tables of members by names or numbers; of the target of a family, or the domain's own model, for none."""
+def _opened(domain: str | None, family: Location | None, variants: Sequence[int | str] = ()) -> Family:
+    """A family; for a domain without one, that of its own model alone."""
     if family is not None:
         opened = open_family(Path(family))
-        return [opened.explored(opened.member(one), pictures=pictures) for one in variants or (None,)]
-    loaded, behaviour = _loaded(domain, *variants)
-    tables = Tables.of_user()
-    return [tables.explored(loaded, behaviour, loaded.initial(), loaded.keys(), pictures=pictures)]
-
-
-def _simulator(
-    domain: str | None, family: str | PathLike[str] | None, variant: int | str | None
-) -> Simulator:
-    """A member of a family, or the domain's own model, on an engine of its own."""
-    if family is not None:
-        opened = open_family(Path(family))
-        engine = opened.domain.engine(opened.model(opened.member(variant)))
-        return Simulator(engine, opened.behaviour, opened.keys)
-    loaded, behaviour = _loaded(domain, variant)
-    return Simulator(loaded.engine(), behaviour, loaded.keys())
-
-
-def _loaded(domain: str | None, *variants: int | str | None) -> tuple[Domain, Behaviour]:
-    """A domain without a family, and its behaviour."""
-    if any(variant is not None for variant in variants):
+        if domain is not None:
+            _check_same(opened, str(family), _of_model(domain), domain)
+        return opened
+    if variants:
         raise InvalidArgument("`variant` names a member of a family: give `family` as well")
     if domain is None:
         raise InvalidArgument("give a `family`, or a `domain`")
+    return _of_model(domain)
+
+
+def _of_model(domain: str) -> Family:
     loaded = Domain.load(domain)
     if loaded.behaviour is None:
         raise InvalidArgument(f"`{domain}` has no environment: its family file names none")
-    return loaded, loaded.behaviour
+    model = dump_json(model_to_json(loaded.initial()))
+    return Family(
+        loaded.spec.name, loaded.workspace.bundle(), (Member("E1", {}, model, initial=True),), loaded
+    )
+
+
+def _check_same(opened: Family, family: str, own: Family, domain: str) -> None:
+    if (opened.behaviour, opened.limit) != (own.behaviour, own.limit):
+        raise InvalidArgument(
+            f"family `{opened.name}` is not of the environment of `{domain}`; `envgraph.make({family!r})` makes it"
+        )

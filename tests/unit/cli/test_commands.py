@@ -13,9 +13,11 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import envgraph as package
 from envgraph.cli import main
 from envgraph.lang import bundled_domain
 
@@ -315,7 +317,11 @@ def test_generate_show_and_export_agree(envgraph: Envgraph, tmp_path: Path) -> N
     ok(envgraph("export", "a", "--format", "ga4cl", "-o", "a.json"))
     maps = json.loads((tmp_path / "a.json").read_text())["environments"]
     assert [m["complexity"] for m in maps] == [m["measures"]["complexity"] for m in shown["members"]]  # type: ignore[index]
-    ok(envgraph("export", "a", "-o", "family.json"))
+    said = ok(envgraph("export", "a", "-o", "family.json")).out.splitlines()
+    assert said[0] == "wrote family.json"
+    made: dict[str, Any] = {"envgraph": package}
+    exec("\n".join(said[1:]), made)
+    assert (made["env"].spec.max_episode_steps, made["envs"].num_envs) == (200, 8)
     assert ok(envgraph("show", "family.json", "--format", "json")).json == shown
     assert ok(envgraph("export", "a", "--format", "svg")).out.count("<tspan") == 3
     assert "E2" in ok(envgraph("show", "a", "--variant", "E2")).out

@@ -111,7 +111,21 @@ def test_actions_and_states_are_checked() -> None:
         env.step(4)
     with pytest.raises(InvalidArgument, match="no state"):
         env.reset(options={"state": 10_000})
-    assert env.reset(options={"state": 7})[1]["state"] == 7
+    with pytest.raises(InvalidArgument, match="no state 'x'"):
+        env.reset(options={"state": "x"})
+    assert env.reset(options={"state": np.int64(7)})[1]["state"] == 7
+
+
+def test_options_of_a_reset_that_mean_nothing_are_refused() -> None:
+    env, live = EnvgraphEnv(TARGET.tabular), make("live")
+    with pytest.raises(
+        InvalidArgument, match="unknown option `variant` of a reset: another variant is another"
+    ):
+        env.reset(options={"variant": 2})
+    with pytest.raises(InvalidArgument, match="unknown option `stat` of a reset: there is `state`"):
+        env.reset(options={"stat": 2})
+    with pytest.raises(InvalidArgument, match="unknown option `state` of a reset: there are none here"):
+        live.reset(options={"state": 2})
 
 
 def test_components_are_those_of_the_index() -> None:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from envgraph.env import EnvgraphEnv, EnvgraphVectorEnv, explore
 from envgraph.errors import InvalidArgument
@@ -108,3 +112,64 @@ def test_wrong_arguments_are_refused() -> None:
         EnvgraphVectorEnv(TABLES, max_episode_steps=0)
     with pytest.raises(InvalidArgument, match="pictures"):
         EnvgraphVectorEnv(TABLES, render_mode="rgb_array")
+
+
+@pytest.mark.parametrize("observation", ["index", "multi"])
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_every_autoreset_mode_is_gymnasiums(mode: AutoresetMode, observation: str) -> None:
+    """Step by step the same as Gymnasium's own vector of the single environments, infos included."""
+
+    def single(table: int) -> gymnasium.Env[object, object]:
+        env = EnvgraphEnv(TABLES[table], observation=observation)  # type: ignore[arg-type]
+        return gymnasium.wrappers.TimeLimit(env, 7)
+
+    theirs = SyncVectorEnv([partial(single, number) for number in range(6)], autoreset_mode=mode)
+    ours = EnvgraphVectorEnv(
+        TABLES,
+        max_episode_steps=7,
+        observation=observation,
+        autoreset_mode=mode.value,  # type: ignore[arg-type]
+    )
+    assert ours.metadata["autoreset_mode"] is mode
+    assert same(ours.reset(seed=1), theirs.reset(seed=1))
+    rng, ends = np.random.default_rng(2), 0
+    for _ in range(40):
+        actions = rng.integers(4, size=6)
+        found, (seen, rewards, ended, late, infos) = ours.step(actions), theirs.step(actions)
+        assert same(found, (seen, rewards, ended, late & ~ended, infos))  # what has ended is not cut short
+        over = found[2] | found[3]
+        ends += int(over.sum())
+        if mode is AutoresetMode.DISABLED and over.any():
+            with pytest.raises(ResetNeeded, match=f"the episodes of .*{np.flatnonzero(over)[0]}.* are over"):
+                ours.step(actions)
+            options = {"reset_mask": over}
+            assert same(ours.reset(options=dict(options)), theirs.reset(options=dict(options)))
+    assert ends > 20
+
+
+def same(one: object, other: object) -> bool:
+    """Whether results of vector environments are equal, arrays and what they are in."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(same(one[name], other[name]) for name in one)
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    mine, others = np.asarray(one), np.asarray(other)
+    if mine.dtype == object:
+        return mine.shape == others.shape and all(map(np.array_equal, mine, others))
+    return mine.dtype == others.dtype and np.array_equal(mine, others)
+
+
+def test_resets_take_options_that_they_know() -> None:
+    many = EnvgraphVectorEnv(TABLES[:2])
+    with pytest.raises(ResetNeeded, match="of all environments"):
+        many.reset(options={"reset_mask": np.array([True, False])})
+    many.reset()
+    for mask in ([True], [False, False], [1, 0], "yes"):
+        with pytest.raises(InvalidArgument, match="2 bools"):
+            many.reset(options={"reset_mask": mask})
+    with pytest.raises(InvalidArgument, match="unknown option `state` of a reset: there is `reset_mask`"):
+        many.reset(options={"state": 3})
+    with pytest.raises(
+        InvalidArgument, match="unknown autoreset mode 'never': there are `Disabled`, `NextStep`"
+    ):
+        EnvgraphVectorEnv(TABLES, autoreset_mode="never")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -11,8 +14,10 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import envgraph
 import envgraph.env
 from envgraph.errors import InvalidArgument, Source
+from envgraph.lang import bundled_domain
 from envgraph.learn import FamilyMember, TrainingSettings, greedy_return, run_experiment, sequences
 from envgraph.search import Family, import_ga4cl, write_family
 from tests.unit.learn.forest_tables import forest
@@ -142,6 +147,83 @@ def test_a_vector_environment_truncates_after_the_registered_limit(family_file: 
     vector.reset(seed=0)
     cut = [vector.step(np.array([3, 3]))[3].tolist() for _ in range(200)]
     assert cut == [[False, False]] * 199 + [[True, True]]
+
+
+def test_one_line_makes_a_member_of_a_family(family_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(family_file.parent)
+    env = envgraph.make(family_file.name, variant=6)
+    assert env.spec is not None
+    assert (env.spec.id, env.spec.max_episode_steps) == (ID, 200)
+    monkeypatch.chdir("/")
+    again = gymnasium.make(env.spec, render_mode="ansi")
+    assert env.reset(seed=0) == again.reset(seed=0)
+    assert env.step(2) == again.step(2)
+    check_env(again.unwrapped)
+    assert envgraph.make(family_file, max_episode_steps=3, observation="multi").reset()[0].tolist() == [0, 0]
+
+
+def test_the_limit_is_that_of_the_family(family_file: Path, tmp_path: Path) -> None:
+    data = json.loads(family_file.read_text(encoding="utf-8"))
+    data["texts"]["family.toml"] = "limit = 5\n" + data["texts"]["family.toml"]
+    path = tmp_path / "short.json"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    env = envgraph.make(path, 1)
+    env.reset(seed=0)
+    assert [env.step(3)[3] for _ in range(5)] == [False] * 4 + [True]
+    many = envgraph.make_vec(path, num_envs=3, variant=1)
+    many.reset(seed=0)
+    assert [many.step(np.full(3, 3))[3].tolist() for _ in range(5)][4] == [True] * 3
+    with pytest.raises(InvalidArgument, match=r"`envgraph\.make\('.*short\.json'\)` makes it"):
+        gymnasium.make(ID, family=path)
+
+
+@pytest.mark.parametrize("options", [{}, {"vectorization_mode": "sync"}, {"live": True}])
+def test_one_line_makes_many(family_file: Path, options: dict[str, object]) -> None:
+    many = envgraph.make_vec(family_file, num_envs=2, variant="E1", autoreset_mode="SameStep", **options)
+    assert isinstance(many, envgraph.env.EnvgraphVectorEnv) == (not options)
+    assert many.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
+    many.reset(seed=0)
+    steps = [many.step(np.array([3, 3])) for _ in range(200)]
+    many.close()
+    assert steps[-1][3].tolist() == [True, True]
+    assert steps[-1][4]["step"].tolist() == [0, 0]
+    assert steps[-1][4]["final_info"]["step"].tolist() == [200, 200]
+
+
+def test_members_take_turns_in_a_vector_of_a_family(family_file: Path) -> None:
+    many = envgraph.make_vec(family_file, 4, ["E1", "E6"])
+    alone = [envgraph.make(family_file, name).unwrapped.tabular.n_states for name in ("E1", "E6")]  # type: ignore[attr-defined]
+    assert many.unwrapped._next.shape[0] == sum(alone)  # type: ignore[attr-defined]
+
+
+def test_what_makes_no_environment_is_told(family_file: Path) -> None:
+    with pytest.raises(InvalidArgument, match="not of the environment of `keydoor`"):
+        gymnasium.make("envgraph/KeyDoor-v0", family=family_file)
+    with pytest.raises(InvalidArgument, match="not both"):
+        envgraph.make(family_file, domain="keydoor")
+    with pytest.raises(InvalidArgument, match="give a `family`, or a `domain`"):
+        envgraph.make()
+    with pytest.raises(InvalidArgument, match="there is no run `nowhere`"):
+        envgraph.make("nowhere")
+    with pytest.raises(InvalidArgument, match="no environment `E9`"):
+        envgraph.make_vec(family_file, variant=["E1", "E9"])
+
+
+def test_the_names_of_envgraph_bring_gymnasium_along_only_when_they_are_used() -> None:
+    code = "import sys, envgraph; print('gymnasium' in sys.modules); envgraph.make; print('gymnasium' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["False", "True"]
+
+
+def test_an_environment_without_a_drawing_passes_the_checker(tmp_path: Path) -> None:
+    shutil.copytree(bundled_domain("keydoor"), tmp_path / "plain")
+    path = tmp_path / "plain" / "keydoor.environment"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("draw grid Cell at (x, y) with hero at hero.at", ""), encoding="utf-8")
+    for live in (False, True):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            check_env(envgraph.make(domain=tmp_path / "plain", live=live).unwrapped)
 
 
 def test_pictures_show_the_map(family_file: Path) -> None:
