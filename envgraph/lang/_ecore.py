@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 
 from envgraph.errors import (
@@ -22,10 +23,11 @@ from envgraph.errors import (
     name_hint,
     sort_diagnostics,
 )
-from envgraph.lang._ecore_document import EcoreDocument
+from envgraph.lang._ecore_document import EcoreDocument, ecore_itself, without_values
 from envgraph.lang._ecore_names import Enough, Joint, Names, Target, inside
 from envgraph.lang._ecore_types import (
     ECORE,
+    ECORE_TYPES,
     DataType,
     java_type,
     too_large,
@@ -54,30 +56,22 @@ _OWN = "envgraph"
 _DEEPEST = 50
 
 
-_TYPED = "name ordered unique lowerBound upperBound eType many required"
-_FEATURE = (
-    f"{_TYPED} changeable volatile transient defaultValueLiteral defaultValue unsettable derived "
-    "eContainingClass"
-)
-_CLASSIFIER = "name instanceClassName instanceTypeName defaultValue ePackage"
-_ATTRIBUTES: Mapping[str, str] = {
-    "EPackage": "name nsURI nsPrefix eFactoryInstance",
-    "EClass": f"{_CLASSIFIER} abstract interface eSuperTypes",
-    "EDataType": f"{_CLASSIFIER} serializable",
-    "EEnum": f"{_CLASSIFIER} serializable",
-    "EEnumLiteral": "name value literal instance",
-    "EAttribute": f"{_FEATURE} iD",
-    "EReference": f"{_FEATURE} containment container resolveProxies eOpposite eKeys eReferenceType",
-}
-_CHILDREN: Mapping[str, str] = {
-    "EPackage": "eClassifiers eSubpackages",
-    "EClass": "eStructuralFeatures eOperations eSuperTypes eGenericSuperTypes eTypeParameters",
-    "EDataType": "eTypeParameters",
-    "EEnum": "eLiterals eTypeParameters",
-    "EEnumLiteral": "",
-    "EAttribute": "eType eGenericType",
-    "EReference": "eType eGenericType eOpposite eKeys",
-}
+@cache
+def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
+    """The attributes that tags of a class of Ecore may have, and the tags in them, as Ecore itself says."""
+    ecore = ecore_itself()
+    classes = ecore.parts(ecore.packages[0])
+    attributes: list[str] = []
+    children: list[str] = []
+    above = [kind]
+    for name in above:
+        above += re.findall(r"\w+$", classes[name].attributes.get("eSuperTypes", ""))
+        for one in classes[name].children:
+            own = one.attributes["name"]
+            contained = one.attributes.get("containment") == "true"
+            attributes += [] if contained else [own]
+            children += [own] if one.attributes["xsi:type"] == "ecore:EReference" else []
+    return attributes, children
 
 
 def read_ecore(
@@ -93,6 +87,8 @@ def read_ecore(
         doubles: by the names of other files: the one of the documents that has the same package.
     """
     joint = Joint()
+    if any(one.needs_ecore() for one in documents) and not any(ECORE in one.uris for one in documents):
+        documents = (*documents, ecore_itself())
     readers = [_Reader(one, joint) for one in documents]
     joint.readers.extend(readers)
     joint.by_file = {one.document.source.name: one for one in readers}
@@ -122,6 +118,13 @@ def parse_ecore(source: Source) -> Metamodel:
     return found.metamodel
 
 
+_WITHOUT_VALUES: Mapping[str, str] = {
+    "derived": "a pattern can find the same",
+    "transient": 'write `transient="false"` to keep it',
+    "eType": "use references for what is in it",
+}
+
+
 @dataclass(slots=True)
 class _Marks:
     """What annotations say of a class."""
@@ -132,14 +135,6 @@ class _Marks:
     places: Places = ()
 
 
-def _left_out(element: Element) -> str | None:
-    """Why a feature holds nothing that a file could say, or None; a transient one may follow from its opposite."""
-    words = ["derived", "volatile"]
-    if "eOpposite" not in element.attributes:
-        words.append("transient")
-    return next((word for word in words if element.attributes.get(word) == "true"), None)
-
-
 def _read_all(joint: Joint, readers: Sequence[_Reader]) -> Metamodel | None:
     sound = [one for one in readers if one.begin()]
     if not sound:
@@ -148,6 +143,8 @@ def _read_all(joint: Joint, readers: Sequence[_Reader]) -> Metamodel | None:
     for reader in sound:
         reader.enter(paths)
     packages = [(path, one, reader) for reader in sound for path, one in reader.packages]
+    ecore = [(one, reader) for _, one, reader in packages if one.attributes.get("nsURI") == ECORE]
+    joint.any_object = next((reader.document.parts(one).get("EObject") for one, reader in ecore), None)
     named = _qualifiers([(path, one) for path, one, _ in packages])
     classifiers = [
         (path, one, reader) for path, package, reader in packages for one in inside(package, "eClassifiers")
@@ -318,16 +315,16 @@ class _Reader(Names):
 
     def _check_parts(self, element: Element, kind: str) -> None:
         """Attributes and tags that Ecore does not know here are typing mistakes, and would be overlooked."""
-        attributes, children = _ATTRIBUTES[kind].split(), _CHILDREN[kind].split()
+        attributes, children = _known_parts(kind)
         for key in element.attributes:
             if ":" not in key and key != "xmlns" and key not in attributes:
                 where = self.places.name_of(element.byte, key)
                 message = f"`{kind}` has no attribute `{key}`"
                 self._error("unknown-attribute", message, where, did_you_mean(key, attributes))
         for child in element.children:
-            if child.name not in (*children, "eAnnotations", "Extension"):
+            if child.name not in (*children, "Extension"):
                 message = f"`{kind}` has nothing called `{child.name}`"
-                hint = did_you_mean(child.name, (*children, "eAnnotations"))
+                hint = did_you_mean(child.name, children)
                 self._error("unknown-element", message, self.places.tag(child.byte), hint)
 
     def package(self, path: str, element: Element) -> Package:
@@ -373,6 +370,9 @@ class _Reader(Names):
             name = self._joint.names.get(target.element, "") if target.element else ""
             supertypes.append(name)
             places.append((f"extends {name}", target.span))
+        any_object = self._joint.any_object
+        if any_object and element is not any_object and not supertypes:
+            supertypes.append(self._joint.names[any_object])
         features = [one for one in map(self._feature, inside(element, "eStructuralFeatures")) if one]
         abstract = self._boolean(element, "abstract", False)
         marks = self._marks(element, features)
@@ -410,8 +410,6 @@ class _Reader(Names):
                 )
 
     def _check_class(self, element: Element) -> None:
-        for part in inside(element, "eTypeParameters"):
-            self._no_generics(self.places.tag(part.byte))
         operations = list(inside(element, "eOperations"))
         if operations:
             name = element.attributes.get("name", "")
@@ -460,19 +458,31 @@ class _Reader(Names):
         kind = self._kinds.get(element)
         if kind is None:
             return None
-        word = _left_out(element)
+        word = self._without_values(element)
         if word:
-            message = f"the {word} feature `{element.attributes.get('name', '')}` is left out"
-            hint = (
-                "a pattern can find the same" if word == "derived" else f'write `{word}="false"` to keep it'
-            )
+            what = "feature map" if word == "eType" else f"{word} feature"
+            message = f"the {what} `{element.attributes.get('name', '')}` is left out"
+            hint = _WITHOUT_VALUES[word]
             self._warn("left-out", message, self.places.name_of(element.byte, word), hint)
-            self._leave_out(element, f"it is {word}, and was left out of the metamodel")
+            why = "a feature map" if word == "eType" else word
+            self._leave_out(element, f"it is {why}, and was left out of the metamodel")
             return None
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
         if found is None:
             self._joint.lost.add(element.attributes.get("name", ""))
         return found
+
+    def _without_values(self, element: Element) -> str | None:
+        """Why a feature holds nothing: see `without_values`; of a transient pair of opposites neither does."""
+        word = without_values(element)
+        if word is None and element.attributes.get("transient") == "true":
+            other = [one.element for one in self.quietly(element, "eOpposite")]
+            word = (
+                "transient"
+                if any(one and one.attributes.get("transient") == "true" for one in other)
+                else None
+            )
+        return word
 
     def _leave_out(self, element: Element, why: str) -> None:
         name = element.attributes.get("name", "")
@@ -526,6 +536,8 @@ class _Reader(Names):
         if target.element is None:
             return None
         kind = self._kinds.get(target.element)
+        if target.element is self._joint.any_object:  # a type parameter
+            return ECORE_TYPES["EJavaObject"]
         if kind == "EEnum":
             return DataType(self._joint.enums[target.element])
         type_name = target.element.attributes.get("name", "")
@@ -621,9 +633,9 @@ class _Reader(Names):
                     "name a reference, or leave it out",
                 )
                 return None
-            if _left_out(other):
-                return None
             there_reader = target.reader
+            if without_values(other):
+                return None
             back = {one.element for one in there_reader.quietly(other, "eOpposite")}
             types = {one.element for one in there_reader.quietly(other, "eType", "eGenericType")}
             told = ("eOpposite",), ("eType", "eGenericType")

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files as package_files
 from urllib.parse import unquote
 
 from envgraph.errors import Source, Span
-from envgraph.lang._ecore_types import ECORE, library_types
+from envgraph.lang._ecore_types import ECORE, ECORE_TYPES, FEATURE_MAP, library_types
 from envgraph.lang._files import Files
 from envgraph.lang._xml import XMI, Element, XmlPlaces, read_tree
 
 _NAMING = ("eType", "eSuperTypes", "eOpposite", "eClassifier")
 _SKIPPED = ("eOperations", "eAnnotations")
-_PARTS = ("eClassifiers", "eSubpackages", "eStructuralFeatures", "eLiterals")
+_PARTS = ("eClassifiers", "eSubpackages", "eStructuralFeatures", "eLiterals", "eTypeParameters")
 _MOST = 1000
 """So many other files are looked for; that there are more is reported where they are named."""
 _UP = 12
@@ -77,17 +79,37 @@ class EcoreDocument:
         """What stands before `#` where something of another file is named, with the first place of each."""
         found: dict[str, Span] = {}
         known = {""}
+        for element, key, word in self._words():
+            document = word.rpartition("#")[0]
+            if document not in known and len(known) <= _MOST:
+                known.add(document)
+                if library_types(document) is None:
+                    found[document] = self.places.attribute(element.byte, key, word)
+        return found
+
+    def needs_ecore(self) -> bool:
+        """Whether a class of Ecore itself is named, or a type parameter stands for any object."""
+        return any(
+            word == _ANY
+            or (library_types(document) is ECORE_TYPES and part.rpartition("/")[2] not in ECORE_TYPES)
+            for _, _, word in self._words()
+            for document, _, part in [word.rpartition("#")]
+        )
+
+    def _words(self) -> Iterator[tuple[Element, str, str]]:
+        """Each word that names something, with the element and the attribute that have it."""
         waiting = [self.root] if self.root and self.is_package else []
         for element in waiting:
+            if without_values(element):
+                continue
             waiting += [child for child in element.children if child.name not in _SKIPPED]
             for key in ("href",) if element.name in _NAMING else _NAMING:
                 for word in element.attributes.get(key, "").split():
-                    document = word.rpartition("#")[0]
-                    if document not in known and len(known) <= _MOST:
-                        known.add(document)
-                        if library_types(document) is None:
-                            found[document] = self.places.attribute(element.byte, key, word)
-        return found
+                    yield element, key, word
+            if element.name == "eTypeParameters" and not any(
+                child.name == "eBounds" for child in element.children
+            ):
+                yield element, "name", _ANY
 
     # --- parts ---
 
@@ -131,6 +153,29 @@ class EcoreDocument:
                     named[child.attributes.get("name", "")] = child
             self._names[element] = named
         return self._names[element]
+
+
+_ANY = f"{ECORE}#//EObject"
+
+
+def without_values(element: Element) -> str | None:
+    """The word that says why a feature holds nothing that a file could say, or None.
+
+    A transient one may follow from its opposite.
+    """
+    attributes = element.attributes
+    if attributes.get("derived") == "true":
+        return "derived"
+    if attributes.get("transient") == "true" and "eOpposite" not in attributes:
+        return "transient"
+    return "eType" if attributes.get("eType", "").endswith(f"#//{FEATURE_MAP}") else None
+
+
+@cache
+def ecore_itself() -> EcoreDocument:
+    """The classes of Ecore, as a file that comes with the package."""
+    text = package_files("envgraph.lang").joinpath("ecore.ecore").read_text("utf-8")
+    return EcoreDocument(Source(ECORE, text))
 
 
 def ecore_path(files: Files, text: str, beside: str) -> str | None:

@@ -44,6 +44,7 @@ class Joint:
         left_out: names of features that are left out, with the features that have them.
         names: what classes and enums are called in the metamodel.
         missing: files that are named and are not there, which has been reported.
+        any_object: the class of Ecore that every class extends, where some class names it.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -56,6 +57,7 @@ class Joint:
     names: dict[Element, str] = field(default_factory=dict)
     enums: dict[Element, EnumType] = field(default_factory=dict)
     missing: set[tuple[str, str]] = field(default_factory=set)
+    any_object: Element | None = None
     errors: int = 0
     warnings: int = 0
     quiet: bool = False
@@ -95,16 +97,27 @@ class Names:
         )
 
     def _generic(self, element: Element, tag: str) -> Iterator[Target]:
-        """Types that are written as generic ones; without arguments they are plain types."""
+        """Types that are written as generic ones, by erasure: without arguments, and a parameter by its first bound."""
         for child in inside(element, tag):
-            if "eTypeParameter" in child.attributes or child.children:
-                self._no_generics(self.places.tag(child.byte))
-                continue
             yield from self._targets(child, "eClassifier")
+            for parameter in self._targets(child, "eTypeParameter"):
+                yield from self._erased(parameter)
 
-    def _no_generics(self, where: Span) -> None:
-        hint = "write a class for each type that you need"
-        self._error("generic-type", "generic types cannot be represented", where, hint)
+    def _erased(self, parameter: Target) -> Iterator[Target]:
+        """What a type parameter is at most; parameters may be bounds of each other."""
+        span, seen = parameter.span, set()
+        while parameter.element is not None and parameter.element not in seen:
+            seen.add(parameter.element)
+            bounds = list(inside(parameter.element, "eBounds"))[:1]
+            above = [one for bound in bounds for one in parameter.reader._targets(bound, "eTypeParameter")]
+            if not above:
+                found = [one for bound in bounds for one in parameter.reader._targets(bound, "eClassifier")]
+                yield from (Target(one.element, one.data, span, one.reader) for one in found)
+                if not bounds:
+                    yield Target(self._joint.any_object, None, span, self)
+                return
+            parameter = above[0]
+        self._error("generic-type", "this type parameter has no end", span, "give it a class as its bound")
 
     def _targets(self, element: Element, name: str) -> Iterator[Target]:
         """What an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
@@ -128,12 +141,12 @@ class Names:
             document = ""
         last = fragment.rpartition("/")[2]
         types = library_types(document)
-        if types is not None:
-            if last in types:
-                return Target(None, types[last], span, self)
+        if types is not None and last in types:
+            return Target(None, types[last], span, self)
+        reader, base = self._reader_of(ECORE if types is ECORE_TYPES else document)
+        if types is not None and (base is None or reader is None or not reader.document.at(fragment, base)):
             self._unknown_library_type(last, types, span)
             return None
-        reader, base = self._reader_of(document)
         if reader is None:
             self._no_file(document, last, span)
             return None
@@ -165,7 +178,7 @@ class Names:
         found = known.get(exact)
         # Files that were given, but not where this one says.
         last = path.rpartition("/")[2]
-        near = [name for name in known if name.rpartition("/")[2] == last]
+        near = [name for name, one in known.items() if name.rpartition("/")[2] == last and one is not self]
         if found is None and near and "://" not in path:
             near.sort(key=lambda name: len(posixpath.commonprefix([name[::-1], path[::-1]])))
             found = known[near[-1]]
@@ -189,21 +202,8 @@ class Names:
     def _unknown_library_type(self, name: str, types: Mapping[str, DataType], span: Span) -> None:
         if self._joint.quiet:
             return
-        if name == "EObject":
-            message, hint = (
-                "`EObject` is any object, which cannot be represented",
-                "name a class, such as a common supertype",
-            )
-        elif name in ("EFeatureMapEntry", "EStringToStringMapEntry", "EMap", "EEList"):
-            message, hint = f"`{name}` cannot be represented: there are no feature maps", "use references"
-        else:
-            message = (
-                f"Ecore has no type `{name}` that could be read"
-                if types is ECORE_TYPES
-                else f"unknown type `{name}`"
-            )
-            hint = did_you_mean(name, types) or ""
-        self._error("unknown-type", message, span, hint or None)
+        message = f"Ecore has no type `{name}`" if types is ECORE_TYPES else f"unknown type `{name}`"
+        self._error("unknown-type", message, span, did_you_mean(name, types))
 
     def _unknown_part(self, fragment: str, span: Span, reader: Names, base: Element) -> None:
         if self._joint.quiet:

@@ -39,7 +39,11 @@ _NULLABLE: Mapping[Scalar, str] = {
     Scalar.BOOL: "EBooleanObject",
     Scalar.STRING: "EString EChar ECharacterObject",
 }
-_AS_TEXT = "EDate EByteArray EJavaClass EJavaObject"
+_AS_TEXT = (
+    "EDate EByteArray EJavaClass EJavaObject EEList EMap ETreeIterator EResource EResourceSet EEnumerator "
+    "EDiagnosticChain EInvocationTargetException"
+)
+FEATURE_MAP = "EFeatureMapEntry"
 
 _XML: Mapping[Scalar, str] = {
     Scalar.INT: "Int Integer Long Short Byte UnsignedInt UnsignedLong UnsignedShort UnsignedByte NonNegativeInteger "
@@ -48,6 +52,11 @@ _XML: Mapping[Scalar, str] = {
     Scalar.BOOL: "Boolean",
     Scalar.STRING: "String NormalizedString Token NCName Name ID IDREF QName AnyURI Language NMTOKEN",
 }
+
+_XML_AS_TEXT = (
+    "AnySimpleType Date DateTime Time Duration GDay GMonth GMonthDay GYear GYearMonth Base64Binary HexBinary ENTITY "
+    "ENTITIES IDREFS NMTOKENS NOTATION"
+)
 
 _JAVA: Mapping[Scalar, str] = {
     Scalar.INT: "int long short byte java.lang.Integer java.lang.Long java.lang.Short java.lang.Byte "
@@ -75,6 +84,7 @@ _XML_SCHEMA = {
 _XML_SCHEMA.update(
     {f"{name}Object": DataType(one.type, True) for name, one in _XML_SCHEMA.items() if not one.nullable}
 )
+_XML_SCHEMA.update((name, DataType(Scalar.STRING, True, False)) for name in _XML_AS_TEXT.split())
 _OF_JAVA = {name: type_ for type_, names in _JAVA.items() for name in names.split()}
 _SOURCES = (
     (ECORE, "org.eclipse.emf.ecore/model/Ecore.ecore", ECORE_TYPES),
@@ -85,7 +95,7 @@ _SOURCES = (
 def library_types(document: str) -> Mapping[str, DataType] | None:
     """The data types of a document that every tool knows, by its URI; None for other documents."""
     for uri, path, types in _SOURCES:
-        if document == uri or (document.startswith("platform:/plugin/") and document.endswith(path)):
+        if document == uri or document.endswith(f"/{path}"):
             return types
     return None
 

@@ -26,7 +26,7 @@ from envgraph.lang._checking import check, conformance
 from envgraph.lang._consequences import unread_names, without_echoes, without_misread
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._ecore import read_ecore
-from envgraph.lang._ecore_document import EcoreDocument, ecore_path
+from envgraph.lang._ecore_document import EcoreDocument, ecore_itself, ecore_path
 from envgraph.lang._ecore_types import ECORE
 from envgraph.lang._environment import EnvironmentFile, read_environment, with_enums
 from envgraph.lang._expressions import Reading
@@ -471,21 +471,11 @@ class _Loader:
                 }
                 wrong = without_consequences(check_family(spec, workspace, self.components), lost)
                 found += [one for one in wrong if named.get(one.code) not in unread]
-        found = [self._about_ecore(one) if one.code == "no-metamodel" else one for one in found]
         found += self._conformance(models)
         self.diagnostics.extend(
             one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)
         )
         return replace(workspace, diagnostics=self._sorted())
-
-    def _about_ecore(self, problem: Diagnostic) -> Diagnostic:
-        """What to say of patterns without a metamodel where Ecore itself is imported: its data types are known."""
-        if not any(one.path == ECORE for file in self.read.values() for one, _ in file.imports):
-            return problem
-        message = "no file imports a metamodel, and of Ecore only the data types are known"
-        return replace(
-            problem, message=message, hint="import what the patterns are about, or name its file too"
-        )
 
     def _wrong_imports(self, lost: frozenset[str]) -> list[Diagnostic]:
         """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""
@@ -575,6 +565,11 @@ class _Loader:
 
     def _resolve_names(self) -> None:
         """Finds the metamodels that are imported by uri or name; the rest are paths after all."""
+        uris = {one.path for one, _ in self.named}
+        if ECORE in uris and uris <= set(_LIBRARIES) and not (self.metamodels or self.ecore or self.given):
+            self.ecore[ECORE] = ecore_itself(), None
+            self.order.setdefault(ECORE, len(self.order))
+            self.read[ECORE] = ImportedFile()
         while self.named:
             import_, beside = self.named.pop(0)
             known = self._known_names()

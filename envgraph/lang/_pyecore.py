@@ -15,7 +15,7 @@ from urllib.parse import quote
 from envgraph.errors import InvalidArgument, LoadError, Source, sort_diagnostics
 from envgraph.graph import Model, model_to_xmi
 from envgraph.lang._ecore import read_ecore
-from envgraph.lang._ecore_document import EcoreDocument
+from envgraph.lang._ecore_document import EcoreDocument, ecore_itself
 from envgraph.lang._ecore_types import ECORE
 from envgraph.lang._xmi import parse_xmi
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
@@ -29,7 +29,7 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
     """The metamodel of a `pyecore.ecore.EPackage`, the packages in it, and those that they refer to.
 
     Args:
-        package: the metamodel's own package.
+        package: the metamodel's own package; that of Ecore (`pyecore.ecore.eClass`) stands for the classes of Ecore.
         *others: packages to be part of it that nothing refers to.
 
     Raises:
@@ -41,7 +41,11 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
         if not isinstance(one, ecore.EPackage):
             raise InvalidArgument(f"a metamodel is made from an EPackage, not from {one!r}")
     roots = _with_referenced([package, *others], ecore)
-    found = read_ecore([EcoreDocument(source) for source in _sources(roots, ecore)])
+    plain = [one for one in roots if one.nsURI != ECORE]
+    documents = [EcoreDocument(source) for source in _sources(plain, ecore)] if plain else []
+    if len(plain) < len(roots):
+        documents.insert(0 if roots[0].nsURI == ECORE else len(documents), ecore_itself())
+    found = read_ecore(documents)
     if found.metamodel is None:
         raise LoadError(sort_diagnostics(found.diagnostics))
     return found.metamodel
@@ -152,11 +156,15 @@ def _packages(package: Any) -> Iterator[Any]:
 def _with_referenced(packages: Sequence[Any], ecore: Any) -> list[Any]:
     """The outermost packages of these, and of all that they refer to, in the order in which they are met."""
     found: list[Any] = []
-    open_ = [_outermost(package) for package in packages]
+    asked = [_outermost(package) for package in packages]
+    open_ = list(asked)
     while open_:
         root = open_.pop(0)
-        if root not in found and root.nsURI not in (ECORE, _XML_TYPES):
-            found.append(root)
+        known = root.nsURI in (ECORE, _XML_TYPES)
+        if root in found or (known and root not in asked):
+            continue
+        found.append(root)
+        if not known:
             open_.extend(
                 _outermost(other) for inner in _packages(root) for other in _referenced(inner, ecore)
             )

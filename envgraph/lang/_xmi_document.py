@@ -167,6 +167,7 @@ class Document:
         self.links: list[Link] = []
         self._found: dict[str, int | None] = {}
         self._listed: dict[str, Sequence[int]] = {}
+        self._named: dict[int, dict[str, int]] = {}
 
     def beside(self, path: str) -> str:
         """The name of another document, by its path in this one."""
@@ -185,13 +186,13 @@ class Document:
 
     def _look_for(self, fragment: str) -> int | None:
         head, _, last = fragment.rpartition("/")
-        if not last.startswith("@"):
-            return self._root_at(last) if head == "" or fragment == "//" else None
+        if head == "" or fragment == "//":
+            return self._root_at(last)
         if head not in self._found:
             self._found[head] = self._walk(head)
         above = self._found[head]
         found = self._step(above, last)
-        if found is not None and found != LOST and above is not None and "." in last:
+        if found is not None and found != LOST and above is not None and last[:1] == "@" and "." in last:
             name = last[1:].partition(".")[0]
             reference = self.reading.metamodel.feature(self.model.class_of(above), name)
             if isinstance(reference, Reference) and (above, name) not in self.gaps:
@@ -210,9 +211,11 @@ class Document:
         return self.roots[place] if 0 <= place < len(self.roots) else None
 
     def _step(self, node: int | None, step: str) -> int | None:
-        """The child at `@feature.3`, or `@feature` of a single reference."""
+        """The child at `@feature.3`, `@feature` of a single reference, or of a name, as in models of Ecore."""
         if node is None or node == LOST:
             return node
+        if not step.startswith("@"):
+            return self._child_named(node, step)
         name, _, index = step[1:].partition(".")
         feature: Feature | None = self.reading.metamodel.feature(self.model.class_of(node), name)
         place = int(index) if index.isdecimal() and len(index) < 10 else 0 if not index else -1
@@ -225,6 +228,20 @@ class Document:
         place -= sum(gap < place for gap in gaps)
         targets = self.model.targets(node, feature)
         return targets[place] if place < len(targets) else None
+
+    def _child_named(self, node: int, name: str) -> int | None:
+        """The first child of this `name`; `title.1` is the second `title`."""
+        if node not in self._named:
+            known = self._named[node] = {}
+            counts: dict[object, int] = {}
+            features = self.reading.metamodel.features(self.model.class_of(node)).values()
+            contained = (one for one in features if isinstance(one, Reference) and one.containment)
+            for child in (child for one in contained for child in self.model.targets(node, one)):
+                attribute = self.reading.metamodel.feature(self.model.class_of(child), "name")
+                value = self.model.value(child, attribute) if isinstance(attribute, Attribute) else None
+                count = counts[value] = counts.get(value, -1) + 1
+                known.setdefault(f"{value}.{count}" if count else str(value), child)
+        return self._named[node].get(name)
 
     def tag(self, node: int) -> Span:
         """The tag of an object."""

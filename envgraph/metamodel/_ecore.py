@@ -22,6 +22,7 @@ _HEAD = (
     'xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
     'xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore"'
 )
+ECORE = "http://www.eclipse.org/emf/2002/Ecore"
 _TYPES: Mapping[Scalar, str] = {
     Scalar.INT: "ELong",  # of 64 bits, as ours
     Scalar.FLOAT: "EDouble",
@@ -38,7 +39,8 @@ def metamodel_to_ecore(metamodel: Metamodel) -> str:
 
     `envgraph.open` and `load_workspace` read it back. An attribute of type `int` becomes an `ELong`, and `float` an
     `EDouble`. What Ecore has no word for (`@key`, `@glyph`, `@frozen`) stands in annotations with the source
-    "envgraph", which other tools skip. A metamodel without a uri gets its name for one.
+    "envgraph", which other tools skip. A metamodel without a uri gets its name for one. The classes of Ecore itself
+    are named, and not written.
 
     >>> text = metamodel_to_ecore(Metamodel("house", [Class("Room")], uri="http://house"))
     >>> print(text.splitlines()[2])
@@ -61,7 +63,7 @@ def _package(metamodel: Metamodel, package: Package, indent: str) -> Iterator[st
         if enum.package == package.path:
             yield from _enum(enum, indent + "  ")
     for inner in metamodel.packages[1:]:
-        if inner.path.rpartition(".")[0] == package.path:
+        if inner.path.rpartition(".")[0] == package.path and inner.uri != ECORE:
             yield from _package(metamodel, inner, indent + "  ")
     yield f"{indent}</{tag}>"
 
@@ -82,11 +84,12 @@ def _enum(enum: EnumType, indent: str) -> Iterator[str]:
 
 
 def _class(metamodel: Metamodel, cls: Class, indent: str) -> Iterator[str]:
+    above = [_path(metamodel, one) for one in cls.supertypes]
     parts = {
         "xsi:type": "ecore:EClass",
         "name": simple_name(cls.name),
         "abstract": "true" if cls.abstract else None,
-        "eSuperTypes": " ".join(_path(metamodel, above) for above in cls.supertypes) or None,
+        "eSuperTypes": " ".join(one for one in above if one != f"{ECORE}#//EObject") or None,
     }
     inside = [*_documented(cls.doc, indent + "  "), *_marks(cls, indent + "  ")]
     for feature in cls.features:
@@ -133,9 +136,9 @@ def _attribute(metamodel: Metamodel, attribute: Attribute) -> Parts:
     if isinstance(type_, EnumType):
         shown = _path(metamodel, type_.name)
     else:
-        shown = f"ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//{_TYPES[type_]}"
+        shown = f"ecore:EDataType {ECORE}#//{_TYPES[type_]}"
         if attribute.optional and not attribute.many and type_ is not Scalar.STRING:
-            shown = f"ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//{_TYPES[type_]}Object"
+            shown = f"ecore:EDataType {ECORE}#//{_TYPES[type_]}Object"
     return {
         "xsi:type": "ecore:EAttribute",
         "name": attribute.name,
@@ -165,6 +168,8 @@ def _path(metamodel: Metamodel, name: str) -> str:
     found = metamodel.classes.get(name) or metamodel.enums[name]
     inside = found.package.replace(".", "/")
     simple = simple_name(name)
+    if inside and any(one.path == found.package and one.uri == ECORE for one in metamodel.packages):
+        return f"{ECORE}#//{simple}"
     return f"#//{inside}/{simple}" if inside else f"#//{simple}"
 
 

@@ -10,7 +10,7 @@ from envgraph.lang import TextFiles, load_workspace
 ECORE = """<ecore:EPackage xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
     xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" name="m" nsURI="m" nsPrefix="m">
   <eClassifiers xsi:type="ecore:EClass" name="Item">
-    <eStructuralFeatures xsi:type="ecore:EAttribute" name="words" volatile="true" eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EString"/>
+    <eStructuralFeatures xsi:type="ecore:EAttribute" name="words" transient="true" eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EString"/>
     <eStructuralFeatures xsi:type="ecore:EAttribute" name="long" derived="true" eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EString"/>
   </eClassifiers>
   <eClassifiers xsi:type="ecore:EClass" name="Book" eSuperTypes="#//Item">
@@ -42,9 +42,9 @@ def test_the_rest_of_the_metamodel_and_of_a_model_is_used() -> None:
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
-        ("Book.words(b, _);", "it is volatile, and was left out of the metamodel"),
+        ("Book.words(b, _);", "it is transient, and was left out of the metamodel"),
         ("Book.long(b, _);", "it is derived, and was left out of the metamodel"),
-        ("check(b.words == 3);", "it is volatile, and was left out of the metamodel"),
+        ("check(b.words == 3);", "it is transient, and was left out of the metamodel"),
     ],
 )
 def test_a_query_that_names_one_is_told_why(body: str, reason: str) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from envgraph.errors import InvalidArgument, LoadError
+from envgraph.errors import InvalidArgument
 from envgraph.lang import (
     load_workspace,
     metamodel_from_pyecore,
@@ -125,9 +125,22 @@ def test_what_cannot_be_represented_is_told() -> None:
     found = metamodel_from_pyecore(package)
     assert list(found.features("Tagged")) == ["name"]
     assert found.left_out("Tagged", "size") == "it is derived, and was left out of the metamodel"
+
+
+def test_classes_of_ecore_itself_are_known() -> None:
+    package = ecore.EPackage("p", "http://p", "p")
+    tagged = ecore.EClass("Tagged", superclass=(ecore.ENamedElement.eClass,))
     tagged.eStructuralFeatures.append(ecore.EReference("anything", ecore.EObject))
-    with pytest.raises(LoadError, match="`EObject` is any object"):
-        metamodel_from_pyecore(package)
+    package.eClassifiers.append(tagged)
+    found = metamodel_from_pyecore(package)
+    assert str(found.feature("Tagged", "anything").target) == "EObject"
+    assert found.is_a("Tagged", "EModelElement") and "name" in found.features("Tagged")
+    both = metamodel_from_pyecore(package, ecore.eClass)
+    assert both.class_list == found.class_list and both.name == "p"
+    alone = metamodel_from_pyecore(ecore.eClass)
+    assert alone.name == "ecore" and alone.is_a("EReference", "ETypedElement")
+    assert {cls.name for cls in alone.class_list} == {cls.name for cls in found.class_list} - {"Tagged"}
+    assert metamodel_from_pyecore(metamodel_to_pyecore(found)).class_list == found.class_list
 
 
 def test_other_things_than_packages_and_objects_are_refused() -> None:
