@@ -18,11 +18,10 @@ from envgraph.cli._output import (
     printable_json,
     progress_bar,
 )
-from envgraph.env import scene_svg, scene_text
+from envgraph.env import scene_text
 from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.lang import DiskFiles, read_source
-from envgraph.metamodel.picture import markup
 from envgraph.search import (
     Domain,
     Family,
@@ -30,7 +29,9 @@ from envgraph.search import (
     Member,
     Outcome,
     RunStore,
+    caption,
     export_ga4cl,
+    family_svg,
     generate,
     import_ga4cl,
     open_family,
@@ -113,12 +114,9 @@ def show_family(run: str, directory: Path, variant: str | None, format: OutputFo
     if variant is None:
         _print_family(family, format, None)
     for member in members:
-        scene = family.scene(member)
-        print_lines(
-            f"\n{member.name}  " + "  ".join(f"{name} {value:.3f}" for name, value in member.measures.items())
-        )
-        if scene is not None:
-            print_lines(scene_text(scene))
+        print_line("")
+        print_line("  ".join([member.name, *(" ".join(fact) for fact in caption(family, member))]))
+        print_lines(family.text(member))
 
 
 def export_family(run: str, directory: Path, format: str, output: Path | None) -> None:
@@ -148,42 +146,6 @@ def import_family(file: Path, domain: str, name: str | None, directory: Path, fo
     family, warnings = import_ga4cl(source, domain, path)
     print_diagnostics(warnings)
     _print_family(family, format, path)
-
-
-def family_svg(family: Family) -> str:
-    """All members side by side, three in a row, with name and measures below, as SVG text."""
-    scenes = [(member, family.scene(member)) for member in family.members]
-    drawn = [(member, scene) for member, scene in scenes if scene is not None]
-    if not drawn:
-        raise InvalidArgument(
-            f"family `{family.name}` has no pictures: its environment does not say how to draw"
-        )
-    size, gap, text = 200, 24, 34
-    columns = min(3, len(drawn))
-    width = columns * (size + gap) + gap
-    height = -(-len(drawn) // columns) * (size + gap + text) + gap
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">',
-        f'<rect width="{width}" height="{height}" rx="8" fill="#ffffff"/>',
-    ]
-    for place, (member, scene) in enumerate(drawn):
-        x, y = gap + place % columns * (size + gap), gap + place // columns * (size + gap + text)
-        label = ", ".join(f"{name} {value:.2f}" for name, value in member.measures.items())
-        picture = scene_svg(scene).replace("<svg ", f'<svg x="{x}" y="{y}" ', 1)
-        parts.append(_sized(picture, size))
-        parts.append(
-            f'<text x="{x + size / 2}" y="{y + size + 22}" text-anchor="middle" fill="#1f2933" '
-            'font-family="system-ui, sans-serif" font-size="13">'
-            f'<tspan font-weight="bold">{markup(member.name)}</tspan>  {markup(label)}</text>'
-        )
-    return "\n".join([*parts, "</svg>"]) + "\n"
-
-
-def _sized(svg: str, size: int) -> str:
-    """The SVG element with another width and height."""
-    head, rest = svg.split(">", 1)
-    kept = " ".join(word for word in head.split(" ") if not word.startswith(("width=", "height=")))
-    return f'{kept} width="{size}" height="{size}">{rest}'
 
 
 def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, Any]:
@@ -216,7 +178,7 @@ def _print_family(
     rows = [
         (
             member.name,
-            *(f"{member.measures[measure]:.3f}" for measure in measures),
+            *(value for _, value in caption(family, member)),
             *(str(numbers[place]) for numbers in counts.values()),
             "initial environment" if member.initial else "",
         )

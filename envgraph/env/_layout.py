@@ -9,6 +9,7 @@ from math import cos, hypot, pi, sin
 
 from envgraph.env._scene import Edge, GraphScene, Mark
 from envgraph.errors import visible
+from envgraph.metamodel.picture import shortened
 
 NODE_RADIUS = 0.42
 _SPACING = 2.4
@@ -53,7 +54,7 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
         letter_width: width of a letter of a label.
     """
     count = len(scene.labels)
-    names = tuple(map(_cut, map(visible, scene.labels)))
+    names = tuple(shortened(visible(label), _LONGEST) for label in scene.labels)
     longest = max(map(len, names), default=0) * letter_width
     spacing = max(_SPACING, longest + 0.3, *(_EDGE_LABELS * bool(edge.label) for edge in scene.edges))
     radius = 0.0 if count < 2 else max(1.6, spacing / (2 * sin(pi / count)))
@@ -75,10 +76,6 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
         if edge.source != edge.target
     )
     return GraphLayout(width, height, nodes, labels, names, edges)
-
-
-def _cut(label: str) -> str:
-    return label if len(label) <= _LONGEST else label[: _LONGEST - 1] + "\N{HORIZONTAL ELLIPSIS}"
 
 
 def _edge(start: Point, end: Point) -> tuple[Point, Point]:

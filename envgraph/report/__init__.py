@@ -6,7 +6,7 @@ True
 """
 
 from envgraph.report._charts import COLOURS, Series, line_chart, ticks
-from envgraph.report._family_report import Trained, family_report, picture, stage_table
+from envgraph.report._family_report import Trained, family_report, stage_table
 from envgraph.report._page import Card, Report, Section, Table, render_html
 
 __all__ = [
@@ -19,7 +19,6 @@ __all__ = [
     "Trained",
     "family_report",
     "line_chart",
-    "picture",
     "render_html",
     "stage_table",
     "ticks",

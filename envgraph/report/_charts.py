@@ -9,8 +9,11 @@ from math import ceil, floor, isfinite, log10
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel.picture import markup
 
-# Okabe and Ito 2008: distinguishable with every common colour vision.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#555555")
+# After Okabe and Ito 2008, distinguishable with every common colour vision; darker on white and lighter on black:
+# each has a contrast of at least 4.5.
+COLOURS = ("#0072b2", "#b34700", "#00785a", "#a8437b", "#8a6100", "#4b4fc4", "#6e4f1f", "#555555")
+COLOURS_ON_DARK = ("#56b4e9", "#ff9d5c", "#2fc79a", "#e79fc4", "#e69f00", "#a9a4ff", "#c9a86a", "#aab2b9")
+"""Variables `--line-0` ... of a dark page may stand in for those above."""
 
 _WIDTH, _HEIGHT = 720, 300
 _LEFT, _RIGHT, _TOP, _BOTTOM = 74, 26, 14, 44
@@ -79,7 +82,8 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
         f"<title>{markup(title)}</title>",
         *frame.axes([tick for tick in x_ticks if min(xs) <= tick <= max(xs)], y_ticks, x_label, y_label),
     ]
-    colours = [COLOURS[place % len(COLOURS)] for place in range(len(series))]
+    places = (place % len(COLOURS) for place in range(len(series)))
+    colours = [f"var(--line-{place}, {COLOURS[place]})" for place in places]
     parts.extend(frame.band(one, colour) for one, colour in zip(series, colours, strict=True) if one.low)
     parts.extend(frame.line(one, colour) for one, colour in zip(series, colours, strict=True))
     parts.extend(_legend(series, colours))
@@ -129,13 +133,13 @@ class _Frame:
     def line(self, series: Series, colour: str) -> str:
         if len(series.x) == 1:
             x, y = self.x(series.x[0]), self.y(series.y[0])
-            return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="{colour}"/>'
+            return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" style="fill: {colour}"/>'
         dash = ' stroke-dasharray="5 4"' if series.dashed else ""
-        return f'<polyline class="line" points="{self.points(series.x, series.y)}" stroke="{colour}"{dash}/>'
+        return f'<polyline class="line" points="{self.points(series.x, series.y)}" style="stroke: {colour}"{dash}/>'
 
     def band(self, series: Series, colour: str) -> str:
         edge = self.points(series.x + series.x[::-1], series.high + series.low[::-1])
-        return f'<polygon class="band" points="{edge}" fill="{colour}"/>'
+        return f'<polygon class="band" points="{edge}" style="fill: {colour}"/>'
 
 
 def _legend(series: Sequence[Series], colours: Sequence[str]) -> list[str]:
@@ -144,7 +148,9 @@ def _legend(series: Sequence[Series], colours: Sequence[str]) -> list[str]:
     for place, (one, colour) in enumerate(zip(series, colours, strict=True)):
         x, y = _LEFT + place % 4 * column, _HEIGHT + 10 + place // 4 * 20
         dash = ' stroke-dasharray="5 4"' if one.dashed else ""
-        parts.append(f'<line class="line" x1="{x}" x2="{x + 22}" y1="{y}" y2="{y}" stroke="{colour}"{dash}/>')
+        parts.append(
+            f'<line class="line" x1="{x}" x2="{x + 22}" y1="{y}" y2="{y}" style="stroke: {colour}"{dash}/>'
+        )
         parts.append(f'<text x="{x + 28}" y="{y + 4}">{markup(one.label)}</text>')
     return parts
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from statistics import fmean, pstdev
 from typing import TypeVar
 
-from envgraph.env import render_svg
+from envgraph.env import legend
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Experiment, RunResult, Summary
 from envgraph.report._charts import Series, line_chart
 from envgraph.report._page import Card, Report, Section, Table
-from envgraph.search import Family, Member
+from envgraph.search import Family, Member, Outcome, caption
 
 T = TypeVar("T")
 
@@ -54,9 +54,9 @@ def family_report(
         trained: what agents learned, by rising budget.
         facts: how to make the same again.
     """
-    sections = []
+    sections, outcome = [], Outcome.of(family)
     if len(history) > 1:
-        sections.append(_search(family, history))
+        sections.append(_search(family, outcome, history))
     if trained:
         sections.append(_stages(family, trained))
     sections += [_training(family, one) for one in trained]
@@ -64,9 +64,9 @@ def family_report(
     return Report(
         title=f"{family.name}: a family of {count} environments",
         summary=f"Ordered from the easiest to the hardest; {target}, the last, is the target. "
-        f"Diversity of the family: {family.diversity():.3f}.",
+        f"The family has {outcome}.",
         cards=tuple(_card(family, member) for member in family.members),
-        legend=_legend(family),
+        legend=legend(scene for member in family.members if (scene := family.scene(member))),
         sections=tuple(sections),
         facts=facts or {},
     )
@@ -87,7 +87,7 @@ def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
     rows = []
     for place, member in enumerate(family.members):
         label = member.name if member.name == first else f"{first}-{member.name}"
-        cells = [f"{member.measures[measure]:.3f}" for measure in measures]
+        cells = [value for _, value in caption(family, member)]
         cells += [str(numbers[place]) for numbers in varying.values()]
         cells += [text for summaries in reached for text in _result(summaries.get(label))]
         rows.append((member.name, *cells))
@@ -99,9 +99,9 @@ def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
     budgets = [f" at {_thousands(budget.steps)}" if several else "" for budget in trained]
     heads = [f"{what}{budget}" for budget in budgets for what in ("success", "return")]
     columns = ("environment", *measures, *varying, *heads)
-    caption = "Success and return: agents trained on the curriculum up to each environment, evaluated there"
-    caption += "; at so many training steps an environment." if several else "."
-    return Table(caption, columns, tuple(rows), frozenset(range(1, len(columns))))
+    about = "Success and return: agents trained on the curriculum up to each environment, evaluated there"
+    about += "; at so many training steps an environment." if several else "."
+    return Table(about, columns, tuple(rows), frozenset(range(1, len(columns))))
 
 
 def _baseline(experiment: Experiment, label: str) -> Summary | None:
@@ -125,36 +125,25 @@ def _result(summary: Summary | None) -> tuple[str, str]:
 
 
 def _card(family: Family, member: Member) -> Card:
-    facts = [(measure, f"{value:.3f}") for measure, value in member.measures.items()]
+    facts = caption(family, member)
     place = family.members.index(member)
     facts += [(cls, str(numbers[place])) for cls, numbers in family.class_counts().items()]
-    return Card(member.name, picture(family, member), tuple(facts), member.initial)
+    return Card(member.name, family.svg(member), tuple(facts), member.initial)
 
 
-def picture(family: Family, member: Member) -> str:
-    """A member as SVG text; an empty picture where the behaviour does not say how to draw."""
-    behaviour = family.domain.behaviour
-    if behaviour is None or behaviour.draw is None:
-        return '<svg viewBox="0 0 1 1"></svg>'
-    return render_svg(family.model(member), behaviour.draw, behaviour.parameters)
-
-
-def _legend(family: Family) -> tuple[tuple[str, str], ...]:
-    return tuple((cls.name, cls.glyph.colour) for cls in family.domain.metamodel.class_list if cls.glyph)
-
-
-def _search(family: Family, history: History) -> Section:
+def _search(family: Family, outcome: Outcome, history: History) -> Section:
     points = _thinned(history)
+    unit = f" {outcome.unit}" if outcome.unit else ""
     chart = line_chart(
         [Series("diversity", tuple(float(row[0]) for row in points), tuple(row[1] for row in points))],
         x_label="generation",
-        y_label=f"{family.domain.spec.diversity.kind.replace('_', ' ')}",
+        y_label=f"{family.domain.spec.diversity.kind.replace('_', ' ')}{unit and f',{unit}'}",
         title="Diversity of the family over the generations",
     )
     accepted, rejected = (sum(row[place] for row in history) for place in (2, 3))
     text = (
         f"{len(history) - 1} generations, {accepted} accepted individuals, {rejected} rejected attempts. "
-        f"The last family has diversity {history[-1][1]:.3f}."
+        f"The last family has a diversity of {history[-1][1]:.3f}{unit}."
     )
     return Section("Search", (text,), (chart,))
 

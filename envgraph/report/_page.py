@@ -8,7 +8,10 @@ from dataclasses import dataclass, field
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from envgraph.env import Key
 from envgraph.errors import visible
+from envgraph.metamodel.picture import colour_text, ink_on, parse_colour
+from envgraph.report._charts import COLOURS_ON_DARK
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,7 @@ class Report:
     Attributes:
         title, summary: head of the page.
         cards: the family, from the easiest environment to the target.
-        legend: name and colour of each glyph.
+        legend: what is drawn on the cards.
         sections: in order.
         facts: how to make the same again (seed, versions, settings), shown at the end.
     """
@@ -70,7 +73,7 @@ class Report:
     title: str
     summary: str
     cards: tuple[Card, ...] = ()
-    legend: tuple[tuple[str, str], ...] = ()
+    legend: tuple[Key, ...] = ()
     sections: tuple[Section, ...] = ()
     facts: Mapping[str, str] = field(default_factory=dict)
 
@@ -89,4 +92,12 @@ def render_html(report: Report) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2").render(report=report, svg=Markup) + "\n"
+    return (
+        environment.get_template("report.html.j2").render(
+            report=report,
+            svg=Markup,
+            ink=lambda colour: colour_text(ink_on(parse_colour(colour))),
+            lines=COLOURS_ON_DARK,
+        )
+        + "\n"
+    )

@@ -46,6 +46,7 @@ from envgraph.search._selection import (
     TournamentParents,
     acceptance,
 )
+from envgraph.search._shown import caption, family_svg
 from envgraph.search._store import Generation, Individual, RunStore, Trace
 
 __all__ = [
@@ -91,10 +92,12 @@ __all__ = [
     "Trace",
     "Variance",
     "acceptance",
+    "caption",
     "count_paths",
     "domain_problems",
     "export_ga4cl",
     "family_of",
+    "family_svg",
     "generate",
     "grid_rows",
     "import_ga4cl",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import FORMATS, Bundle, DiskFiles, file_format, parse_json, read_source
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
+from envgraph.search._shown import family_html, member_html, member_svg, member_text
 from envgraph.search._store import RunStore, dump_json
 from envgraph.search._tables import Progress, Tables
 
@@ -38,6 +39,10 @@ class Member:
     model: str
     individual: int | None = None
     initial: bool = False
+    _family: Family | None = field(default=None, compare=False, repr=False)
+
+    def _repr_html_(self) -> str | None:
+        return None if self._family is None else member_html(self._family, self)
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,9 @@ class Family:
     overrides: Mapping[str, int] = field(default_factory=dict)
     tables: Tables = field(default_factory=Tables.of_user, compare=False, repr=False)
     _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "members", tuple(replace(one, _family=self) for one in self.members))
 
     @cached_property
     def keys(self) -> KeyIndex:
@@ -133,6 +141,17 @@ class Family:
         if behaviour is None or behaviour.draw is None:
             return None
         return scene_of(self.model(member), behaviour.draw, behaviour.parameters)
+
+    def svg(self, member: Member) -> str:
+        """A picture of a member: as its behaviour says how to draw, else as boxes and lines."""
+        return member_svg(self, member)
+
+    def text(self, member: Member) -> str:
+        """The same in letters."""
+        return member_text(self, member)
+
+    def _repr_html_(self) -> str:
+        return family_html(self)
 
     def class_counts(self) -> dict[str, tuple[int, ...]]:
         """Number of objects of each class in every member, for the classes in which the members differ."""

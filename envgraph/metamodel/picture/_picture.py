@@ -86,6 +86,22 @@ class Picture:
 
         return picture_dot(self)
 
+    def to_text(self) -> str:
+        """The picture as boxes of letters, for terminals; each box lists the lines that begin at it.
+
+        >>> boxes = (PictureNode("a", "one"), PictureNode("b", "two", ("n = 1",)))
+        >>> print(Picture("small", boxes, (PictureEdge("b", "a", "next"),)).to_text())
+        ┌─────┐ ┌─────────────┐
+        │ one │ │ two         │
+        └─────┘ ├─────────────┤
+                │ n = 1       │
+                │ next -> one │
+                └─────────────┘
+        """
+        from envgraph.metamodel.picture._boxes import picture_text
+
+        return picture_text(self)
+
     def to_svg(self, *, graphviz: bool | None = None, timeout: float = TIMEOUT) -> str:
         """The picture as one `<svg>` element that can stand in an HTML page.
 
@@ -121,9 +137,9 @@ def markup(text: str) -> str:
     return escape(visible(text))  # XML cannot even name control characters
 
 
-def shortened(text: str) -> str:
-    """The text, cut where it would make a box too wide."""
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+def shortened(text: str, most: int = _LONGEST) -> str:
+    """The text, cut where it would be too wide."""
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def shown_value(value: object) -> str:

@@ -52,8 +52,9 @@ def drawn_svg(picture: Picture, frames: dict[str, Frame]) -> str:
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{-_BORDER:g} {-_BORDER:g} {_n(width)} {_n(total)}" '
         f'width="{_n(width)}" height="{_n(total)}" role="img" font-family="Helvetica, Arial, sans-serif" '
-        f'font-size="11" fill="{INK}">',
-        f"<title>{markup(picture.name)}</title>",
+        f'font-size="11" fill="{INK}" aria-label="{markup(picture_title(picture))}">',
+        f"<title>{markup(picture_title(picture))}</title>",
+        f'<rect x="{-_BORDER:g}" y="{-_BORDER:g}" width="{_n(width)}" height="{_n(total)}" fill="#ffffff"/>',
     ]
     for edge, bend in _bent(picture.edges):
         parts.extend(_edge(edge, bend, frames))
@@ -64,6 +65,14 @@ def drawn_svg(picture: Picture, frames: dict[str, Frame]) -> str:
             _text(width / 2 - _BORDER, height + _BORDER + LINE / 2, picture.note, 'text-anchor="middle"')
         )
     return "\n".join([*parts, "</svg>"])
+
+
+def picture_title(picture: Picture) -> str:
+    """What a picture shows, in a sentence, for those who do not see it."""
+    boxes, lines = len(picture.nodes), len(picture.edges)
+    return (
+        f"{picture.name}: {boxes} box{'es' * (boxes != 1)} and {lines} line{'s' * (lines != 1)} between them"
+    )
 
 
 def _n(number: float) -> str:

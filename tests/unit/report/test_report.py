@@ -11,8 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from envgraph.env import Key
 from envgraph.errors import InvalidArgument
+from envgraph.metamodel import Glyph
+from envgraph.metamodel.picture import contrast, parse_colour
 from envgraph.report import Card, Report, Section, Series, Table, line_chart, render_html, ticks
+from envgraph.report._charts import COLOURS, COLOURS_ON_DARK
 
 SVG = '<svg viewBox="0 0 1 1"></svg>'
 
@@ -89,7 +93,10 @@ def test_the_page_is_well_formed_self_contained_and_escaped() -> None:
         title="Family <1>",
         summary="six & more",
         cards=(Card("E1", SVG, (("complexity", "0.5"),), fixed=True),),
-        legend=(("Road", "#d0d0d0"),),
+        legend=(
+            Key("Road", Glyph("R", "#d0d0d0"), "tile"),
+            Key("Link, not up", Glyph("", "#c92a2a"), "line"),
+        ),
         sections=(
             Section("S", ("p < q",), (SVG,), (Table("c", ("a", "b"), (("x", "<y>"),), frozenset({1})),)),
         ),
@@ -107,3 +114,15 @@ def test_the_page_is_well_formed_self_contained_and_escaped() -> None:
 
 def test_the_page_is_a_function_of_the_report() -> None:
     assert render_html(Report("t", "s")) == render_html(Report("t", "s"))
+
+
+def test_text_and_lines_of_the_page_can_be_seen_in_light_and_in_dark() -> None:
+    page = render_html(Report("t", "s"))
+    light, dark = (
+        dict(re.findall(r"--([\w-]+): (#\w+)", block)) for block in re.findall(r":root \{(.*?)\}", page, re.S)
+    )
+    for palette, lines in ((light, COLOURS), (dark, COLOURS_ON_DARK)):
+        for ground in (palette["paper"], palette["card"]):
+            for ink in (palette["ink"], palette["soft"], palette["mark"], *lines):
+                assert contrast(parse_colour(ink), parse_colour(ground)) >= 4.5, (ink, ground)
+    assert [dark[f"line-{place}"] for place in range(len(COLOURS))] == list(COLOURS_ON_DARK)
