@@ -17,7 +17,7 @@ from envgraph.lang._xml import xml_source
 LARGEST_FILE = 16 * 1024 * 1024
 LARGEST_MODEL = 256 * 1024 * 1024
 """Of files that programs write: models as XMI or JSON, traces."""
-LARGEST_QUERIES = 4 * 1024 * 1024
+LARGEST_QUERIES = 1024 * 1024
 """Of files with definitions that are checked together, which takes about 10 seconds for each MB."""
 
 _XML = ("ecore", "xmi")
@@ -159,7 +159,7 @@ def read_source(files: Files, name: str) -> Source:
 
     Raises:
         LoadError: the file is missing, a directory or another thing that is no file, unreadable, larger than 16 MB (a
-            model as XMI or JSON, a trace: 256 MB; queries, rules and environments: 4 MB), or not UTF-8 (XML: not what
+            model as XMI or JSON, a trace: 256 MB; queries, rules and environments: 1 MB), or not UTF-8 (XML: not what
             it declares). The diagnostic is at the start of the file.
     """
     format = file_format(files, name)

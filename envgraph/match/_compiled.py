@@ -16,6 +16,7 @@ from envgraph.match._closures import ClosureView, Meeting, Search, Spreading
 from envgraph.match._common import common
 from envgraph.match._explain import explain_view
 from envgraph.match._generate import ends_source, reach_source, view_source
+from envgraph.match._limits import at_most
 from envgraph.match._live import LiveSizes
 from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
 from envgraph.match._options import OPAQUE_COST, Unplannable
@@ -26,6 +27,7 @@ from envgraph.match._sharing import Ends
 from envgraph.match._suspend import evaluation_source
 from envgraph.match._symbols import (
     Backward,
+    Bounded,
     Builtin,
     Classes,
     ClassTable,
@@ -330,6 +332,8 @@ class CompiledMatcher:
                 return value
             case Builtin(name):
                 return _BUILTINS[name]
+            case Bounded(pattern):
+                return at_most(self.library.get(pattern))
             case View(key, mode):
                 function = self._function(key, mode, _NOWHERE)
                 many = self.calls.paths(key.pattern) > MOST_PATHS

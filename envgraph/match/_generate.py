@@ -24,6 +24,7 @@ from envgraph.match._plan import (
     Valuation,
     ViewKey,
     arguments,
+    variables,
 )
 from envgraph.match._planner import Planner, determined
 from envgraph.match._sharing import (
@@ -51,6 +52,7 @@ from envgraph.match._sinks import (
 )
 from envgraph.match._symbols import (
     Backward,
+    Bounded,
     Builtin,
     Classes,
     ClassTable,
@@ -107,6 +109,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
         outputs = tuple(conjunction.parameters[p] for p in positions)
         sink = sieved_sink(mode, outputs) if sieved else view_sink(mode, view.distinct, outputs)
+        sink = replace(sink, pattern=key.pattern) if sink.size else sink
         Translation(planner, module, conjunction, block, given).body(body.plan, sink)
     block.raw(frame.tail)
     counts = mode is Mode.COUNT and key.outputs
@@ -231,6 +234,8 @@ class Translation:
         self._passed: dict[int, str] = {}
         self.outside: list[str] = []
 
+    _continues = False
+    """Whether this is the rest of a function, inside its loops."""
     _deepens = False
     """Whether a test, too, makes what follows deeper."""
     _shares = True
@@ -281,7 +286,13 @@ class Translation:
                 self._continue(steps[number:], sink)
                 return
             self._begin_sieves(id(step))
-            if step.kind is Kind.LOOP and (tests := self._tests_of_values(step, steps[number + 1 :])):
+            self._guard(step, steps[number + 1 :], sink)
+            if (
+                step.kind is Kind.LOOP
+                and self._shares
+                and self._indexes
+                and (tests := self._tests_of_values(step, steps[number + 1 :]))
+            ):
                 self._loop_by_value(step, tests)
                 found.update(map(id, tests))
             elif step.kind is Kind.LOOP and (others := self._others(step, steps[number + 1 :])):
@@ -296,6 +307,18 @@ class Translation:
             self._begin_searches(number, steps, shared)
         self._sieve(_END)
         self._block.write(sink.each(self._source))
+
+    def _guard(self, step: Step, following: Sequence[Step], sink: Sink) -> None:
+        """Before a loop that nothing connects with the loops around it: there must not be too many matches."""
+        if not sink.pattern or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
+            return
+        connected = any(self._known(variable) for variable in variables(step.goal))
+        if not connected and not self._tests_of_values(step, following):
+            self._block.line(f"{self._module.name(Bounded(sink.pattern))}({self._size(sink)})")
+
+    def _size(self, sink: Sink) -> str:
+        """Hook: the source of the number of matches that there are."""
+        return sink.size
 
     def _place_sieves(self, steps: Sequence[Step], sink: Sink) -> None:
         """Find out where partial matches may be alike, but for the rest of a plan for which that is known."""
@@ -376,6 +399,7 @@ class Translation:
         inner = self._fork(Block(), continuation)
         inner._names = {v: f"v{v}" for v in inputs}
         inner._joins = self._joins
+        inner._continues = continuation
         passed: tuple[str, ...] = ()
         if continuation:
             inner._sieves, inner._passed = dict(self._sieves or {}), dict(self._passed)
@@ -430,7 +454,7 @@ class Translation:
 
     def _tests_of_values(self, step: Step, following: Sequence[Step]) -> list[Step]:
         """The tests of attributes of an object that is looped over, for values that are known and change."""
-        if not isinstance(step.goal, InstanceAtom) or not (self._shares and self._indexes):
+        if not isinstance(step.goal, InstanceAtom):
             return []
         tests: dict[int, Step] = {}
         for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):

@@ -14,7 +14,7 @@ from contextlib import suppress
 from functools import cached_property
 from typing import Any, Final
 
-from envgraph.errors import EvaluationError
+from envgraph.errors import RAISE_LIMIT, EvaluationError, limit
 from envgraph.graph import Model
 from envgraph.match._calls import CallGraph
 from envgraph.match._matcher import Row
@@ -125,14 +125,14 @@ class Run:
         self.pending: list[tuple[Calls, Table, tuple[Any, ...]]] = []
         self.open: list[Table] = []
         self._size = 0
+        self._most = limit(MOST_ROWS)
 
     def grow(self, pattern: str) -> None:
         """There is another row or call."""
         self._size += 1
-        if self._size > MOST_ROWS:
-            raise EvaluationError(
-                f"recursive pattern `{pattern}` has more than {MOST_ROWS:,} partial results"
-            )
+        if self._size > self._most:
+            message = f"recursive pattern `{pattern}` has more than {self._most:,} partial results"
+            raise EvaluationError(message, hint=RAISE_LIMIT)
 
     def finish(self) -> int:
         """Go on until nobody has a row to read; returns how many rows and calls that were."""

@@ -24,6 +24,8 @@ class Sink:
             returns it unless it is None, "sum" adds it up, "each" yields what it yields, "" ignores it.
         repeatable: whether the same values again change nothing.
         sieved: whether that is so because they are kept from it.
+        pattern: whose matches they are, if there must not be too many.
+        size: source of how many there are.
     """
 
     variables: tuple[int, ...]
@@ -34,6 +36,8 @@ class Sink:
     relay: str = ""
     repeatable: bool = False
     sieved: bool = False
+    pattern: str = ""
+    size: str = ""
 
 
 def row(variables: Sequence[int], names: Names) -> str:
@@ -73,7 +77,7 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
         return gathering(variables, lambda n: shape(variables, n), "return out")
     tail = "return len(out)" if mode is Mode.COUNT else "return list(out)"
     each = lambda n: [f"out[{shape(variables, n)}] = None"]  # noqa: E731
-    return Sink(variables, ("out = {}",), each, (tail,), ("out",), repeatable=True)
+    return Sink(variables, ("out = {}",), each, (tail,), ("out",), repeatable=True, size="len(out)")
 
 
 def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
@@ -96,11 +100,12 @@ def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
 def gathering(variables: tuple[int, ...], item: Callable[[Names], str], tail: str) -> Sink:
     """Collects an item of each solution in the list `out`."""
     head = ("out = []", "add = out.append")
-    return Sink(variables, head, lambda names: [f"add({item(names)})"], (tail,), ("add",))
+    each = lambda names: [f"add({item(names)})"]  # noqa: E731
+    return Sink(variables, head, each, (tail,), ("out", "add"), size="len(out)")
 
 
 EXISTENCE = Sink((), (), lambda names: ["return True"], ("return False",), relay="flag", repeatable=True)
-COUNT = Sink((), ("n = 0",), lambda names: ["n += 1"], ("return n",), relay="sum")
+COUNT = Sink((), ("n = 0",), lambda names: ["n += 1"], ("return n",), relay="sum", size="n")
 
 
 def visiting(variable: int, question: Reach) -> Sink:

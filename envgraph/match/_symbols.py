@@ -164,6 +164,13 @@ class Builtin:
 
 
 @dataclass(frozen=True, slots=True)
+class Bounded:
+    """A function that raises an error if it is given more than a pattern may have matches."""
+
+    pattern: str
+
+
+@dataclass(frozen=True, slots=True)
 class Held:
     """Something that a view holds: `what` it is, of the view with this name, at these positions of its rows."""
 
@@ -173,7 +180,8 @@ class Held:
 
 
 Symbol = (
-    Classes
+    Bounded
+    | Classes
     | ClassTable
     | Members
     | Values

@@ -7,6 +7,7 @@ from typing import Final
 
 from envgraph.match._symbols import (
     Backward,
+    Bounded,
     Builtin,
     Classes,
     ClassTable,
@@ -79,6 +80,8 @@ class Module:
                 return self.fresh("i")
             case Tallied():
                 return self.fresh("n")
+            case Bounded():
+                return self.fresh("m")
             case Held(what):
                 return self.fresh(f"{what}_")
 

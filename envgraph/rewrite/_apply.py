@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any, Final
 
-from envgraph.errors import EvaluationError, RuleError
+from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, limit
 from envgraph.graph import Model
 from envgraph.match import Matcher
 from envgraph.metamodel import Metamodel, Reference
@@ -31,6 +31,9 @@ Raises:
 """
 
 Again = Callable[[Link, int, int], None]
+
+MOST_INSTANCES: Final = 100_000
+"""Matches of the blocks of one application: a `forall` that makes the model larger each time ends here."""
 
 PHASES: Final = ("compute", "unlink", "delete", "strip", "retype", "create", "link", "assign")
 
@@ -201,9 +204,18 @@ class _Block:
             self.phases[phase] = _function(f"do_{phase}", "e", lines, writer.namespace) if lines else None
 
     def collect(
-        self, slots: list[Any], parent: Instance | None, found: list[Instance], fresh: Iterator[int]
+        self,
+        slots: list[Any],
+        parent: Instance | None,
+        found: list[Instance],
+        fresh: Iterator[int],
+        most: int,
     ) -> None:
-        """Add the match with these slots, then those of the nested blocks, all on the present state."""
+        """Add the match with these slots, then those of the nested blocks, all on the present state.
+
+        Raises:
+            EvaluationError: there are more than `most`.
+        """
         slots += [None] * (self.plan.slots - len(slots))
         for new in self.plan.creates:
             slots[new.node] = Fresh(next(fresh))
@@ -215,8 +227,11 @@ class _Block:
             rows = sorted(block.rows(*(slots[number] for number in block.plan.arguments)))
             if block.plan.kind == "optional":
                 rows = rows[:1]
+            if len(found) + len(rows) > most:
+                message = f"the blocks of one application have more than {most:,} matches"
+                raise EvaluationError(message, block.plan.span, f"ask for less; {RAISE_LIMIT}")
             for row in rows:
-                block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found, fresh)
+                block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found, fresh, most)
 
 
 class _Staged:
@@ -226,13 +241,14 @@ class _Staged:
         self.plan = plan
         self.model = model
         self.again = again
+        self.most = limit(MOST_INSTANCES)
         self.block = _Block(plan.body, model, matcher, plan.lossy)
 
     def apply(self, row: Row) -> Sequence[Any]:
         """See `Effect`."""
         instances: list[Instance] = []
-        self.block.collect(list(row), None, instances, count(-1, -1))
         try:
+            self.block.collect(list(row), None, instances, count(-1, -1), self.most)
             self._run(instances, "compute")
             wants = self._check(instances)
             with self.model.transaction():

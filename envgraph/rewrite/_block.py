@@ -490,6 +490,7 @@ class BlockBuilder:
             links=(*links, *self.values.links),
             sets=tuple(self.values.sets),
             nested=nested,
+            span=self.lowered.pattern.span,
         )
 
     def _kind(self) -> Literal["rule", "forall", "forall+", "optional"]:

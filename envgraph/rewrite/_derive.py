@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import permutations
+from typing import Final
 
-from envgraph.errors import Diagnostic, Severity, Span, has_errors, with_article
+from envgraph.errors import RAISE_LIMIT, Diagnostic, Severity, Span, has_errors, limit, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, LeftSide, Modification, Retype, Rule, TypeConstraint, Variable
 from envgraph.rewrite._derive_operators import Derived, check_operators, operators
 from envgraph.rewrite._header import check_annotations, check_weight
 from envgraph.rewrite._homeless import homeless
+
+MOST_RULES: Final = 10_000
+"""Rules of one derivation: for each ordered pair of a hundred classes; they take 4 s and 100 MB."""
 
 ANNOTATIONS = {"retype": ("weight",), "operators": ("cap", "weight")}
 
@@ -35,6 +39,11 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
         problems.append(
             Diagnostic("too-few-classes", message, derivation.span, "write `retype among { A, B }`")
         )
+    number = len(derivation.classes) * (len(derivation.classes) - 1)
+    if number > limit(MOST_RULES):
+        message = f"`{derivation.name}` stands for {number:,} rules; there may be {limit(MOST_RULES):,}"
+        hint = f"divide the classes among several derivations; {RAISE_LIMIT}"
+        problems.append(Diagnostic("too-many-rules", message, derivation.span, hint))
     if not has_errors(problems):
         problems += _check_containers(derivation, metamodel)
     return problems

@@ -12,6 +12,7 @@ from envgraph.errors import (
     EvaluationError,
     InvalidArgument,
     RuleError,
+    limit,
 )
 from envgraph.graph import Model, Node, Savepoint, Version, as_context, ensured
 from envgraph.match import Subscription, ViewMatcher
@@ -85,7 +86,7 @@ class Engine(Recordings):
         self, model: Model, *, seed: int = 0, matcher: Literal["compiled", "naive"] = "compiled"
     ) -> None:
         super().__init__(model, matcher)
-        self.step_limit = STEP_LIMIT
+        self.step_limit = limit(STEP_LIMIT)
         self.seed = seed
         self._rng: numpy.random.Generator | None = None
         self._choices: dict[tuple[str, ...], _Choice] = {}

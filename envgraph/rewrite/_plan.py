@@ -194,6 +194,7 @@ class BlockPlan:
     links: tuple[Link, ...]
     sets: tuple[Assign, ...]
     nested: tuple[BlockPlan, ...]
+    span: Span | None = field(default=None, compare=False)
 
     @property
     def operations(self) -> int:

@@ -8,7 +8,7 @@ together: those before this one see the relation as it is, those after it as it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
@@ -240,7 +240,7 @@ def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjun
     module, block = Module(), Block()
     plan = planner.plan(conjunction, conjunction.goals, frozenset())
     heads = conjunction.parameters
-    sink = gathering(heads, lambda names: row(heads, names), "return out")
+    sink = replace(gathering(heads, lambda names: row(heads, names), "return out"), pattern=name)
     block.raw(sink.head)
     delta = Delta(name, body, conjunction, Occurrence(-1, _NOTHING, Role.EACH, ()), ())
     DeltaTranslation(planner, module, block, delta, []).run(plan, sink, {})
@@ -268,12 +268,15 @@ def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Co
 
 
 _NOTHING = CallAtom("", ())
+HELD: Final = "held"
+"""Stands for the number of rows of a view, those included that wait for its turn."""
 
 
 def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
     """Adds or removes a derivation of the view."""
     heads = delta.conjunction.parameters
-    return Sink(heads, (), lambda names: [changed(module, delta, adding, row(heads, names))], ())
+    sink = Sink(heads, (), lambda names: [changed(module, delta, adding, row(heads, names))], ())
+    return replace(sink, pattern=delta.name, size=HELD) if adding else sink
 
 
 def changed(module: Module, delta: Delta, adding: bool, row_: str) -> str:
@@ -343,6 +346,7 @@ class DeltaTranslation(Translation):
         inputs_ = self._inputs(steps, sink)
         inner = self._inner(Block(), continuation)
         inner._names = {v: f"v{v}" for v in inputs_}
+        inner._continues = continuation
         shared = sink.shared if continuation else ()
         inner._block.raw(() if shared else sink.head)
         inner._steps(steps, sink)
@@ -351,6 +355,10 @@ class DeltaTranslation(Translation):
         passed = [*shared, *self._tuple]
         self._module.function(name, [*passed, *(f"v{v}" for v in inputs_)], inner._block)
         return f"{name}({', '.join([*passed, *(self._source(v) for v in inputs_)])})"
+
+    def _size(self, sink: Sink) -> str:
+        """As in `Translation`; what a delta adds to is the view."""
+        return f"{self._module.name(Held('size', self._delta.name))}()" if sink.size == HELD else sink.size
 
     def _inner(self, block: Block, continuation: bool) -> DeltaTranslation:
         """Hook: the translation of a function inside this one, or of the rest of this one."""

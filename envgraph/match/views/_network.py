@@ -140,6 +140,9 @@ class Network:
                 return operator.underive
             case "queue", View() | Member():
                 return operator.queue.extend
+            case "size", View() | Member():
+                rows, queue = operator.rows, operator.queue
+                return lambda: len(rows) + len(queue) // 2
             case "position", Rows():
                 return operator.rows.position
             case "rows", Rows():

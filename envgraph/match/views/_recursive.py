@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from envgraph.errors import EvaluationError
+from envgraph.errors import RAISE_LIMIT, EvaluationError, limit
 from envgraph.graph import Store
 from envgraph.match.views._operators import Hook, Operator, Rows
 from envgraph.match.views._sets import Row
@@ -63,6 +63,7 @@ class Component(Operator):
     def __init__(self, name: str, store: Store, members: Sequence[Member]) -> None:
         super().__init__(name, store)
         self.members = tuple(members)
+        self._most = limit(MOST_ROWS)
 
     @property
     def pending(self) -> bool:
@@ -124,10 +125,9 @@ class Component(Operator):
                 continue
             if number < sure and not any(derivable(*row) for derivable in member.derivable):
                 continue
-            if len(member.rows) >= MOST_ROWS:
-                raise EvaluationError(
-                    f"recursive pattern `{member.name}` has more than {MOST_ROWS:,} matches"
-                )
+            if len(member.rows) >= self._most:
+                message = f"recursive pattern `{member.name}` has more than {self._most:,} matches"
+                raise EvaluationError(message, hint=RAISE_LIMIT)
             come(member, row)
             for hook in member.spread:
                 hook(*row)

@@ -230,7 +230,7 @@ def test_files_that_cannot_be_read_are_diagnosed(directory: Path) -> None:
     messages = [one.message for one in found.errors]
     assert messages[:3] == [
         "the byte 0xe9 is not UTF-8",
-        "the file has more than 4 MB",
+        "the file has more than 1 MB",
         "the directory holds no file of any of the languages",
     ]
     assert shown(found.errors)[0].startswith("latin.query:2:7")
@@ -240,7 +240,7 @@ def test_files_that_cannot_be_read_are_diagnosed(directory: Path) -> None:
 
 
 def test_texts_of_objects_may_be_longer_than_those_of_queries(directory: Path) -> None:
-    for name, size in (("q.rules", 4), ("e.environment", 4), ("m.model", 16), ("n.metamodel", 16)):
+    for name, size in (("q.rules", 1), ("e.environment", 1), ("m.model", 16), ("n.metamodel", 16)):
         (directory / name).write_bytes(b" " * (size * 1024 * 1024 + 1))
         (error,) = load_workspace([name]).errors
         assert error.message == f"the file has more than {size} MB"
@@ -249,11 +249,11 @@ def test_texts_of_objects_may_be_longer_than_those_of_queries(directory: Path) -
 
 def test_limits_are_raised_by_the_environment(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = directory / "q.query"
-    path.write_bytes(QUERY.encode() + b" " * (4 * 1024 * 1024))
+    path.write_bytes(QUERY.encode() + b" " * (1024 * 1024))
     monkeypatch.setenv("ENVGRAPH_LIMITS", "1.5")
     assert not load_workspace([path]).errors
-    path.write_bytes(b" " * (7 * 1024 * 1024))
-    assert load_workspace([path]).errors[0].message == "the file has more than 6 MB"
+    path.write_bytes(b" " * (2 * 1024 * 1024))
+    assert load_workspace([path]).errors[0].message == "the file has more than 1.5 MB"
     for wrong in ("many", "0", "-1", "nan", "inf"):
         monkeypatch.setenv("ENVGRAPH_LIMITS", wrong)
         with pytest.raises(InvalidArgument, match=f"ENVGRAPH_LIMITS is `{wrong}`"):

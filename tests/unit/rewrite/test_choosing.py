@@ -10,7 +10,7 @@ import pytest
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.pattern import Derivation
-from envgraph.rewrite import Engine, derived_rules
+from envgraph.rewrite import Engine, _derive, derived_rules
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems
 
 RULES = """
@@ -107,6 +107,16 @@ def test_retypings_keep_identity() -> None:
     made.model.node(0).n = 5
     made.apply("d")
     assert (made.model.node(0).cls, made.model.node(0).n) == ("Special", 5)
+
+
+def test_a_derivation_stands_for_so_many_rules_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_derive, "MOST_RULES", 1)
+    (found,) = problems("derive d = retype among { Item, Special };")
+    assert found.code == "too-many-rules" and found.message == "`d` stands for 2 rules; there may be 1"
+    assert found.span is not None and found.span.text == "d"
+    assert found.hint is not None and "ENVGRAPH_LIMITS=10" in found.hint
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "10")
+    assert not problems("derive d = retype among { Item, Special };")
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from envgraph.errors import RuleError
+from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
+from envgraph.rewrite import _apply
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems, snapshot
 
 
@@ -224,3 +225,27 @@ def test_blocks_read_what_the_left_side_computes() -> None:
 def test_a_mistake_in_what_is_computed_is_told_once() -> None:
     text = "rule r { lhs { a : Item; n == eval(a.nn + 1); } not { b : Item; check b.n == n; } modify { } }"
     assert [problem.code for problem in problems(text)] == ["unknown-feature"]
+
+
+DOUBLE = """
+rule double { lhs { } forall { lhs { x : Item; } modify { create y : Item; } } }
+rule cross { lhs { } forall { lhs { x : Item; } forall { lhs { y : Item; } modify { set y.n += 1; } } modify { } } }
+unit grow { alap { double; } }
+"""
+
+
+def test_a_forall_that_doubles_the_model_each_time_ends_at_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_apply, "MOST_INSTANCES", 100)
+    made = engine(DOUBLE, model=chain(3))
+    with pytest.raises(
+        EvaluationError, match="the blocks of one application have more than 100 matches"
+    ) as caught:
+        made.run("grow")
+    assert caught.value.span is not None and caught.value.span.text == "lhs"
+    assert caught.value.hint is not None and "ENVGRAPH_LIMITS=10" in caught.value.hint
+    assert len(made.model.nodes("Item")) == 3
+    made = engine(DOUBLE, model=chain(12))
+    with pytest.raises(EvaluationError, match="more than 100 matches"):
+        made.apply("cross")  # each block has fewer
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "10")
+    assert engine(DOUBLE, model=chain(12)).apply("cross")

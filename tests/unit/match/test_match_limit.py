@@ -1,0 +1,82 @@
+"""What nothing connects is combined with everything: that ends at a limit, not in memory."""
+
+from __future__ import annotations
+
+import pytest
+
+from envgraph.errors import EvaluationError
+from envgraph.graph import Model
+from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
+from envgraph.match import _limits as limits
+from envgraph.pattern import Library
+from tests.unit.match.people import METAMODEL
+from tests.unit.match.writing import is_a, path, pattern
+
+NAMES = [f"v{number}" for number in range(14)]
+PATTERNS = (
+    pattern(
+        f"all({', '.join(f'{name} : Person' for name in NAMES)})", [is_a("Person", name) for name in NAMES]
+    ),
+    pattern("pairs(a : Person, b : Person)", [is_a("Person", "a"), is_a("Person", "b")]),
+    pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")]),
+    pattern("same(a : Person, b : Person)", [path("Person.age", "a", "n"), path("Person.age", "b", "n")]),
+)
+
+
+def matcher(kind: type[CompiledMatcher] | type[ViewMatcher], people: int) -> Matcher:
+    model, library = Model(METAMODEL), Library(METAMODEL)
+    library.add(*PATTERNS)
+    for _ in range(people):
+        model.new("Person")
+    return kind(model, library)
+
+
+def free(size: int) -> tuple[object, ...]:
+    return (FREE,) * size
+
+
+@pytest.mark.parametrize("question", ["rows", "count"])
+def test_a_dozen_objects_that_nothing_connects(question: str) -> None:
+    asked = matcher(CompiledMatcher, 10)
+    with pytest.raises(
+        EvaluationError, match="`all` has more than 1,000,000 matches: nothing connects"
+    ) as caught:
+        getattr(asked, question)("all", free(14))
+    assert caught.value.hint is not None and "ENVGRAPH_LIMITS=10" in caught.value.hint
+    assert asked.exists("all", free(14)) and asked.first("all", free(14)) == (0,) * 14
+
+
+def test_the_limit_is_raised_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MOST_MATCHES", 100)
+    with pytest.raises(EvaluationError, match="more than 100 matches"):
+        matcher(CompiledMatcher, 15).rows("pairs", free(2))
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "10")
+    assert len(matcher(CompiledMatcher, 15).rows("pairs", free(2))) == 225
+
+
+def test_what_a_link_or_a_value_connects_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MOST_MATCHES", 10)
+    asked = matcher(CompiledMatcher, 15)
+    assert len(asked.rows("same", free(2))) == 225
+    assert "m0" not in asked.source("knows")  # type: ignore[attr-defined]
+
+
+def test_a_view_ends_at_the_limit_when_it_is_made_and_when_the_model_grows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(limits, "MOST_MATCHES", 20_000)
+    with pytest.raises(EvaluationError, match="`all` has more than 20,000 matches"):
+        matcher(ViewMatcher, 3).watch("all")  # type: ignore[attr-defined]
+    views = matcher(ViewMatcher, 2)
+    assert isinstance(views, ViewMatcher)
+    views.watch("all", "pairs")
+    assert views.count("all", free(14)) == 2**14
+    with pytest.raises(EvaluationError, match="`all` has more than 20,000 matches"):
+        views.model.new("Person")
+        views.count("all", free(14))
+    number = len(views.model.extent("Person"))
+    assert views.count("pairs", free(2)) == number**2
+    if number == 3:
+        views.model.delete(views.model.extent("Person")[-1])
+    assert views.count("all", free(14)) == 2**14
+    views.check_integrity()
