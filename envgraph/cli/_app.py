@@ -158,13 +158,19 @@ def check(
     ],
     metamodel: Metamodel = None,
     allow_unresolved: Unresolved = False,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CODE", help="Leave out warnings of this code; may be repeated.", show_default=False
+        ),
+    ] = None,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
     from envgraph.cli._check import check_files
     from envgraph.cli._inputs import Inputs
 
-    raise typer.Exit(check_files(files, Inputs(metamodel or (), allow_unresolved), format))
+    raise typer.Exit(check_files(files, Inputs(metamodel or (), allow_unresolved), format, ignore or ()))
 
 
 @app.command("format")

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from envgraph.cli._inputs import Inputs
 from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, print_line
-from envgraph.errors import Diagnostic, LoadError, has_errors, sort_diagnostics
+from envgraph.errors import Diagnostic, LoadError, Severity, has_errors, sort_diagnostics
 
 
-def check_files(files: list[str], inputs: Inputs, format: OutputFormat) -> int:
-    """Print all problems of the files, each group of which is read with the metamodels; the exit code."""
+def check_files(files: list[str], inputs: Inputs, format: OutputFormat, ignored: Sequence[str] = ()) -> int:
+    """Print all problems of the files, each group of which is read with the metamodels; the exit code.
+
+    Warnings with a code that is `ignored` are left out.
+    """
     inputs.check()
-    diagnostics = tuple(dict.fromkeys(one for group in _groups(files) for one in _problems(group, inputs)))
+    found = dict.fromkeys(one for group in _groups(files) for one in _problems(group, inputs))
+    diagnostics = tuple(one for one in found if one.severity is Severity.ERROR or one.code not in ignored)
     failed = has_errors(diagnostics)
     if format is OutputFormat.JSON:
         print_json({"ok": not failed, "diagnostics": [diagnostic.to_dict() for diagnostic in diagnostics]})

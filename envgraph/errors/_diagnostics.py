@@ -46,9 +46,10 @@ class Diagnostic:
     notes: tuple[Note, ...] = ()
 
     def __str__(self) -> str:
-        """Position, message, excerpt with caret, notes and hint, on several lines."""
+        """Position, message, the code of a warning, excerpt with caret, notes and hint, on several lines."""
         mark = "" if self.severity is Severity.ERROR else "warning: "
-        message = _shown(self.message)
+        # The code of a warning is shown because `@suppress` and `--ignore` take it.
+        message = f"{_shown(self.message)} [{self.code}]" if mark else _shown(self.message)
         lines = [f"{self.span}: {mark}{message}" if self.span else f"{mark}{message}"]
         if self.span and self.span.source.text:  # the text of a file that cannot be read is empty
             lines.append(self.span.excerpt())

@@ -22,7 +22,7 @@ from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.lang._query import name_of, parameters_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
 from envgraph.lang._type_names import TypeNames
-from envgraph.metamodel import Annotation, Metamodel
+from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
 
 _OUTSIDE = {
     "reset": "on reset",
@@ -113,7 +113,8 @@ def _behaviour(reading: Reading, tree: Tree[Token]) -> Behaviour:
 
 def _annotation(reading: Reading, tree: Tree[Token]) -> Annotation:
     annotation = annotation_of(reading.parsed.source, tree)
-    reading.warn("unknown-annotation", f"`@{annotation.name}` means nothing here", tree, "leave it out")
+    if annotation.name != SUPPRESS:
+        reading.warn("unknown-annotation", f"`@{annotation.name}` means nothing here", tree, "leave it out")
     return annotation
 
 

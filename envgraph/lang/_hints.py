@@ -85,6 +85,8 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
     keywords, signs = grammar.core.keywords, grammar.core.signs
     if before[1] == "-" and after == "->":
         return f"an arrow starts at an object: write `x -{word}-> ..`"
+    if word == "-" and before[0] == "(" and index > 2 and lexemes[index - 3].value == "suppress":
+        return 'the code of a warning stands in quotes: `@suppress("..")`'
     if before[0] == "metamodel" and before[1] in keywords and "metamodel" in keywords:
         return f"the metamodel has no name: write `metamodel name` before `{before[1]}`"
     if before[0] == "," and lexemes[index - 4].value == "=" and lexemes[index - 3].kind == "NAME":

@@ -52,6 +52,7 @@ from envgraph.lang._parsing import Parsed, parse_tokens
 from envgraph.lang._query import QueryFile, read_query
 from envgraph.lang._query_header import header_of
 from envgraph.lang._rules import RulesFile, read_rules
+from envgraph.lang._suppress import Suppression, suppressions_of, unsuppressed
 from envgraph.lang._type_names import TypeNames
 from envgraph.lang._workspace import Workspace
 from envgraph.lang._xmi import read_xmi, schema_paths
@@ -228,6 +229,7 @@ class _Loader:
     definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
     behaviours: list[Behaviour] = field(default_factory=list)
     families: list[FamilySpec] = field(default_factory=list)
+    suppressions: list[Suppression] = field(default_factory=list)
     unclear: set[str] = field(default_factory=set)
     named: list[tuple[Import, str]] = field(default_factory=list)
     """Imports that may be the uri or the name of a metamodel, with the file that has them."""
@@ -355,6 +357,9 @@ class _Loader:
     def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
         parsed, lexemes = parse_tokens(grammar(language), source)
         self.lost |= parsed.lost | unread_names(parsed)
+        suppressions, problems = suppressions_of(parsed)
+        self.suppressions += suppressions
+        self.diagnostics += problems
         match language:
             case "metamodel":
                 self.metamodels[parsed.source.name] = read_metamodel(parsed), asked
@@ -665,7 +670,9 @@ class _Loader:
                 return (-1, 0, 0)
             return (self.order.get(one.span.source.name, -1), one.span.start, one.span.end)
 
-        return tuple(sorted(dict.fromkeys(without_misread(self.diagnostics)), key=key))
+        return tuple(
+            sorted(dict.fromkeys(unsuppressed(without_misread(self.diagnostics), self.suppressions)), key=key)
+        )
 
 
 def _file(problem: Diagnostic) -> str | None:

@@ -20,6 +20,7 @@ from envgraph.errors import (
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.metamodel import (
+    SUPPRESS,
     Annotation,
     Attribute,
     AttributeType,
@@ -338,7 +339,7 @@ class _Reader:
     def _annotations(self, tree: Tree[Token], known: Iterable[str]) -> tuple[Annotation, ...]:
         found = tuple(annotation_of(self.parsed.source, part) for part in trees(tree.children, "annotation"))
         for part, annotation in zip(trees(tree.children, "annotation"), found, strict=True):
-            if annotation.name not in known:
+            if annotation.name not in (*known, SUPPRESS):
                 name = tokens(part.children)[0]
                 place = _PLACES.get(annotation.name)
                 message = f"`@{name}` is for {place}" if place else f"unknown annotation `@{name}`"

@@ -13,6 +13,7 @@ from envgraph.lang._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.lang._query_conditions import conditions_of, java_type_of
 from envgraph.lang._query_header import Header, definitions_of, header_of, unused_imports
 from envgraph.lang._type_names import TypeNames
+from envgraph.metamodel import SUPPRESS
 from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Strategy
 
 
@@ -91,6 +92,10 @@ def _pattern(reading: Reading, package: str, tree: Tree[Token]) -> Pattern:
 
 def _declaration(reading: Reading, tree: Tree[Token]) -> FunctionDeclaration:
     name = name_of(tree)
+    for annotation in trees(tree.children, "annotation"):
+        word = annotation_of(reading.parsed.source, annotation).name
+        if word != SUPPRESS:
+            reading.warn("unknown-annotation", f"`@{word}` means nothing here", annotation, "leave it out")
     result, result_span = _typed(reading, tree)
     return FunctionDeclaration(
         str(name),

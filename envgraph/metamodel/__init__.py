@@ -3,6 +3,7 @@
 from envgraph.metamodel._ecore import metamodel_to_ecore, xml_value
 from envgraph.metamodel._features import (
     LARGEST_INT,
+    SUPPRESS,
     Annotation,
     Attribute,
     AttributeType,
@@ -26,6 +27,7 @@ from envgraph.metamodel._metamodel import Metamodel
 
 __all__ = [
     "LARGEST_INT",
+    "SUPPRESS",
     "Annotation",
     "Attribute",
     "AttributeType",

@@ -19,6 +19,9 @@ Values = tuple[Value, ...]
 """What an attribute with many values holds."""
 
 
+SUPPRESS: Final = "suppress"
+"""The annotation that silences warnings about what it stands before, wherever annotations can stand."""
+
 LARGEST_INT: Final = 2**63 - 1
 """Ints that are stored or leave an expression have 64 bits; the least one is `-LARGEST_INT - 1`."""
 

@@ -7,7 +7,7 @@ from itertools import zip_longest
 from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
-from envgraph.metamodel import Annotation, Metamodel
+from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
 from envgraph.pattern._queries import Body, Comparison, Negation, PathConstraint, Pattern
 from envgraph.pattern._types import static_type, type_hint
 
@@ -17,6 +17,7 @@ KNOWN_ANNOTATIONS: Final = (
     "Label",
     "QueryBasedFeature",
     "SafeRecursion",
+    SUPPRESS,
 )
 
 MOST_STEPS: Final = 1000

@@ -9,7 +9,7 @@ from math import isfinite
 from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
-from envgraph.metamodel import Annotation
+from envgraph.metamodel import SUPPRESS, Annotation
 from envgraph.pattern import Library, Parameter, Pattern
 
 _GENERATED: Final = re.compile(r"\w#")
@@ -29,7 +29,7 @@ def check_weight(weight: float, annotations: Sequence[Annotation], span: Span | 
 def check_annotations(annotations: Sequence[Annotation], known: Sequence[str]) -> Iterable[Diagnostic]:
     """Warn of annotations that mean nothing at this place."""
     for annotation in annotations:
-        if annotation.name not in known:
+        if annotation.name not in (*known, SUPPRESS):
             message = f"`@{annotation.name}` means nothing here"
             hint = name_hint(annotation.name, known)
             yield Diagnostic("unknown-annotation", message, annotation.span, hint, Severity.WARNING)

@@ -140,6 +140,21 @@ def test_check_prints_position_line_caret_and_hint(envgraph: Envgraph, tmp_path:
     assert found.json["diagnostics"][0]["start"] == {"line": 10, "column": 24}  # type: ignore[index]
 
 
+def test_check_leaves_out_warnings_that_are_ignored(envgraph: Envgraph, tmp_path: Path) -> None:
+    (tmp_path / "m.metamodel").write_text("metamodel m\nclass P { int x }\n")
+    query = "pattern p(p : P) { P.x(p, x); }\npattern q(p) { P(p); }\n"
+    (tmp_path / "m.query").write_text('import "m.metamodel"\n' + query)
+    files = (tmp_path / "m.query",)
+    assert "[used-once]" in ok(envgraph("check", *files)).err
+    shown = ok(envgraph("check", *files, "--ignore", "used-once"))
+    assert "[undeclared-type]" in shown.err and "used-once" not in shown.err and "1 warning" in shown.out
+    words = ("--ignore", "used-once", "--ignore", "undeclared-type")
+    assert "no problems" in ok(envgraph("check", *files, *words)).out
+    assert json.loads(ok(envgraph("check", *files, *words, "--format", "json")).out)["diagnostics"] == []
+    (tmp_path / "m.query").write_text('import "m.metamodel"\npattern p(p : Q) { P(p); }\n')
+    assert envgraph("check", *files, "--ignore", "unknown-type").code == 1
+
+
 def test_check_of_what_is_not_there_is_no_traceback(envgraph: Envgraph) -> None:
     for name in ("missing.query", "missing", "no_language.txt"):
         result = envgraph("check", name)

@@ -30,12 +30,12 @@ def test_a_diagnostic_shows_place_excerpt_notes_and_hint():
 
 def test_a_diagnostic_without_a_text_is_its_message():
     assert str(Diagnostic("c", "wrong")) == "wrong"
-    assert str(Diagnostic("c", "odd", severity=Severity.WARNING)) == "warning: odd"
+    assert str(Diagnostic("c", "odd", severity=Severity.WARNING)) == "warning: odd [c]"
 
 
 def test_warnings_say_so():
     assert str(Diagnostic("c", "odd", SPAN, severity=Severity.WARNING)).startswith(
-        "split.rule:2:14: warning: odd"
+        "split.rule:2:14: warning: odd [c]"
     )
 
 

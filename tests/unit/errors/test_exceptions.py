@@ -25,7 +25,7 @@ def test_all_exceptions_have_one_root():
     exceptions = [
         item for item in vars(errors).values() if isinstance(item, type) and issubclass(item, Exception)
     ]
-    assert len(exceptions) == 10
+    assert len(exceptions) == 11
     assert all(issubclass(item, EnvgraphError) for item in exceptions)
 
 

@@ -332,6 +332,13 @@ def test_family_files_are_part_of_a_workspace() -> None:
     assert found.behaviour().name == "BurningForest"
 
 
+def test_bundled_domains_have_no_warnings() -> None:
+    for name in bundled_domains():
+        assert not load_workspace([str(bundled_domain(name))]).diagnostics
+        files = [str(one) for one in bundled_domain(name).iterdir() if one.suffix != ".toml"]
+        assert not load_workspace(files).diagnostics
+
+
 def test_bundled_domains_are_listed_and_found() -> None:
     assert "burning_forest" in bundled_domains()
     assert (bundled_domain("burning_forest") / "family.toml").is_file()
