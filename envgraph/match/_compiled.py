@@ -14,6 +14,7 @@ from envgraph.match._aggregates import least, mean, most, total
 from envgraph.match._calls import CallGraph, check_nesting
 from envgraph.match._closures import ClosureView, Meeting, Search, Spreading
 from envgraph.match._common import common
+from envgraph.match._estimate import Sizes
 from envgraph.match._explain import explain_view
 from envgraph.match._generate import ends_source, reach_source, view_source
 from envgraph.match._limits import at_most
@@ -213,7 +214,16 @@ class CompiledMatcher:
         Without it they go by what the metamodel suggests, so that they do not depend on when they are made. Rows of
         patterns that are looked for on demand may come in another order afterwards.
         """
-        self._planner = Planner(self.library, self.calls, LiveSizes(self.library, self.model.store))
+        self._plan_with(LiveSizes(self.library, self.model.store))
+
+    def forget(self) -> None:
+        """Names of patterns may mean something else from now on."""
+        self.calls = CallGraph(self.library)
+        self._parameters.clear()
+        self._plan_with(self._planner.sizes)
+
+    def _plan_with(self, sizes: Sizes) -> None:
+        self._planner = Planner(self.library, self.calls, sizes)
         self._functions.clear()
         self._answers.clear()
         self._closures.clear()

@@ -75,6 +75,9 @@ class Matcher(Protocol):
     def tester(self, pattern: str) -> Callable[[Row], bool]:
         """Whether a row is a match; unchecked, its values must have the right type. Objects may be gone."""
 
+    def forget(self) -> None:
+        """Names of patterns may mean something else from now on."""
+
 
 def check_bound(library: Library, pattern: str, bound: Collection[int]) -> None:
     """Whether a pattern can be asked with values at these positions alone.

@@ -62,6 +62,11 @@ class NaiveMatcher:
         # Rows found so far for every call met, while a recursive component is being solved.
         self._open: dict[frozenset[str], dict[tuple[str, Arguments], dict[Row, None]]] = {}
 
+    def forget(self) -> None:
+        """Names of patterns may mean something else from now on."""
+        self._flat.clear()
+        self._reached.clear()
+
     def rows(self, pattern: str, arguments: tuple[object, ...]) -> list[Row]:
         """All matches that agree with the arguments, in ascending order."""
         types = self.library.parameter_types(pattern)

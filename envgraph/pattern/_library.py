@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
@@ -37,7 +37,7 @@ class Checked(NamedTuple):
 class Library:
     """Patterns over one metamodel, checked together, with their types and their normal forms.
 
-    Patterns are only ever added, and what a name in a registered pattern means never changes.
+    What a name in a registered pattern means never changes: a pattern is removed together with those that call it.
 
     Args:
         metamodel: what the names of classes and features mean.
@@ -92,6 +92,21 @@ class Library:
         self._entries = checked.analysis.entries
         self._names = checked.analysis.names
         self._checked = None
+
+    def remove(self, names: Collection[str]) -> None:
+        """Forget patterns (qualified names), which no others call."""
+        self._entries = {name: entry for name, entry in self._entries.items() if name not in names}
+        self._names = Names([entry.pattern for entry in self._entries.values()])
+        self._lowered = {name: lowered for name, lowered in self._lowered.items() if name not in names}
+        self._checked = None
+
+    def called(self, qualified_name: str) -> tuple[str, ...]:
+        """Qualified names of the patterns that a registered one calls.
+
+        Raises:
+            InvalidArgument: there is no such pattern.
+        """
+        return tuple(dict.fromkeys(self._entry(qualified_name).calls.values()))
 
     def _check(self, patterns: Sequence[Pattern]) -> Checked:
         """What is known about new patterns; nothing is worked out again if they are those of the last time."""

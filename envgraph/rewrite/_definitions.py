@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from contextlib import AbstractContextManager, nullcontext
 from math import isfinite
 from typing import TYPE_CHECKING, Literal, TypeVar, cast, overload
@@ -11,13 +10,13 @@ from typing import TYPE_CHECKING, Literal, TypeVar, cast, overload
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
 from envgraph.graph import Model
 from envgraph.match import ViewMatcher
-from envgraph.pattern import Call, Derivation, FunctionDeclaration, Pattern, Rule, Step, Unit
+from envgraph.pattern import Call, Derivation, FunctionDeclaration, Library, Pattern, Rule, Step, Unit
 from envgraph.rewrite._derive import derived_rules
 from envgraph.rewrite._described import described, describes
 from envgraph.rewrite._functions import PythonUnit, unit_signature_of
 from envgraph.rewrite._jobs import job_name
 from envgraph.rewrite._match import Shape
-from envgraph.rewrite._names import Signature, Taken
+from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._notices import Notices
 from envgraph.rewrite._questions import Questions
 from envgraph.rewrite._register import Registration
@@ -53,9 +52,20 @@ class Definitions(Questions):
             ResolutionError: at least one has an error; all errors together. Nothing is added.
             InvalidArgument: something that is no definition, or a definition with a part of the wrong type.
         """
-        registration = self._registration(definitions)
+        self._install(self._sound(self._registration(definitions)), definitions)
+
+    def _sound(self, registration: Registration) -> Registration:
+        """What was checked, without errors.
+
+        Raises:
+            ResolutionError: it has some.
+        """
         if has_errors(registration.problems):
             raise ResolutionError([p for p in registration.problems if p.severity is Severity.ERROR])
+        return registration
+
+    def _install(self, registration: Registration, definitions: Sequence[Definition]) -> None:
+        """Register definitions that were checked."""
         self.library.functions = registration.functions
         self.library.add(*registration.all_patterns)
         self._directory = registration.directory
@@ -90,7 +100,22 @@ class Definitions(Questions):
         """What a Python rule applies is part of its own application."""
         return nullcontext()
 
-    def _registration(self, definitions: Sequence[Definition]) -> Registration:
+    def _registration(
+        self,
+        definitions: Sequence[Definition],
+        library: Library | None = None,
+        directory: Directory | None = None,
+    ) -> Registration:
+        """Definitions checked against those that there are, or against others."""
+        self._check_given(definitions)
+        return Registration(definitions, library or self.library, directory or self._directory)
+
+    def _check_given(self, definitions: Sequence[Definition]) -> None:
+        """Refuse what is no definition.
+
+        Raises:
+            InvalidArgument: it is none, or has a part of the wrong type.
+        """
         strange: list[object] = [one for one in definitions if not isinstance(one, Definition)]
         if strange:
             hint = ": `envgraph.lang.from_text` reads definitions" if isinstance(strange[0], str) else ""
@@ -99,7 +124,6 @@ class Definitions(Questions):
             mistake = None if one.span is not None else mistake_in(one)
             if mistake is not None:
                 raise InvalidArgument(f"{mistake}; `envgraph.Rule` and its like take texts, too")
-        return Registration(definitions, self.library, self._directory)
 
     def rule(
         self, when: str | Pattern, *, name: str | None = None, weight: float = 1.0, priority: int = 0
@@ -365,19 +389,18 @@ class Definitions(Questions):
         functions |= {name for name, unit in self._units.items() if isinstance(unit, PythonUnit)}
         found = list(self.definitions)
         while functions:
-            calling = [one for one in found if isinstance(one, Unit) and self._calls(one, functions)]
+            calling = [one for one in found if isinstance(one, Unit) and self._called(one) & functions]
             functions = {unit.qualified_name for unit in calling}
             found = [one for one in found if one not in calling]
         return found
 
-    def _calls(self, unit: Unit, names: AbstractSet[str]) -> bool:
+    def _called(self, unit: Unit) -> set[str]:
+        """Qualified names of what a unit calls."""
         steps: list[Step] = [unit.body]
         for step in steps:
             steps += inner_steps(step)
         calls = [step for step in steps if isinstance(step, Call)]
-        return any(
-            name in names for call in calls for name in self._directory.candidates(call.name, unit.package)
-        )
+        return {name for call in calls for name in self._directory.candidates(call.name, unit.package)}
 
 
 def _incremental(definitions: Iterable[Definition]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
 from random import Random
@@ -266,7 +266,8 @@ class Engine(Recordings):
             else ()
         )
         events = self._events or Events(self, views)
-        rule = EventRule(events, name or job_name(jobs[0][1]), shape, bound, priority, places)
+        calls = [self.signature(job).name for _, job in jobs if isinstance(job, str)]
+        rule = EventRule(events, name or job_name(jobs[0][1]), shape, bound, priority, places, calls)
         events.add(rule, qualified, existing)
         self._events = events
         return rule
@@ -275,6 +276,13 @@ class Engine(Recordings):
     def agenda(self) -> Agenda:
         """What event rules are about to do, in that order."""
         return Agenda(self._events)
+
+    def _holders(self, names: Collection[str]) -> Iterator[str]:
+        owner = self._owners()
+        for rule in () if self._events is None else self._events.rules:
+            if any(owner(name) in names for name in rule.calls):
+                yield f"event rule `{rule.name}`"
+        yield from super()._holders(names)
 
     def _holding(self) -> AbstractContextManager[None] | None:
         """At the end of the block, not inside it, event rules fire and listeners are told; None if there are none."""

@@ -22,7 +22,7 @@ the conflict set: the other version has been settled when it was made.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from heapq import heappop, heappush
 from itertools import count, islice
 from typing import TYPE_CHECKING, overload
@@ -69,6 +69,7 @@ class EventRule:
         name: for messages.
         pattern: qualified name of what is watched.
         priority: higher ones fire first.
+        calls: qualified names of its jobs that are rules, groups or units.
     """
 
     def __init__(
@@ -79,11 +80,13 @@ class EventRule:
         jobs: Mapping[Event, BoundJob],
         priority: int,
         key: tuple[int, ...],
+        calls: Collection[str],
     ) -> None:
         self.name = name
         self.pattern = shape.definition
         self.priority = priority
         self.jobs = jobs
+        self.calls = calls
         self._events = events
         self._shape = shape
         self._key = key
@@ -261,6 +264,11 @@ class Events:
         self._asleep = False
 
     # --- rules
+
+    @property
+    def rules(self) -> tuple[EventRule, ...]:
+        """Those that are not cancelled."""
+        return tuple(self._rules)
 
     def add(self, rule: EventRule, pattern: str, existing: bool) -> None:
         """Watch the pattern of a rule, and take in the matches that it has.

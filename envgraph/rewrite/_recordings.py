@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal
 
 from envgraph.graph import Model, ensured
-from envgraph.rewrite._definitions import Definitions
 from envgraph.rewrite._match import Firing
+from envgraph.rewrite._replacing import Replacing
 from envgraph.rewrite._trace import Trace
 
 
-class Recordings(Definitions):
+class Recordings(Replacing):
     """A model, what is defined over it, and the traces under way; `Engine` adds what can be done."""
 
     def __init__(self, model: Model, matcher: Literal["compiled", "naive"]) -> None:

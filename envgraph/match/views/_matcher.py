@@ -164,9 +164,15 @@ class ViewMatcher:
                 raise InvalidArgument(f"somebody listens to `{pattern}`")
         for pattern in patterns:
             self._views.pop(pattern, None)
+            self._wanted.pop(pattern, None)
         self._partly.forget()
         if not self._views:
             self._leave()
+
+    def forget(self) -> None:
+        """Names of patterns may mean something else from now on, but for those that are watched."""
+        self.demand.forget()
+        self._partly.forget()
 
     def _leave(self) -> None:
         """Follow the model no longer."""
@@ -443,6 +449,11 @@ class ViewMatcher:
             view = self._views.get(subscription.pattern)
             if view is not None:
                 view.rows.log = None
+
+    @property
+    def listened(self) -> tuple[str, ...]:
+        """The patterns that somebody listens to."""
+        return tuple(dict.fromkeys(each.pattern for each in self._subscriptions))
 
     @property
     def heard(self) -> bool:
