@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
@@ -27,14 +28,16 @@ _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _ESCAPES = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _ID = re.compile(r"[^\W\d][\w.-]*")
+_VALUE = re.compile(r"[\w.-]+")
 
 
 def model_to_xmi(model: Model, *, schema: str | None = None) -> str:
     """The text of an `.xmi` file with the present state, the same for the same state.
 
     Objects stand where they are contained, in the order of the links. The name of an object is its `xmi:id`, by which
-    references name it; other objects are named by their place, as in `//@regions.0/@sensors.3`. A value that is the
-    default of Ecore is left out. Ids are not kept; `model_to_json` keeps everything.
+    references name it; other objects are named by the value of their `iD` attribute, if no other object has that, else
+    by their place, as in `//@regions.0/@sensors.3`. A value that is the default of Ecore is left out. Ids are not kept;
+    `model_to_json` keeps everything.
 
     Args:
         model: the model.
@@ -63,6 +66,7 @@ class _Writer:
         self._roots = [node for node in everyone if model.container(node) is None]
         self._order = {root: index for index, root in enumerate(self._roots)}
         self._places: dict[int, dict[int, int]] = {}
+        self._identified = self._identifiers(everyone)
 
     def lines(self) -> Iterator[str]:
         """The file, line by line."""
@@ -158,6 +162,8 @@ class _Writer:
         name = self.model.object_name(node)
         if name is not None and _ID.fullmatch(name):
             return name
+        if node in self._identified:
+            return self._identified[node]
         steps: list[str] = []
         while found := self.model.container(node):
             container, reference = found
@@ -166,6 +172,23 @@ class _Writer:
             node = container
         root = f"/{self._order[node]}" if len(self._roots) > 1 else "/"
         return "/".join([root, *reversed(steps)])
+
+    def _identifiers(self, nodes: Sequence[int]) -> Mapping[int, str]:
+        """What objects are called by their `iD` attributes, as far as that is written and leads to them alone."""
+        found: dict[int, str] = {}
+        for cls, features in self._features.items():
+            own = next((one for one in features if isinstance(one, Attribute) and one.identifier), None)
+            if own is None or own.many:
+                continue
+            for node in self.model.exact_extent(cls):
+                value = self.model.value(node, own)
+                if value is not None and value != usual_value(own):
+                    found[node] = xml_value(own, value)
+        if not found:
+            return found
+        names = map(self.model.object_name, nodes)
+        counts = Counter([*found.values(), *(name for name in names if name is not None)])
+        return {node: text for node, text in found.items() if counts[text] == 1 and _VALUE.fullmatch(text)}
 
     def _place(self, container: int, reference: Reference, node: int) -> int:
         """The index of an object in its container."""

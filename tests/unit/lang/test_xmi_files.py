@@ -298,6 +298,20 @@ def test_dangling_references_are_told_soon_in_a_large_file() -> None:
     assert process_time() - started < 10
 
 
+def test_objects_are_named_by_their_id_attribute() -> None:
+    codes = ("a-1", "a-1", "two words", "", "only", "42", "x:y", "named")
+    books = "".join(f'<items xsi:type="lib:Book" name="b" code="{code}"/>' for code in codes)
+    places = " ".join(f"//@shelves.0/@items.{n}" for n in range(len(codes)))
+    person = f'<members name="p" borrowed="{places}"/><members xmi:id="named" name="q"/>'
+    model = library(f"<shelves>{books}</shelves>{person}")
+    text = model_to_xmi(model)
+    first = "//@shelves.0/@items."
+    assert f'borrowed="{first}0 {first}1 {first}2 {first}3 only 42 {first}6 {first}7"' in text
+    again = parse_xmi(Source("a.xmi", text), LIBRARY)
+    assert [book.code for book in again.nodes("Person")[0].borrowed] == list(codes)
+    assert model_to_xmi(again) == text
+
+
 # --- encodings and files ---
 
 
