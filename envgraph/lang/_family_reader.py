@@ -10,7 +10,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any, get_args
 
-from envgraph.errors import Diagnostic, LoadError, Source, Span, did_you_mean
+from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, did_you_mean, limit
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._family import (
     ComponentSpec,
@@ -29,6 +29,8 @@ from envgraph.lang._formats import FORMATS
 from envgraph.lang._toml import TomlText, parse_toml
 
 FAMILY_FILE = "family.toml"
+_MOST = 100_000
+"""Members of a family, and agents that are trained for each curriculum."""
 
 # Where each key belongs, to say so when it stands elsewhere.
 _HOME = {
@@ -216,11 +218,11 @@ class _Section:
         self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
         return default
 
-    def integer(self, key: str, default: int, low: int | None = None) -> int:
-        found = self.optional_integer(key, low)
+    def integer(self, key: str, default: int, low: int | None = None, most: int | None = None) -> int:
+        found = self.optional_integer(key, low, most)
         return default if found is None else found
 
-    def optional_integer(self, key: str, low: int | None = None) -> int | None:
+    def optional_integer(self, key: str, low: int | None = None, most: int | None = None) -> int | None:
         value = self.take(key)
         if value is None:
             return None
@@ -232,6 +234,10 @@ class _Section:
             self.error(
                 "bad-range", message, self.span(key), f"write `{key} = {low}` or more, or leave it out"
             )
+            return None
+        if most is not None and value > limit(most):
+            message = f"`{key}` is {value}, and at most {limit(most):,}"
+            self.error("bad-range", message, self.span(key), RAISE_LIMIT)
             return None
         return int(value)
 
@@ -545,7 +551,7 @@ class _Reader:
         if never:
             section.take("target")
         spec = SearchSpec(
-            section.integer("population", default.population, 1),
+            section.integer("population", default.population, 1, _MOST),
             None if unbounded else section.integer("generations", default.generations or 0, 0),
             section.boolean("keep_initial", default.keep_initial),
             self._choice_of(section, "parents", default.parents),
@@ -578,7 +584,7 @@ class _Reader:
             self._epsilon(section.table("epsilon")),
             section.integer("steps_per_environment", default.steps_per_environment, 1),
             section.integer("evaluation_episodes", default.evaluation_episodes, 1),
-            section.integer("seeds", default.seeds, 1),
+            section.integer("seeds", default.seeds, 1, _MOST),
             section.number("initial_value", default.initial_value),
         )
         section.finish()

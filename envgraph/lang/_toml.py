@@ -11,7 +11,7 @@ import tomllib
 from dataclasses import dataclass, field
 from typing import Any
 
-from envgraph.errors import Diagnostic, LoadError, Source, Span
+from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, limit
 
 TomlPath = tuple[str | int, ...]
 """Keys and indices from the root to a value."""
@@ -23,6 +23,8 @@ _STRING = re.compile(
 )
 _PLAIN = re.compile(r"[^,\]}#\n]+")
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+_PARTS = r"(?<![\w.-])(?:(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"
+"""The first parts of a dotted key; also found in texts and comments, where nobody has as many of them."""
 _DEEPEST = 50
 _HINTS = {
     "unclosed array": "a list ends with `]`, and commas stand between its values",
@@ -78,18 +80,7 @@ def parse_toml(source: Source) -> TomlText:
     >>> str(text.value("search", "parents", "name")), text.value("search", "parents", "name").text
     ('a.toml:2:20', "'random'")
     """
-    if max((line.count("[") + line.count("{") for line in source.text.split("\n")), default=0) > _DEEPEST:
-        # tomllib recurses into arrays and inline tables.
-        raise LoadError(
-            [
-                Diagnostic(
-                    "nested-too-deeply",
-                    "too many brackets",
-                    source.span(0, 0),
-                    "a list holds names and numbers only",
-                )
-            ]
-        )
+    _check_depth(source)
     try:
         # The offsets of the index are those of the text as it is: tomllib itself replaces "\r\n".
         text = TomlText(source, tomllib.loads(source.text))
@@ -102,6 +93,31 @@ def parse_toml(source: Source) -> TomlText:
         problem = Diagnostic("syntax-error", f"the file cannot be read: {error}", source.span(0, 0), hint)
         raise LoadError([problem]) from None
     return text
+
+
+def _check_depth(source: Source) -> None:
+    """Refuses what tomllib cannot take: it recurses into arrays and inline tables, and a key of n parts takes n².
+
+    Raises:
+        LoadError: there is too much of it.
+    """
+    deepest = limit(_DEEPEST)
+    at = 0
+    for line in source.text.split("\n"):
+        if line.count("[") + line.count("{") > deepest:
+            message = f"more than {deepest} brackets stand on one line"
+            span = source.span(at, at + len(line))
+            raise LoadError([Diagnostic("nested-too-deeply", message, span, RAISE_LIMIT)])
+        at += len(line) + 1
+    found = re.search(_PARTS + f"{{{deepest}}}", source.text)
+    if found:
+        problem = Diagnostic(
+            "nested-too-deeply",
+            f"a key has more than {deepest} parts",
+            source.span(*found.span()),
+            RAISE_LIMIT,
+        )
+        raise LoadError([problem])
 
 
 def _syntax_error(source: Source, message: str) -> Diagnostic:

@@ -26,6 +26,8 @@ from envgraph.search._selection import (
     TournamentParents,
 )
 
+_MOST_BINS = 100_000
+
 if TYPE_CHECKING:
     from envgraph.lang import FamilySpec
 
@@ -82,7 +84,7 @@ def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
 
 def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:
     low, high = options.range("range", getattr(context.measured, "range", (0.0, 1.0)))
-    bins = options.integer("bins", context.spec.search.population, 1)
+    bins = options.integer("bins", context.spec.search.population, 1, _MOST_BINS)
     return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
 
 

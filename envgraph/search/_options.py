@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
-from envgraph.errors import Diagnostic, did_you_mean
+from envgraph.errors import RAISE_LIMIT, Diagnostic, did_you_mean, limit
 from envgraph.lang import ComponentSpec
 
 T = TypeVar("T")
@@ -32,9 +32,13 @@ class Options:
             return self._wrong(name, f"a number from {low:g} to {high:g}", default, f"{default:g}")
         return float(value)  # type: ignore[arg-type]
 
-    def integer(self, name: str, default: int, low: int) -> int:
-        """A whole number, at least `low`."""
+    def integer(self, name: str, default: int, low: int, most: int | None = None) -> int:
+        """A whole number, at least `low`, and at most a limit."""
         value = self._value(name, default)
+        if most is not None and self.given(name) and type(value) is int and value > limit(most):
+            message = f"`{name}` of `{self.spec.kind}` is {value}, and at most {limit(most):,}"
+            self.problems.append(Diagnostic("bad-range", message, self.spec.span(name), RAISE_LIMIT))
+            return default
         return (
             value
             if type(value) is int and value >= low

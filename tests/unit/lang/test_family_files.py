@@ -118,7 +118,9 @@ def test_values_of_components_have_positions() -> None:
         ("x = 'a", '1:7 expected "\'"'),
         ("x = [1, 2", "1:10 unclosed array"),
         ("x = 1\r\ny = = 1\r\n", "2:5 invalid value"),
-        ("x = " + "[" * 5000, "1:1 too many brackets"),
+        ("x = " + "[" * 5000, "1:1 more than 50 brackets stand on one line"),
+        (".".join("a" * 20_000) + " = 1", "1:1 a key has more than 50 parts"),
+        ('x = 1\n[a."b c' + '".a."' * 60 + '"]', "2:2 a key has more than 50 parts"),
         ("x = " + "9" * 5000, "1:1 the file cannot be read: "),
     ],
 )
@@ -204,3 +206,21 @@ def test_components_of_the_user_are_known_when_they_are_passed() -> None:
     assert check_family(spec, workspace) == []
     mine = {"measure": ("mine",), "diversity": (), "parents": (), "survivors": ()}
     assert [one.code for one in check_family(spec, workspace, mine)] == ["unknown-component"] * 4
+
+
+def test_numbers_cannot_ask_for_unbounded_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "model = 'a.model'\n[search]\npopulation = 1000000000000\n[training]\nseeds = 100001\n"
+    with pytest.raises(LoadError) as caught:
+        load_family("f.toml", TextFiles({"f.toml": text}))
+    found = [one for one in caught.value.diagnostics if one.code == "bad-range"]
+    assert [f"{one.span} {one.message}" for one in found] == [
+        "f.toml:3:14 `population` is 1000000000000, and at most 100,000",
+        "f.toml:5:9 `seeds` is 100001, and at most 100,000",
+    ]
+    assert {one.hint for one in found} == {
+        "ENVGRAPH_LIMITS=10 in the environment raises this limit, and all others, ten times"
+    }
+    monkeypatch.setenv("ENVGRAPH_LIMITS", "2")
+    with pytest.raises(LoadError) as caught:
+        load_family("f.toml", TextFiles({"f.toml": text}))
+    assert [one.span.line for one in caught.value.diagnostics if one.code == "bad-range" and one.span] == [3]

@@ -254,6 +254,15 @@ def test_wrong_options_of_components_are_all_named_at_their_place(tmp_path: Path
     assert "cooling_rate" in str(caught.value)
 
 
+def test_bins_beyond_counting_are_refused(tmp_path: Path) -> None:
+    path = copied(tmp_path, toml=('kind = "binned_entropy"', 'kind = "binned_entropy"\nbins = 1000000000'))
+    with pytest.raises(LoadError) as caught:
+        Domain.load(str(path))
+    (problem,) = caught.value.diagnostics
+    assert problem.message == "`bins` of `binned_entropy` is 1000000000, and at most 100,000"
+    assert problem.span and problem.span.text == "1000000000" and "ENVGRAPH_LIMITS" in str(problem.hint)
+
+
 def test_termination_by_target_and_by_stagnation(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     target = copied(tmp_path / "a", toml=("generations = 1000", "generations = 1000\ntarget = 1.0"))
