@@ -274,7 +274,8 @@ class Search:
     def edges(self, feature: str) -> set[tuple[Item, Item]]:
         state = self.state
         if state.attribute(feature):
-            return {(t, v) for (t, name), v in state.values.items() if name == feature and v is not None}
+            held = {(t, v) for (t, name), v in state.values.items() if name == feature and v is not None}
+            return {(t, one) for t, v in held for one in (v if isinstance(v, tuple) else (v,))}
         return {(s, t) for r, s, t in state.links if r == feature}
 
     def called(self, call: PatternCall) -> list[tuple[Item, ...]]:

@@ -394,7 +394,11 @@ def values(scope: Scope, type_: AttributeType) -> list[Expression]:
     """Where a value of a type can be read."""
     found: list[Expression] = [Variable(name) for name, own in scope.data.items() if own == type_]
     for name in scope.classes:
-        found += [Navigation(Variable(name), one.name) for one in scope.attributes(name) if one.type == type_]
+        found += [
+            Navigation(Variable(name), one.name)
+            for one in scope.attributes(name)
+            if one.type == type_ and not one.many
+        ]
         for reference in scope.references(name):
             if not reference.many:
                 inner = Navigation(Variable(name), reference.name)
@@ -402,7 +406,7 @@ def values(scope: Scope, type_: AttributeType) -> list[Expression]:
                 found += [
                     Navigation(inner, one.name)
                     for one in features
-                    if isinstance(one, Attribute) and one.type == type_
+                    if isinstance(one, Attribute) and one.type == type_ and not one.many
                 ]
     return found
 
@@ -436,7 +440,7 @@ def condition(scope: Scope) -> Expression | None:
             Navigation(Variable(name), one.name)
             for name in scope.classes
             for one in scope.features(name)
-            if isinstance(one, Attribute) or not one.many
+            if not one.many
         ]
         if single:
             return Binary(dice.one(["==", "!="]), dice.one(single), Constant(None))
@@ -584,6 +588,8 @@ def assigned(right: Right, feature: Attribute | Reference) -> Expression | tuple
     readable = replace(
         scope, classes={n: c for n, c in scope.classes.items() if n in scope.witness or n in matched(right)}
     )
+    if isinstance(feature, Attribute) and feature.many:
+        return None  # those are only read here; `tests/unit/rewrite/test_many_values.py` writes them
     if isinstance(feature, Attribute):
         return Constant(None) if dice.chance(5) else value(readable, feature.type)
     targets = [o for o in scope.fitting(feature.target) if o not in right.deleted]
