@@ -385,10 +385,11 @@ class Model:
         if not layout.attribute_ok[index][self.store.classes[node]]:
             raise refusals.lacks(self, node, attribute)
         kind = layout.kinds[index]
-        if attribute.many:
-            value = self._all_coerced(node, attribute, () if value is None else value)
-        elif value is not None and (type(value) is not kind or layout.checked[index]):
-            value = self._coerced(attribute, value)
+        if type(value) is not kind or layout.checked[index]:
+            if attribute.many:
+                value = self._all_coerced(node, attribute, () if value is None else value)
+            elif value is not None:
+                value = self._coerced(attribute, value)
         if self.store.values[index][node] != value:
             self.store.put(node, index, value)
 

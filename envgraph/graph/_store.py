@@ -628,6 +628,7 @@ class Store:
 
     def _made_distinct(self, node: int, attribute: int) -> None:
         """After an interrupted `_put_many` the values are the old or the new ones, and those that differ follow."""
+        make_sure(self.journal)
         values = self.values[attribute][node] or ()
         self._keep(self.distinct[attribute], node, tuple(dict.fromkeys(values)))
         self._recount()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 from hypothesis import settings
@@ -10,6 +11,7 @@ from hypothesis import settings
 from envgraph.graph import Model, Savepoint, Shelf, Version, _history, _integrity, _store
 from envgraph.match import FREE, NaiveMatcher
 from envgraph.match.views import _folds, _sets
+from envgraph.metamodel import Attribute, Metamodel, Scalar
 from envgraph.pattern import Library
 from tests.property.interrupting import Trip
 from tests.property.snapshots import facts
@@ -20,6 +22,16 @@ from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern
 NIGHTLY = settings().max_examples > 100
 ONCE, TWICE = (800, 200) if NIGHTLY else (6, 2)
 """Instructions at which a scenario is interrupted, and of these how many interruptions are followed by another."""
+
+NAMES = Attribute("names", Scalar.STRING, lower=0, upper=None)
+PEOPLE = Metamodel(
+    METAMODEL.name,
+    [
+        replace(cls, features=(*cls.features, NAMES)) if cls.name == "Person" else cls
+        for cls in METAMODEL.class_list
+    ],
+    METAMODEL.enum_types,
+)
 
 PATTERNS = (
     pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")]),
@@ -48,6 +60,14 @@ PATTERNS = (
     ),
     pattern("chiefs(a : Chief, t : Team)", [is_a("Chief", "a"), path("Team.members", "t", "a")]),
     pattern("paid(a : Person, m : int)", [path("Person.age", "a", "m")]),
+    pattern(
+        "namesakes(a : Person, b : Person)", [path("Person.names", "a", "n"), path("Person.names", "b", "n")]
+    ),
+    pattern(
+        "named(a : Person, n : int)",
+        [is_a("Person", "a"), equal("n", fold("count", path("Person.names", "a", "_")))],
+    ),
+    pattern("unnamed(a : Person)", [is_a("Person", "a"), neg(path("Person.names", "a", "_"))]),
 )
 
 
@@ -64,13 +84,14 @@ class World:
     """Some people, views of them, somebody who listens, and what a scenario keeps."""
 
     def __init__(self) -> None:
-        self.model = model = Model(METAMODEL)
-        self.library = Library(METAMODEL)
+        self.model = model = Model(PEOPLE)
+        self.library = Library(PEOPLE)
         self.library.add(*PATTERNS)
         self.names = [each.name for each in PATTERNS]
         people = [model.create("Person", object_name=f"p{n}", age=n) for n in range(7)]
         for one, other in ((0, 1), (1, 2), (2, 0), (0, 2), (0, 3), (5, 0), (0, 5), (5, 6)):
             people[one].knows.append(people[other])
+        people[0].names, people[1].names = ["a", "b"], ["b"]
         people[1].boss = people[2].boss = people[3].boss = people[0]
         model.create("Team", object_name="t0", members=people[5:])
         model.create("Team", object_name="t1")
@@ -160,6 +181,11 @@ def unlink(world: World) -> None:
 def value(world: World) -> None:
     """A value."""
     world.model["p1"].age = 9
+
+
+def values(world: World) -> None:
+    """Other values of many."""
+    world.model["p0"].names = ["c", "b", "d"] if world.model["p0"].names[0] == "a" else ["a"]
 
 
 def boss(world: World) -> None:
@@ -309,6 +335,7 @@ def watch_more(world: World) -> None:
 SCENARIOS: dict[str, tuple[Step, ...]] = {
     "objects": (create, new, ask, rename, retype, ask, lose, delete, ask),
     "links": (link, boss, ask, unlink, value, move, ask, targets, clear, ask, deliver),
+    "values": (value, values, ask, mark, values, value, back, commit, values, commit, first, deliver),
     "transactions": (several, ask, fail, deliver),
     "savepoints": (
         link,
