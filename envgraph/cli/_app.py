@@ -332,12 +332,18 @@ def convert(
     ],
     metamodel: Metamodel = None,
     allow_unresolved: Unresolved = False,
+    lossy: Annotated[
+        bool, typer.Option("--lossy", help="Write what can be kept, although warnings say what is lost.")
+    ] = False,
 ) -> None:
-    """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON."""
+    """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON.
+
+    Exit code 1 if something of it cannot be kept, which warnings say; then nothing is written.
+    """
     from envgraph.cli._convert import convert_file
     from envgraph.cli._inputs import Inputs
 
-    convert_file(file, output, Inputs(metamodel or (), allow_unresolved))
+    convert_file(file, output, Inputs(metamodel or (), allow_unresolved), lossy=lossy)
 
 
 @app.command()

@@ -10,31 +10,46 @@ from envgraph.cli._output import print_line
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.graph import Model, model_to_json, model_to_xmi
+from envgraph.lang import Workspace
 from envgraph.metamodel import metamodel_to_ecore
 
 _FORMATS = (".ecore", ".xmi", ".json")
+_LOST = {".ecore": ("left-out", "unique", "read-as-string")}
+"""Codes of the warnings that say what is lost of a metamodel."""
+_LOST_VALUES = ("values-left-out",)
+"""Of a model."""
 
 
-def convert_file(file: str, output: Path, inputs: Inputs) -> None:
-    """Write the metamodel or model of a file in the format that the name of another one asks for."""
+def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> None:
+    """Write the metamodel or model of a file in the format that the name of another one asks for.
+
+    Raises:
+        InvalidArgument: there is no such format, or something is lost and it is not to be `lossy`.
+    """
     if output.suffix not in _FORMATS:
         hint = did_you_mean(output.suffix, _FORMATS) or f"there are {', '.join(_FORMATS)}"
         raise InvalidArgument(f"`{output}` is of no format that can be written; {hint}")
-    if output.suffix == ".ecore":
-        text = _metamodel(file, inputs)
+    whole = output.suffix == ".ecore"
+    workspace = _metamodel(file, inputs) if whole else _model(file, inputs)
+    codes = _LOST.get(output.suffix, _LOST_VALUES)
+    losses = sum(one.code in codes for one in workspace.diagnostics)
+    if losses and not lossy:
+        said = "the warning says" if losses == 1 else f"{losses} warnings say"
+        raise InvalidArgument(f"{said} what would be lost of `{file}`; `--lossy` writes the rest")
+    if whole and workspace.metamodel:
+        replace_file(output, metamodel_to_ecore(workspace.metamodel))
     else:
-        text = model_text(_model(file, inputs), output)
-    replace_file(output, text)
+        replace_file(output, model_text(workspace.model(), output))
     print_line(f"wrote {output}")
 
 
-def _model(file: str, inputs: Inputs) -> Model:
+def _model(file: str, inputs: Inputs) -> Workspace:
     """The model of a file, or of a family."""
     take(file, (*MODELS, "toml"), A_MODEL)
     workspace = inputs.load(file)
     if not workspace.models:
         raise InvalidArgument(f"`{file}` has no model")
-    return workspace.model()
+    return workspace
 
 
 def model_text(model: Model, output: Path) -> str:
@@ -44,8 +59,8 @@ def model_text(model: Model, output: Path) -> str:
     return json.dumps(model_to_json(model), ensure_ascii=False, indent=1) + "\n"
 
 
-def _metamodel(file: str, inputs: Inputs) -> str:
+def _metamodel(file: str, inputs: Inputs) -> Workspace:
     workspace = inputs.load(file, own=True)
     if workspace.metamodel is None:
         raise InvalidArgument(f"`{file}` is no metamodel, and imports none")
-    return metamodel_to_ecore(workspace.metamodel)
+    return workspace

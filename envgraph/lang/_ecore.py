@@ -413,7 +413,8 @@ class _Reader(Names):
         operations = list(inside(element, "eOperations"))
         if operations:
             name = element.attributes.get("name", "")
-            message = f"the operations of `{name}` are left out"
+            number, verb = len(operations), "is" if len(operations) == 1 else "are"
+            message = f"{number} operation{'s' * (number > 1)} of `{name}` {verb} left out"
             hint = "what they do is written as rules; nothing else is lost"
             self._warn("left-out", message, self.places.tag(operations[0].byte), hint)
 

@@ -7,26 +7,31 @@ extra `emf`.
 from __future__ import annotations
 
 import io
+import logging
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
 from urllib.parse import quote
 
-from envgraph.errors import InvalidArgument, LoadError, Source, sort_diagnostics
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source, sort_diagnostics
 from envgraph.graph import Model, model_to_xmi
 from envgraph.lang._ecore import read_ecore
 from envgraph.lang._ecore_document import EcoreDocument, ecore_itself
 from envgraph.lang._ecore_types import ECORE
-from envgraph.lang._xmi import parse_xmi
+from envgraph.lang._xmi import read_xmi
 from envgraph.metamodel import Metamodel, metamodel_to_ecore
 
 _XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
+_TOLD: Final = 5
+"""So many losses are told one by one."""
 _PLACE = re.compile(r"#/(\d+)/")
 """How pyecore names what is in one of several roots."""
 
 
 def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
     """The metamodel of a `pyecore.ecore.EPackage`, the packages in it, and those that they refer to.
+
+    The logger `envgraph` is told how many features are left out; `Metamodel.left_out` says why.
 
     Args:
         package: the metamodel's own package; that of Ecore (`pyecore.ecore.eClass`) stands for the classes of Ecore.
@@ -48,7 +53,16 @@ def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
     found = read_ecore(documents)
     if found.metamodel is None:
         raise LoadError(sort_diagnostics(found.diagnostics))
+    _tell(one for one in found.diagnostics if one.code == "left-out")
     return found.metamodel
+
+
+def _tell(losses: Iterable[Diagnostic]) -> None:
+    """Tell the logger what is lost, the first few of it."""
+    said = [one.message for one in losses]
+    if said:
+        more = f", and {len(said) - _TOLD} more" if len(said) > _TOLD else ""
+        logging.getLogger("envgraph").warning("%s", "; ".join(said[:_TOLD]) + more)
 
 
 def metamodel_to_pyecore(metamodel: Metamodel) -> Any:
@@ -75,7 +89,11 @@ def model_from_pyecore(*roots: Any, metamodel: Metamodel) -> Model:
     _module("pyecore.ecore")
     if not roots:
         raise InvalidArgument("a model is made from one object at least")
-    return parse_xmi(Source("model.xmi", _written(list(roots))), metamodel)
+    found = read_xmi(Source("model.xmi", _written(list(roots))), metamodel)
+    if found.text.model is None:
+        raise LoadError(sort_diagnostics(found.diagnostics))
+    _tell(one for one in found.diagnostics if one.code == "values-left-out")
+    return found.text.model
 
 
 def model_to_pyecore(model: Model, package: Any = None) -> list[Any]:

@@ -66,6 +66,7 @@ def read_xmi(
             TagReader(first).check_syntax()
         else:
             _read_all(first)
+    reading.diagnostics.extend(reading.omissions())
     complete = metamodel is not None and not has_errors(reading.diagnostics)
     text = ModelText(
         name,

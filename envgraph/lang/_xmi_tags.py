@@ -323,6 +323,8 @@ class TagReader:
         self._unknown_feature(table, tag, self._document.places.tag(at), known)
 
     def _unknown_feature(self, table: Table, name: str, span: Span, known: Sequence[str]) -> None:
+        if self._reading.metamodel.left_out(table.name, name):
+            self._reading.omit(table.name, name, span)
         if name in self._reading.lost or self._reading.metamodel.left_out(table.name, name):
             return
         hint = did_you_mean(name, known)

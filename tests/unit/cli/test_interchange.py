@@ -180,3 +180,38 @@ def test_a_family_of_files_of_other_tools_is_the_same(run: Run, tmp_path: Path) 
     ]
     assert shown[0][0] == 0
     assert run("show", 0)[1] == run("show", 1)[1]
+
+
+ITEMS = """<ecore:EPackage xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+    xmlns:ecore="http://www.eclipse.org/emf/2002/Ecore" name="m" nsURI="m" nsPrefix="m">
+  <eClassifiers xsi:type="ecore:EClass" name="Item">
+    <eOperations name="run"/>
+    <eOperations name="stop"/>
+    <eStructuralFeatures xsi:type="ecore:EAttribute" name="tags" upperBound="-1"
+        eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EString"/>
+    <eStructuralFeatures xsi:type="ecore:EAttribute" name="size" derived="true"
+        eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"/>
+    <eStructuralFeatures xsi:type="ecore:EReference" name="items" upperBound="-1" containment="true" eType="#//Item"/>
+  </eClassifiers>
+</ecore:EPackage>
+"""
+
+
+def test_what_would_be_lost_is_counted_and_nothing_is_written_unless_lossy(run: Run, tmp_path: Path) -> None:
+    Path("m.ecore").write_text(ITEMS)
+    Path("m.xmi").write_text('<m:Item xmlns:m="m" size="2"><tags>a</tags><items size="1"/><items/></m:Item>')
+    code, _, err = run("convert", "m.xmi", "m.json", "-m", "m.ecore")
+    assert (code, Path("m.json").exists()) == (1, False)
+    assert "2 values of `Item.size` are left out" in err
+    assert "the warning says what would be lost of `m.xmi`; `--lossy` writes the rest" in err
+    assert run("convert", "m.xmi", "m.json", "-m", "m.ecore", "--lossy")[0] == 0
+    assert '"tags": [\n     "a"\n    ]' in Path("m.json").read_text()
+    Path("n.xmi").write_text('<m:Item xmlns:m="m"><tags>a</tags></m:Item>')  # nothing of this one is lost
+    assert run("convert", "n.xmi", "n.json", "-m", "m.ecore")[0] == 0
+
+    code, _, err = run("convert", "m.ecore", "n.ecore")
+    assert (code, Path("n.ecore").exists()) == (1, False)
+    assert "2 operations of `Item` are left out" in err
+    assert "2 warnings say what would be lost of `m.ecore`" in err
+    assert run("convert", "m.ecore", "n.ecore", "--lossy")[0] == 0
+    assert 'name="tags" upperBound="-1"' in Path("n.ecore").read_text()

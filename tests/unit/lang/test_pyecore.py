@@ -116,13 +116,15 @@ def test_a_metamodel_comes_back() -> None:
     assert again.packages == metamodel.packages
 
 
-def test_what_cannot_be_represented_is_told() -> None:
+def test_what_cannot_be_represented_is_told(caplog: pytest.LogCaptureFixture) -> None:
     package = ecore.EPackage("p", "http://p", "p")
     tagged = ecore.EClass("Tagged")
     tagged.eStructuralFeatures.append(ecore.EAttribute("size", ecore.EInt, derived=True))
     tagged.eStructuralFeatures.append(ecore.EAttribute("name", ecore.EString))
     package.eClassifiers.append(tagged)
-    found = metamodel_from_pyecore(package)
+    with caplog.at_level("WARNING", "envgraph"):
+        found = metamodel_from_pyecore(package)
+    assert caplog.messages == ["the derived feature `size` is left out"]
     assert list(found.features("Tagged")) == ["name"]
     assert found.left_out("Tagged", "size") == "it is derived, and was left out of the metamodel"
 
