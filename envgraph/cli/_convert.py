@@ -14,7 +14,7 @@ from envgraph.lang import Workspace
 from envgraph.metamodel import metamodel_to_ecore
 
 _FORMATS = (".ecore", ".xmi", ".json")
-_LOST = {".ecore": ("left-out", "unique", "read-as-string")}
+_LOST = {".ecore": ("left-out", "unique", "read-as-string", "generic-type")}
 """Codes of the warnings that say what is lost of a metamodel."""
 _LOST_VALUES = ("values-left-out",)
 """Of a model."""

@@ -75,7 +75,10 @@ def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
 
 
 def read_ecore(
-    documents: Sequence[EcoreDocument], doubles: Mapping[str, EcoreDocument] = MappingProxyType({})
+    documents: Sequence[EcoreDocument],
+    doubles: Mapping[str, EcoreDocument] = MappingProxyType({}),
+    *,
+    allow_unresolved: bool = False,
 ) -> MetamodelFile:
     """The one metamodel of some `.ecore` files, and all that is wrong with it.
 
@@ -85,8 +88,9 @@ def read_ecore(
     Args:
         documents: the files, one at least.
         doubles: by the names of other files: the one of the documents that has the same package.
+        allow_unresolved: whether what files that are nowhere should have is left out, with a warning.
     """
-    joint = Joint()
+    joint = Joint(allow_unresolved=allow_unresolved)
     if any(one.needs_ecore() for one in documents) and not any(ECORE in one.uris for one in documents):
         documents = (*documents, ecore_itself())
     readers = [_Reader(one, joint) for one in documents]
@@ -410,6 +414,10 @@ class _Reader(Names):
                 )
 
     def _check_class(self, element: Element) -> None:
+        for parameter in list(inside(element, "eTypeParameters"))[:1]:
+            self._erase(
+                parameter, f"`{element.attributes.get('name', '')}` is read without its type parameters"
+            )
         operations = list(inside(element, "eOperations"))
         if operations:
             name = element.attributes.get("name", "")
@@ -468,8 +476,11 @@ class _Reader(Names):
             why = "a feature map" if word == "eType" else word
             self._leave_out(element, f"it is {why}, and was left out of the metamodel")
             return None
+        errors = self._joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
-        if found is None:
+        if found is None and self._joint.allow_unresolved and self._joint.errors == errors:
+            self._leave_out(element, "its type is in a file that is nowhere")
+        elif found is None:
             self._joint.lost.add(element.attributes.get("name", ""))
         return found
 

@@ -58,6 +58,7 @@ class Joint:
     enums: dict[Element, EnumType] = field(default_factory=dict)
     missing: set[tuple[str, str]] = field(default_factory=set)
     any_object: Element | None = None
+    allow_unresolved: bool = False
     errors: int = 0
     warnings: int = 0
     quiet: bool = False
@@ -99,9 +100,17 @@ class Names:
     def _generic(self, element: Element, tag: str) -> Iterator[Target]:
         """Types that are written as generic ones, by erasure: without arguments, and a parameter by its first bound."""
         for child in inside(element, tag):
+            if "eTypeParameter" in child.attributes or child.children:
+                self._erase(
+                    child, f"`{element.attributes.get('name', '')}` is read without its type arguments"
+                )
             yield from self._targets(child, "eClassifier")
             for parameter in self._targets(child, "eTypeParameter"):
                 yield from self._erased(parameter)
+
+    def _erase(self, element: Element, message: str) -> None:
+        where = self.places.tag(element.byte)
+        self._warn("generic-type", message, where, "it takes more objects than it says")
 
     def _erased(self, parameter: Target) -> Iterator[Target]:
         """What a type parameter is at most; parameters may be bounds of each other."""
@@ -197,7 +206,10 @@ class Names:
             last = unquote(text).rpartition("/")[2]
             message, file, hint = f"`{text}`: there is no such file", f"`{last}`", None
         hint = hint or f"name {file}, which has `{part}`, too: for example with `--metamodel`"
-        self._error("missing-file", message, span, hint)
+        if self._joint.allow_unresolved:
+            self._warn("missing-file", message, span, "what needs it is left out")
+        else:
+            self._error("missing-file", message, span, hint)
 
     def _unknown_library_type(self, name: str, types: Mapping[str, DataType], span: Span) -> None:
         if self._joint.quiet:
@@ -257,6 +269,8 @@ class Names:
             raise Enough
 
     def _warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
+        if self._joint.quiet:
+            return
         self._joint.warnings += 1
         if self._joint.warnings > _MOST + 1:
             return

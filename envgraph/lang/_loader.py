@@ -543,7 +543,9 @@ class _Loader:
                     self.diagnostics.append(Diagnostic("two-metamodels", message, span, hint, notes=notes))
         if first:
             name, (_, asked) = next(iter(self.ecore.items()))
-            self.metamodels[name] = read_ecore(tuple(first.values()), doubles), asked
+            documents = tuple(first.values())
+            read = read_ecore(documents, doubles, allow_unresolved=self.allow_unresolved)
+            self.metamodels[name] = read, asked
             ordered = sorted(self.metamodels.items(), key=lambda one: self.order[one[0]])
             self.metamodels = dict(ordered)
 

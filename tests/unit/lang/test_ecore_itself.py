@@ -185,6 +185,18 @@ def test_a_parameter_is_its_first_bound() -> None:
     assert targets(found, "B") == {"t": "A", "u": "A", "v": "string", "n": "int"}
 
 
+def test_what_is_erased_is_told() -> None:
+    text = package(
+        BOX + cls("A", feature("EReference", "box", inside=generic("#//Box", "<eTypeArguments/>")))
+    )
+    found = load_workspace(["m.ecore"], files=TextFiles({"m.ecore": text})).diagnostics
+    assert [one.message for one in found if one.code == "generic-type"] == [
+        "`Box` is read without its type parameters",
+        "`content` is read without its type arguments",
+        "`box` is read without its type arguments",
+    ]
+
+
 def test_parameters_that_bound_each_other_are_a_mistake() -> None:
     parameters = "".join(
         f'<eTypeParameters name="{one}"><eBounds eTypeParameter="#//B/{other}"/></eTypeParameters>'
@@ -193,7 +205,8 @@ def test_parameters_that_bound_each_other_are_a_mistake() -> None:
     inside = feature("EReference", "t", inside='<eGenericType eTypeParameter="#//B/T"/>')
     with pytest.raises(LoadError) as caught:
         read(cls("B", parameters + inside))
-    assert [one.message for one in caught.value.diagnostics] == ["this type parameter has no end"]
+    errors = [one.message for one in caught.value.diagnostics if one.severity == "error"]
+    assert errors == ["this type parameter has no end"]
 
 
 # --- models of Ecore ---

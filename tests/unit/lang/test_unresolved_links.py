@@ -101,3 +101,24 @@ def test_open_and_the_commands_take_it(
             err = capsys.readouterr().err
             assert "`none.library`: there is no such file" in err
             assert ("links to it are left out" in err) == allowed
+
+
+def test_features_of_a_metamodel_whose_types_are_nowhere_are_left_out() -> None:
+    metamodel = LIBRARY.replace(
+        'eType="#//Shelf" containment', 'eType="ecore:EClass shelves.ecore#//Shelf" containment'
+    )
+    metamodel = metamodel.replace('name="Shelf"', 'name="Shelf" eSuperTypes="http://none#//Thing"')
+    metamodel = metamodel.replace('eOpposite="#//Library/shelves"', "").replace(
+        'eOpposite="#//Shelf/library"', ""
+    )
+    query = 'import "m.ecore"\npattern p(l : Library, s) {{ Library.{}(l, s); }}'
+    texts = {"m.ecore": metamodel, "q.query": query.format("shelves"), "ok.query": query.format("members")}
+    (first, second) = load_workspace(["m.ecore"], files=TextFiles(texts)).errors
+    assert first.message == "`shelves.ecore`: there is no such file"
+    assert second.message == "none of the files has the package `http://none`"
+    found = load_workspace(["ok.query"], files=TextFiles(texts), allow_unresolved=True)
+    assert not found.errors
+    told = [one for one in found.diagnostics if one.code == "missing-file"]
+    assert [one.message for one in told] == [first.message, second.message]
+    (problem,) = load_workspace(["q.query"], files=TextFiles(texts), allow_unresolved=True).errors
+    assert problem.hint == "its type is in a file that is nowhere"
