@@ -224,6 +224,7 @@ def _objects(engine: Engine, text: str, cls: str) -> str:
     """Which objects of a class may be meant."""
     nodes = engine.model.extent(cls)
     names = [name for node in nodes if (name := engine.model.object_name(node))]
+    names += [place for place, node in engine.model.places.items() if node in nodes]
     if names:
         return name_hint(text, names) or ""
     return f"give an id: there are {listed(map(str, nodes))}" if nodes else f"there is no `{cls}` in it"

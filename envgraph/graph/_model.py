@@ -43,11 +43,15 @@ class Model:
     Args:
         metamodel: what the objects are instances of.
         name: for reports.
+
+    Attributes:
+        places: what a file calls objects that have no name, `tile[3,1]` in a grid; for `find_object`.
     """
 
     def __init__(self, metamodel: Metamodel, name: str = "model") -> None:
         self.metamodel = metamodel
         self.name = name
+        self.places: dict[str, int] = {}
         self.store = Store(metamodel)
         self._history = History(self, self.store)
         self._layout = Layout(metamodel, self.store)
@@ -124,18 +128,20 @@ class Model:
         """Another model in the same state (ids, every order, hash), without versions, savepoints and listeners."""
         from envgraph.graph._json import model_from_json, model_to_json
 
-        return model_from_json(model_to_json(self), self.metamodel)
+        copied = model_from_json(model_to_json(self), self.metamodel)
+        copied.places = self.places
+        return copied
 
     __copy__ = copy
 
     def __deepcopy__(self, _: object) -> Model:
         return self.copy()
 
-    def __reduce__(self) -> tuple[Callable[..., Model], tuple[object, ...]]:
+    def __reduce__(self) -> tuple[Callable[..., Model], tuple[object, ...], dict[str, object]]:
         """On the way to a worker process a model is its state; versions and listeners stay behind."""
         from envgraph.graph._json import model_from_json, model_to_json
 
-        return model_from_json, (model_to_json(self), self.metamodel)
+        return model_from_json, (model_to_json(self), self.metamodel), {"places": self.places}
 
     def __repr__(self) -> str:
         return f"<Model {self.name}: {len(self)} objects of {self.metamodel.name}>"
@@ -337,8 +343,12 @@ class Model:
         return self.store.names[node]
 
     def find_object(self, object_name: str) -> int | None:
-        """The object with this name, or None."""
-        return self.store.by_name.get(object_name)
+        """The object with this name, or None; one of a grid has that of its place, such as `tile[3, 1]`."""
+        found = self.store.by_name.get(object_name)
+        if found is None and self.places:
+            place = self.places.get(object_name.replace(" ", ""), -1)
+            return place if self.alive(place) else None
+        return found
 
     def set_object_name(self, node: int, object_name: str | None) -> None:
         """Give an object another name, or none.

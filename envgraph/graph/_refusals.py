@@ -36,7 +36,10 @@ def unknown_object(model: Model, object_name: object) -> InvalidArgument:
         return InvalidArgument(
             f"objects are found by name, not by {object_name!r}; for an id write `model.node(id)`"
         )
-    used = (name for name, node in model.store.by_name.items() if node is not None)
+    used = [
+        *(name for name, node in model.store.by_name.items() if node is not None),
+        *(place for place, node in model.places.items() if model.alive(node)),
+    ]
     return InvalidArgument(
         _hinted(f"`{model.name}` has no object `{object_name}`", did_you_mean(object_name, used))
     )

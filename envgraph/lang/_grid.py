@@ -65,8 +65,9 @@ def read_grid(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel | None, re
             report(Diagnostic("missing-rows", f"the grid `{name}` has no rows", parsed.span(name), hint))
         return GridText(name, [], 0, 0, axes)
     legend, given = _legend(parsed, parts.get("legend"), metamodel, report)
-    lines = list(_lines(parsed, tokens(parts["rows"].children)[0], keep_blanks=" " in legend))
-    usual = _check_lengths(lines, report)
+    blanks = " " in legend
+    lines = list(_lines(parsed, tokens(parts["rows"].children)[0], keep_blanks=blanks))
+    usual = _check_lengths(lines, report, "blanks at the end of a row count" if blanks else None)
     # Without the metamodel, whose glyphs the letters are, nothing is known of any of them.
     lost: Container[str] = (
         parsed.lost if given else () if metamodel else {*"".join(one.text for one in lines)}
@@ -136,24 +137,28 @@ def _lines(parsed: Parsed, token: Token, keep_blanks: bool) -> Iterator[_Line]:
     for row in str(token).split("\n"):
         rows.append((row.removesuffix("\r"), offset))
         offset += len(row) + 1
-    while rows and not rows[0][0].strip():
-        del rows[0]
-    while rows and not rows[-1][0].strip():
-        del rows[-1]
+    if rows and not rows[-1][0].strip():
+        del rows[-1]  # before the quotes that close
     shared = min((len(row) - len(row.lstrip()) for row, _ in rows if row.strip()), default=0)
-    width = max((len(row.rstrip()) for row, _ in rows), default=0)
+
+    def empty(row: str) -> bool:
+        return not (row[shared:] if keep_blanks else row.strip())
+
+    while rows and empty(rows[0][0]):
+        del rows[0]
+    while rows and empty(rows[-1][0]):
+        del rows[-1]
     for row, start in rows:
-        if keep_blanks:
-            row = row.rstrip().ljust(width)
-            indent = shared
-        else:
+        indent = shared
+        if not keep_blanks:
             row = row.rstrip()
             indent = len(row) - len(row.lstrip())
         yield _Line(row[indent:], parsed.source.span(start + indent, start + len(row)))
 
 
-def _check_lengths(lines: Sequence[_Line], report: Report) -> int:
+def _check_lengths(lines: Sequence[_Line], report: Report, hint: str | None) -> int:
     """Reports rows of another length than the others have, and returns that."""
+    advice = "all rows have the same length" + (f": {hint}" if hint else "")
     lengths = Counter(len(line.text) for line in lines)
     usual = next((line for line in lines if 2 * lengths[len(line.text)] > len(lines)), None)
     model = usual or next(iter(lines), None)
@@ -163,11 +168,7 @@ def _check_lengths(lines: Sequence[_Line], report: Report) -> int:
                 f"{'most rows have' if usual else 'the first row has'} {len(model.text)}", model.where
             )
             message = f"this row has {_count(line.text)}"
-            report(
-                Diagnostic(
-                    "unequal-rows", message, line.where, "all rows have the same length", notes=(note,)
-                )
-            )
+            report(Diagnostic("unequal-rows", message, line.where, advice, notes=(note,)))
     return len(model.text) if model else 0
 
 

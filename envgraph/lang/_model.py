@@ -171,6 +171,8 @@ class _Reader:
         if self.metamodel:
             for grid in self._grids.values():
                 self._neighbours(grid)
+                for (column, row), node in grid.nodes.items():
+                    self._model.places[f"{grid.text.name}[{column},{row}]"] = node
             for task in self._tasks:
                 self._assign(task)
 

@@ -215,3 +215,17 @@ def test_what_would_be_lost_is_counted_and_nothing_is_written_unless_lossy(run: 
     assert "2 warnings say what would be lost of `m.ecore`" in err
     assert run("convert", "m.ecore", "n.ecore", "--lossy")[0] == 0
     assert 'name="tags" upperBound="-1"' in Path("n.ecore").read_text()
+
+
+def test_objects_of_a_grid_are_called_by_their_places(run: Run) -> None:
+    classes = 'class Board { contains Cell[] cells }\n@glyph(".") class Cell { int x int y }\n'
+    Path("b.metamodel").write_text(f"metamodel board\n{classes}")
+    grid = 'grid cell { column x row y rows "..." }'
+    Path("b.model").write_text(
+        f'import "b.metamodel"\nmodel m : board {{ board : Board {{ cells = {grid} }} }}'
+    )
+    Path("b.query").write_text('import "b.metamodel"\npattern at(c : Cell, x : int) { Cell.x(c, x); }')
+    code, out, _ = run("match", "b.model", "b.query", "at", "--where", "c=cell[2, 0]")
+    assert (code, out.splitlines()[-1].split()) == (0, ["Cell", "3", "2"])
+    code, _, err = run("match", "b.model", "b.query", "at", "--where", "c=cell[3, 0]")
+    assert code == 1 and "the model has no object `cell[3, 0]`; did you mean `cell[" in err

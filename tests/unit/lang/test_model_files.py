@@ -114,7 +114,7 @@ def test_grids_create_row_by_row_and_link_neighbours(metamodel: Metamodel) -> No
 
 def test_legends_map_letters_to_objects_with_features_or_to_none(metamodel: Metamodel) -> None:
     legend = 'k = Floor { item = Box { i = 7 } }, "#" = Wall, " " = none, "-" = none'
-    letters = '"""\n    #k\n     k#\n    - k\n  """'
+    letters = '"""\n    #k \n     k#\n    - k\n  """'
     found = model(
         f"a : Box {{ cells = grid g {{ legend {legend} column x next right row y next down rows {letters} }} }}",
         metamodel,
