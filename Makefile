@@ -6,11 +6,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c const
 DEMO_EXTRAS := fast
 TEST_EXTRAS := test,fast,plot,emf
 BENCH_EXTRAS := bench
+CLUSTER_EXTRAS := dask,ray
 
 # The tests start many processes, each of which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test bench nightly campaign clean venv
+.PHONY: demo test test-cluster bench nightly campaign clean venv
 
 # --- demo: one environment becomes a family, an agent learns on it, a report shows it ---
 
@@ -41,6 +42,10 @@ SECONDS := 300
 campaign: $(VENV)/.test
 	$(BIN)/python -m tests.campaigns --seconds $(SECONDS)
 
+# On a real local Ray and Dask; not among the tests, because of what has to be installed.
+test-cluster: $(VENV)/.cluster
+	$(BIN)/python -m pytest -n0 tests/cluster/backends.py
+
 bench: $(VENV)/.bench
 	$(BIN)/python -m benchmarks
 
@@ -67,6 +72,10 @@ $(VENV)/.test: $(VENV)/.backend
 # What the benchmarks compare with need not exist for every machine; they say what they had to leave out.
 $(VENV)/.bench: $(VENV)/.test
 	$(PIP) --no-build-isolation -e ".[$(BENCH_EXTRAS)]" && touch $@ || echo "not everything could be installed"
+
+$(VENV)/.cluster: $(VENV)/.test
+	$(PIP) --no-build-isolation -e ".[$(CLUSTER_EXTRAS)]"
+	touch $@
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

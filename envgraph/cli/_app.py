@@ -484,6 +484,9 @@ def train(
     workers: Annotated[
         int, typer.Option(min=1, help="How many agents learn at a time; changes no result.")
     ] = 1,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a training that was interrupted.")
+    ] = False,
     directory: Directory = RUNS,
     format: Format = OutputFormat.TEXT,
 ) -> None:
@@ -491,7 +494,14 @@ def train(
     from envgraph.cli._learn import train_agents
 
     train_agents(
-        run, directory, steps=steps, seeds=seeds, curricula=curricula, workers=workers, format=format
+        run,
+        directory,
+        steps=steps,
+        seeds=seeds,
+        curricula=curricula,
+        workers=workers,
+        resume=resume,
+        format=format,
     )
 
 

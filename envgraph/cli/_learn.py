@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import platform
 import shutil
+import sys
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from envgraph import __version__
 from envgraph.cli._family import run_directory
-from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.cli._output import Advance, OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.learn import (
     Curriculum,
-    Experiment,
     FamilyMember,
+    Journal,
     TrainingSettings,
+    fingerprint,
     read_csv,
     run_experiment,
     run_stages,
@@ -36,6 +40,10 @@ STAGES = "stages"
 _KINDS = ("suffixes", "full", "baselines", "direct")
 
 
+UNFINISHED = "unfinished.jsonl"
+"""Name of the file of a training under way, among the results: its agents so far, for `--resume`."""
+
+
 def train_agents(
     run: str,
     directory: Path,
@@ -44,31 +52,92 @@ def train_agents(
     seeds: int | None,
     curricula: str | None,
     workers: int,
+    resume: bool,
     format: OutputFormat,
 ) -> None:
     """Train with each budget, evaluate, write CSV files, and print a summary."""
     family = open_family(run, directory)
-    chosen = _curricula(family, curricula)
-    budgets = [_settings(family, budget, seeds) for budget in _budgets(steps)]
-    members = _members(family)
     base = run_directory(run, directory) / TRAINING
-    along = any(curriculum.kind == "curriculum" for curriculum in chosen)
-    trained = []
-    for settings in budgets:
-        label = f"agents, {settings.steps_per_environment} steps"
-        with progress_bar(label, len(chosen) * settings.seeds) as advance:
-            experiment = run_experiment(
-                members, settings, chosen, workers=workers, progress=lambda done, _: advance(done)
+    again = f"envgraph train {run} --directory {directory} --resume"
+    wanted: dict[str, Any] = {"steps": steps, "seeds": seeds, "curricula": curricula}
+    journal = None
+    if resume:
+        if any(value is not None for value in wanted.values()):
+            raise InvalidArgument(
+                "a resumed training keeps its steps, seeds and curricula: leave the options out"
             )
-        stages = _stages(members, settings, workers, label) if along else None
-        _write(Trained(settings.steps_per_environment, experiment, stages), base)
-        trained.append(Trained(settings.steps_per_environment, experiment, stages))
+        if not (base / UNFINISHED).exists():
+            raise InvalidArgument(f"no training of `{run}` was interrupted: there is nothing to go on with")
+        journal = Journal.open(base / UNFINISHED)
+        wanted = _begun(journal)
+    elif (base / UNFINISHED).exists():
+        raise InvalidArgument(
+            f"{base / UNFINISHED} holds the {len(Journal.open(base / UNFINISHED))} agents of a training that was "
+            f"interrupted: `{again}` goes on with it; remove the file to train anew"
+        )
+    chosen = _curricula(family, wanted["curricula"])
+    budgets = [_settings(family, budget, wanted["seeds"]) for budget in _budgets(wanted["steps"])]
+    members = _members(family)
+    made_of = fingerprint({member.name: member.tabular for member in members}, __version__, *budgets)
+    if journal is None:
+        journal = Journal.create(base / UNFINISHED, {**wanted, "made_of": made_of})
+    elif journal.about.get("made_of") != made_of:
+        raise InvalidArgument(
+            f"the environments or settings are not those with which {journal.path} was begun; remove it to train anew"
+        )
+    try:
+        trained = [_train(members, settings, chosen, workers, journal, base) for settings in budgets]
+    except KeyboardInterrupt:
+        sys.stderr.write(f"{len(journal)} agents are kept: `{again}` goes on\n")
+        raise
+    journal.path.unlink()
     _print_summary(family, trained, base, format)
 
 
-def _stages(members: list[FamilyMember], settings: TrainingSettings, workers: int, label: str) -> Experiment:
-    with progress_bar(f"{label}, up to each environment", len(members) * settings.seeds) as advance:
-        return run_stages(members, settings, workers=workers, progress=lambda done, _: advance(done))
+def _begun(journal: Journal) -> dict[str, Any]:
+    """The options of a training, as they were given when it was begun."""
+    wanted = {name: journal.about.get(name) for name in ("steps", "seeds", "curricula")}
+    kinds = {"steps": str, "seeds": int, "curricula": str}
+    if not all(value is None or isinstance(value, kinds[name]) for name, value in wanted.items()):
+        raise InvalidArgument(f"{journal.path}:1: not what a training is begun with")
+    return wanted
+
+
+def _train(
+    members: list[FamilyMember],
+    settings: TrainingSettings,
+    chosen: list[Curriculum],
+    workers: int,
+    journal: Journal,
+    base: Path,
+) -> Trained:
+    """Train with one budget, but for what the journal has; every agent is written to it, and all of them at the end."""
+    steps, target = settings.steps_per_environment, members[-1].name
+    part, label = str(steps), f"agents, {steps} steps an environment"
+    with progress_bar(label, len(chosen) * settings.seeds) as advance:
+        experiment = run_experiment(
+            members,
+            settings,
+            chosen,
+            workers=workers,
+            progress=lambda done, _: advance(done),
+            known=journal.known(part, target),
+            found=partial(journal.add, part, target),
+        )
+    stages = None
+    if any(curriculum.kind == "curriculum" for curriculum in chosen):
+        with progress_bar(f"{label}, up to each environment", len(members) * settings.seeds) as advance:
+            stages = run_stages(
+                members,
+                settings,
+                workers=workers,
+                progress=lambda done, _: advance(done),
+                known=partial(journal.known, part),
+                found=partial(journal.add, part),
+            )
+    trained = Trained(steps, experiment, stages)
+    _write(trained, base)
+    return trained
 
 
 def _write(trained: Trained, base: Path) -> None:
@@ -133,9 +202,14 @@ def _members(family: Family) -> list[FamilyMember]:
     with progress_bar("environments", len(family.members)) as advance:
         members = []
         for place, member in enumerate(family.members, start=1):
-            members.append(FamilyMember(member.name, family.explored(member).tabular, member.measures[order]))
+            states = family.explored(member, progress=partial(_count, advance, place - 1, member.name))
+            members.append(FamilyMember(member.name, states.tabular, member.measures[order]))
             advance(place, member.name)
     return members
+
+
+def _count(advance: Advance, done: int, name: str, states: int) -> None:
+    advance(done, f"{name}, {states:,} states")
 
 
 def _settings(family: Family, steps: int | None, seeds: int | None) -> TrainingSettings:
@@ -167,6 +241,7 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
         results = [
             {
                 "steps_per_environment": steps,
+                "steps": one.steps,
                 "kind": one.kind,
                 "label": one.label,
                 "seeds": one.runs,
@@ -181,13 +256,13 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
     rows = [
         (
             f"{one.kind} {one.label}",
-            str(steps),
+            str(one.steps),
             str(one.runs),
             f"{one.success_rate:.0%}",
             f"{one.success_interval[0]:.0%} to {one.success_interval[1]:.0%}",
             f"{one.mean_return:.2f}",
         )
-        for steps, one in found
+        for _, one in found
     ]
     columns = ("trained on", "steps", "seeds", "success", "95 % interval", "return")
     print_table(f"{family.name}: agents on {family.members[-1].name}", columns, rows, (1, 2, 3, 4, 5))

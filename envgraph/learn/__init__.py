@@ -14,6 +14,7 @@ from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._evaluation import Evaluation, evaluate, evaluate_policy
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
 from envgraph.learn._intervals import mean_interval, wilson_interval
+from envgraph.learn._journal import Journal, fingerprint
 from envgraph.learn._planning import Optimum, greedy_return, value_iteration
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
 from envgraph.learn._settings import Epsilon, TrainingSettings
@@ -27,6 +28,7 @@ __all__ = [
     "Evaluation",
     "Experiment",
     "FamilyMember",
+    "Journal",
     "Optimum",
     "RunResult",
     "Summary",
@@ -36,6 +38,7 @@ __all__ = [
     "chain_transfer",
     "evaluate",
     "evaluate_policy",
+    "fingerprint",
     "greedy_return",
     "hit_probability",
     "mean_interval",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 
 import numpy as np
@@ -11,7 +12,7 @@ from joblib import Parallel, delayed
 
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, did_you_mean
-from envgraph.learn._curricula import Curriculum, sequences
+from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._evaluation import evaluate
 from envgraph.learn._results import Experiment, RunResult
 from envgraph.learn._settings import TrainingSettings
@@ -49,6 +50,8 @@ def run_experiment(
     workers: int = 1,
     backend: Backend = "auto",
     progress: Callable[[int, int], None] | None = None,
+    known: Iterable[RunResult] = (),
+    found: Callable[[RunResult], None] | None = None,
 ) -> Experiment:
     """Train on each curriculum with each seed, and evaluate each agent on the last environment of the family.
 
@@ -64,6 +67,9 @@ def run_experiment(
             and in threads for the compiled one.
         backend: which loop trains.
         progress: called with the number of finished runs and of all runs, after each run.
+        known: results of this experiment from an earlier time that was interrupted; they are taken as they are, and
+            those of other curricula and seeds left aside.
+        found: called with each new result, as it ends.
 
     Raises:
         InvalidArgument: the environments disagree, a curriculum names one that is not there, or a number is wrong.
@@ -78,13 +84,25 @@ def run_experiment(
     )
     backend = choose_backend(backend, steps)
     prepared = _prepare(family)
-    tasks = [(prepared, curriculum, settings, seed, backend) for curriculum in curricula for seed in seeds]
-    results: list[RunResult] = []
+    wanted = {(one.kind, one.label, seed): (one, seed) for one in curricula for seed in seeds}
+    results = {key: result for result in known if (key := _key(result)) in wanted}
+    tasks = [
+        (prepared, curriculum, settings, seed, backend)
+        for key, (curriculum, seed) in wanted.items()
+        if key not in results
+    ]
     for result in _run_all(tasks, workers, backend):
-        results.append(result)
+        results[_key(result)] = result
+        if found:
+            found(result)
         if progress:
-            progress(len(results), len(tasks))
-    return Experiment(tuple(results))
+            progress(len(results), len(wanted))
+    return Experiment(tuple(results[key] for key in wanted))
+
+
+def _key(result: RunResult) -> tuple[Kind, str, int]:
+    """What tells the runs of an experiment apart."""
+    return result.kind, result.label, result.seed
 
 
 def run_stages(
@@ -95,16 +113,19 @@ def run_stages(
     workers: int = 1,
     backend: Backend = "auto",
     progress: Callable[[int, int], None] | None = None,
+    known: Callable[[str], Iterable[RunResult]] = lambda target: (),
+    found: Callable[[str, RunResult], None] = lambda target, result: None,
 ) -> Experiment:
     """For each environment, train on the family up to it, and evaluate there: how far the curriculum carries.
 
-    The curricula are labelled "E1", "E1-E2", ..., "E1-E6"; the arguments are those of `run_experiment`.
+    The curricula are labelled "E1", "E1-E2", ..., "E1-E6"; the arguments are those of `run_experiment`, but `known` and
+    `found` are also given the environment up to which agents were trained.
     """
     names = [member.name for member in family]
     runs: list[RunResult] = []
     total = len(family) * (settings.seeds if seeds is None else len(seeds))
     for count in range(1, len(family) + 1):
-        before = len(runs)
+        target = names[count - 1]
         runs += run_experiment(
             family[:count],
             settings,
@@ -112,7 +133,9 @@ def run_stages(
             seeds=seeds,
             workers=workers,
             backend=backend,
-            progress=_shifted(progress, before, total),
+            progress=_shifted(progress, len(runs), total),
+            known=known(target),
+            found=partial(found, target),
         ).runs
     return Experiment(tuple(runs))
 
@@ -162,13 +185,20 @@ _Task = tuple[_Prepared, Curriculum, TrainingSettings, int, Backend]
 
 
 def _run_all(tasks: Sequence[_Task], workers: int, backend: Backend) -> Iterator[RunResult]:
-    """Results in the order of the tasks."""
+    """Results as they end."""
     if workers == 1:
         yield from (_run_result(*task) for task in tasks)
         return
-    prefer = "threads" if backend == "numba" else "processes"
-    pool = Parallel(n_jobs=workers, prefer=prefer, return_as="generator")
-    yield from pool(delayed(_run_result)(*task) for task in tasks)
+    parallel = partial(Parallel, n_jobs=workers, prefer="threads" if backend == "numba" else "processes")
+    try:
+        pool = parallel(return_as="generator_unordered")
+    except (
+        ValueError
+    ):  # Ray gives whole lists alone: one for as many as run at a time, to have something soon
+        for first in range(0, len(tasks), workers):
+            yield from parallel()(delayed(_run_result)(*task) for task in tasks[first : first + workers])
+    else:
+        yield from pool(delayed(_run_result)(*task) for task in tasks)
 
 
 def _run_result(

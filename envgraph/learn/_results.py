@@ -70,6 +70,7 @@ class Summary:
         kind: curriculum or baseline.
         label: the curriculum's label.
         runs: how many.
+        steps: training steps of each of them in all.
         success_rate: mean over the runs.
         success_interval: Wilson's, each run counting as one trial.
         mean_return: mean over the runs.
@@ -79,6 +80,7 @@ class Summary:
     kind: Kind
     label: str
     runs: int
+    steps: int
     success_rate: float
     success_interval: tuple[float, float]
     mean_return: float
@@ -106,6 +108,7 @@ def _summary(group: Sequence[RunResult], confidence: float) -> Summary:
         kind=group[0].kind,
         label=group[0].label,
         runs=len(group),
+        steps=group[0].steps,
         success_rate=success,
         success_interval=wilson_interval(success, len(group), confidence),
         mean_return=fmean(returns),

@@ -1,17 +1,22 @@
 """Experiments: curricula times seeds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from joblib import parallel_config
 
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     Curriculum,
     Experiment,
     FamilyMember,
+    RunResult,
     TrainingSettings,
     available_backends,
     evaluate,
     run_experiment,
+    run_stages,
     sequences,
     train_run,
 )
@@ -95,6 +100,43 @@ def test_progress_is_told_after_each_run() -> None:
     told: list[tuple[int, int]] = []
     run_experiment(FAMILY, SETTINGS, sequences(NAMES), progress=lambda *numbers: told.append(numbers))
     assert told == [(number, 6) for number in range(1, 7)]
+
+
+def test_what_is_known_already_is_not_trained_again() -> None:
+    whole, told, ended = small().runs, list[tuple[int, int]](), list[RunResult]()
+    other = replace(whole[0], label="E7")
+    again = run_experiment(
+        FAMILY,
+        SETTINGS,
+        known=[other, *whole[3:], whole[1]],
+        found=ended.append,
+        progress=lambda *numbers: told.append(numbers),
+    )
+    assert again.runs == whole and ended == [whole[0], whole[2]]
+    assert told == [(14, 15), (15, 15)]
+
+
+def test_stages_are_told_with_where_they_lead() -> None:
+    ended: list[tuple[str, RunResult]] = []
+    whole = run_stages(FAMILY, SETTINGS, found=lambda target, result: ended.append((target, result)))
+    assert [target for target, _ in ended] == ["E1"] * 3 + ["E2"] * 3 + ["E3"] * 3
+    known = {"E1": whole.runs[:3], "E3": whole.runs[6:8]}
+    rest: list[RunResult] = []
+    again = run_stages(
+        FAMILY,
+        SETTINGS,
+        known=lambda target: known.get(target, ()),
+        found=lambda _, result: rest.append(result),
+    )
+    assert again == whole and rest == [*whole.runs[3:6], whole.runs[8]]
+
+
+def test_workers_of_a_backend_that_gives_whole_lists_alone() -> None:
+    """As Ray's does."""
+    ended: list[RunResult] = []
+    with parallel_config("multiprocessing"):
+        found = run_experiment(FAMILY, SETTINGS, workers=2, backend="python", found=ended.append)
+    assert found == small() and ended == list(found.runs)
 
 
 def test_a_curriculum_of_ones_own_may_repeat_an_environment() -> None:

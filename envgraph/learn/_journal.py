@@ -1,0 +1,127 @@
+"""A training under way: a file of JSON lines that every agent is added to as it ends.
+
+The first line says what is being trained. A kill costs the line that was being written, and no more.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from envgraph.env import Tabular
+from envgraph.errors import InvalidArgument
+from envgraph.files import open_input, replace_file
+from envgraph.learn._results import RunResult
+from envgraph.learn._training import Curve
+
+FORMAT = "envgraph-training-1"
+
+
+class Journal:
+    """The agents of a training that have ended.
+
+    Invariant: the file has what `about` and `known` give, in whole lines.
+
+    Attributes:
+        path: of the file.
+        about: what is being trained, as it was given to `create`.
+    """
+
+    def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
+        self.path = path
+        self.about = about
+        self._found: dict[tuple[str, str], list[RunResult]] = {}
+
+    @classmethod
+    def create(cls, path: Path, about: Mapping[str, Any]) -> Self:
+        """Begin a file; `about` must be ready for JSON."""
+        replace_file(path, json.dumps({"format": FORMAT, **about}, ensure_ascii=False) + "\n")
+        return cls(path, about)
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Go on with a file.
+
+        Raises:
+            InvalidArgument: there is none, or a line of it does not read as such a result.
+        """
+        try:
+            with open_input(path) as file:
+                *lines, _ = file.read().split(b"\n")  # what follows the last line end was cut off
+        except OSError as error:
+            raise InvalidArgument(f"{path}: {error.strerror}") from error
+        journal, number = cls(path, {}), 1
+        try:
+            head = json.loads(lines[0])
+            if head.pop("format") != FORMAT:
+                raise ValueError
+            journal.about = head
+            for line in lines[1:]:
+                number += 1
+                entry = json.loads(line)
+                journal._note(str(entry["part"]), str(entry["target"]), _result(entry["agent"]))
+        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+            raise InvalidArgument(f"{path}:{number}: not a line of a training under way") from error
+        with path.open("r+b") as kept:
+            kept.truncate(sum(len(line) + 1 for line in lines))
+        return journal
+
+    def __len__(self) -> int:
+        return sum(map(len, self._found.values()))
+
+    def known(self, part: str, target: str) -> tuple[RunResult, ...]:
+        """The agents of a part of the training that were evaluated on a target."""
+        return tuple(self._found.get((part, target), ()))
+
+    def add(self, part: str, target: str, result: RunResult) -> None:
+        """Write an agent that has ended."""
+        entry = {"part": part, "target": target, "agent": asdict(result)}
+        with self.path.open("ab") as file:
+            file.write(json.dumps(entry, ensure_ascii=False).encode() + b"\n")
+        self._note(part, target, result)
+
+    def _note(self, part: str, target: str, result: RunResult) -> None:
+        self._found.setdefault((part, target), []).append(result)
+
+
+def fingerprint(tabulars: Mapping[str, Tabular], *settings: object) -> str:
+    """A hash of everything that the results of a training depend on: the environments by name, and the settings."""
+    found = sha256(repr((tuple(tabulars), settings)).encode())
+    for tabular in tabulars.values():
+        for field in fields(tabular):
+            value = getattr(tabular, field.name)
+            found.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
+    return found.hexdigest()
+
+
+def _result(data: Mapping[str, Any]) -> RunResult:
+    """What `asdict` made of a result.
+
+    Raises:
+        ValueError, TypeError, LookupError: it has another form.
+    """
+    kind = data["kind"]
+    if kind not in ("curriculum", "baseline"):
+        raise ValueError(kind)
+    points = data["curve"]
+    whole = {name: tuple(map(int, points[name])) for name in ("steps", "episodes", "successes")}
+    curve = Curve(reward=tuple(map(float, points["reward"])), **whole)
+    if any(len(column) != len(curve.reward) for column in whole.values()):
+        raise ValueError("the columns of a curve have different lengths")
+    return RunResult(
+        kind=kind,
+        label=str(data["label"]),
+        seed=int(data["seed"]),
+        steps=int(data["steps"]),
+        episodes=int(data["episodes"]),
+        success_rate=float(data["success_rate"]),
+        mean_return=float(data["mean_return"]),
+        mean_length=float(data["mean_length"]),
+        curve=curve,
+    )

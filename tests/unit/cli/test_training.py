@@ -1,0 +1,119 @@
+"""`envgraph train`, interrupted and resumed."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli import main
+from envgraph.learn import Journal, RunResult
+from envgraph.search import generate
+
+TRAIN = ("train", "forest", "--steps", "200,300", "--seeds", "2")
+AGENTS = 2 * (3 * 2 + 1 * 2)  # budgets x (a curriculum and two baselines, and the first environment) x seeds
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("made") / "run.sqlite"
+    generate("burning_forest", path, generations=1, population=2)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def run(store: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    place = tmp_path / "runs" / "forest"
+    place.mkdir(parents=True)
+    (place / "run.sqlite").write_bytes(store)
+    return place
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> object:
+    def typed(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["envgraph", *words])
+        try:
+            code = main()
+        except SystemExit as stop:
+            code = stop.code if isinstance(stop.code, int) else 0
+        return (code, *capsys.readouterr())
+
+    return typed
+
+
+def results(place: Path) -> dict[str, bytes]:
+    base = place / "training"
+    return {str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*.*"))}
+
+
+def interrupted_after(count: int, monkeypatch: pytest.MonkeyPatch) -> list[RunResult]:
+    """Ctrl-C comes when so many agents have ended; the list has those of this process."""
+    trained: list[RunResult] = []
+    add = Journal.add
+
+    def counted(self: Journal, part: str, target: str, result: RunResult) -> None:
+        if len(trained) == count:
+            raise KeyboardInterrupt
+        add(self, part, target, result)
+        trained.append(result)
+
+    monkeypatch.setattr(Journal, "add", counted)
+    return trained
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 11, AGENTS - 1])
+def test_a_resumed_training_has_the_same_results_byte_for_byte(
+    run: Path, command: object, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert command(*TRAIN)[0] == 0  # type: ignore[operator]
+    whole = results(run)
+    assert len(whole) == 12 and not any("unfinished" in name for name in whole)
+    for name in whole:
+        (run / "training" / name).unlink()
+    interrupted_after(count, monkeypatch)
+    code, _, messages = command(*TRAIN)  # type: ignore[operator]
+    assert code == 130
+    assert messages == (
+        f"{count} agents are kept: `envgraph train forest --directory runs --resume` goes on\ninterrupted\n"
+    )
+    monkeypatch.undo()
+    monkeypatch.chdir(run.parents[1])
+    trained = interrupted_after(AGENTS, monkeypatch)
+    assert command("train", "forest", "--resume")[0] == 0  # type: ignore[operator]
+    assert len(trained) == AGENTS - count
+    assert results(run) == whole
+
+
+def test_an_interrupted_training_is_not_lost_by_beginning_another(
+    run: Path, command: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interrupted_after(3, monkeypatch)
+    command(*TRAIN)  # type: ignore[operator]
+    before = results(run)
+    code, _, messages = command(*TRAIN)  # type: ignore[operator]
+    assert code == 1 and "holds the 3 agents of a training that was interrupted" in messages
+    code, _, messages = command("train", "forest", "--resume", "--seeds", "3")  # type: ignore[operator]
+    assert code == 1 and "leave the options out" in messages
+    assert results(run) == before
+    file = run / "training" / "unfinished.jsonl"
+    text = file.read_text(encoding="utf-8")
+    for old, new in (('"seeds": 2', '"seeds": "2"'), ('"made_of": "', '"made_of": "0')):
+        file.write_text(text.replace(old, new), encoding="utf-8")
+        code, _, messages = command("train", "forest", "--resume")  # type: ignore[operator]
+        assert code == 1 and str(Path("training") / "unfinished.jsonl") in messages
+    file.unlink()
+    code, _, messages = command("train", "forest", "--resume")  # type: ignore[operator]
+    assert code == 1 and "nothing to go on with" in messages
+
+
+def test_steps_are_all_that_an_agent_was_trained(run: Path, command: object) -> None:
+    code, out, _ = command("train", "forest", "--steps", "200", "--seeds", "1")  # type: ignore[operator]
+    rows = [line.split() for line in out.splitlines()[2:5]]
+    assert code == 0 and [row[:3] for row in rows] == [
+        ["curriculum", "E1-E2", "400"],
+        ["baseline", "E1", "400"],
+        ["baseline", "E2", "400"],
+    ]
