@@ -7,7 +7,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Severity, Span
+from envgraph.errors import Diagnostic, Note, Severity, Span
 from envgraph.lang._parsing import Parsed
 from envgraph.pattern import Pattern
 
@@ -23,6 +23,16 @@ _MISREAD = frozenset(
 _ROWS = frozenset({"stray-character", "unterminated-text"})
 _MOST_LINES = 3
 """Characters that mean nothing in more lines, one below the other, are the rows of a text."""
+_NAMES = frozenset(
+    f"unknown-{kind}"
+    for kind in (
+        *("attribute", "class", "enum", "feature", "function", "literal"),
+        *("object", "pattern", "reference", "rule", "type"),
+    )
+)
+"""Names that mean the same in a whole file: one that is misspelt where it is defined is unknown wherever it stands."""
+_MOST_PLACES = 10
+"""So many other places of such a name are told."""
 _UNEXPECTED = frozenset({"missing-token", "unexpected-token", "unexpected-end", "unescaped-keyword"})
 """Mistakes in the order of tokens."""
 
@@ -55,6 +65,33 @@ def without_misread(found: Iterable[Diagnostic]) -> list[Diagnostic]:
     if not misread:
         return diagnostics
     return list(_without_rows([one for one in diagnostics if not follows(one)]))
+
+
+def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Tells once in each file of a name that means nothing; a note says where else it stands.
+
+    Args:
+        found: file by file, in the order of the text.
+    """
+    places: dict[tuple[str, str, str, str], list[Diagnostic]] = {}
+    told: list[Diagnostic] = []
+    for one in found:
+        if one.span is None or one.code not in _NAMES:
+            told.append(one)
+            continue
+        group = places.setdefault((one.span.source.name, one.code, one.message, one.span.text), [])
+        group.append(one)
+        if len(group) == 1:
+            told.append(one)
+    others = {id(group[0]): _elsewhere(group[1:]) for group in places.values() if len(group) > 1}
+    return [replace(one, notes=(*one.notes, others[id(one)])) if id(one) in others else one for one in told]
+
+
+def _elsewhere(problems: Sequence[Diagnostic]) -> Note:
+    spans = [one.span for one in problems[:_MOST_PLACES] if one.span is not None]
+    shown = ", ".join(f"{span.line}:{span.column}" for span in spans)
+    more = f" and at {len(problems) - _MOST_PLACES} more places" if len(problems) > _MOST_PLACES else ""
+    return Note(f"also at {shown}{more}")
 
 
 def _without_rows(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:

@@ -23,7 +23,12 @@ from envgraph.errors import (
     limit,
 )
 from envgraph.lang._checking import check, conformance
-from envgraph.lang._consequences import unread_names, without_echoes, without_misread
+from envgraph.lang._consequences import (
+    once_for_each_name,
+    unread_names,
+    without_echoes,
+    without_misread,
+)
 from envgraph.lang._data import bundled_domains, data_path
 from envgraph.lang._ecore import read_ecore
 from envgraph.lang._ecore_document import EcoreDocument, ecore_itself, ecore_path
@@ -672,9 +677,8 @@ class _Loader:
                 return (-1, 0, 0)
             return (self.order.get(one.span.source.name, -1), one.span.start, one.span.end)
 
-        return tuple(
-            sorted(dict.fromkeys(unsuppressed(without_misread(self.diagnostics), self.suppressions)), key=key)
-        )
+        found = dict.fromkeys(unsuppressed(without_misread(self.diagnostics), self.suppressions))
+        return tuple(once_for_each_name(sorted(found, key=key)))
 
 
 def _file(problem: Diagnostic) -> str | None:

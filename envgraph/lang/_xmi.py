@@ -15,6 +15,7 @@ from urllib.parse import unquote
 
 from envgraph.errors import Diagnostic, LoadError, Source, has_errors, sort_diagnostics
 from envgraph.graph import Model
+from envgraph.lang._consequences import once_for_each_name
 from envgraph.lang._imports import without_consequences
 from envgraph.lang._model import ModelText
 from envgraph.lang._xmi_document import Document, Fetch, Reading, Spans
@@ -92,7 +93,7 @@ def parse_xmi(source: Source, metamodel: Metamodel, *, allow_unresolved: bool = 
     """
     found = read_xmi(source, metamodel, allow_unresolved=allow_unresolved)
     if found.text.model is None:
-        raise LoadError(sort_diagnostics(found.diagnostics))
+        raise LoadError(once_for_each_name(sort_diagnostics(found.diagnostics)))
     return found.text.model
 
 

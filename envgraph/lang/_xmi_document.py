@@ -63,6 +63,8 @@ class Reading:
         self.allow_unresolved = allow_unresolved
         self.errors = 0
         self._unresolved = 0
+        self._places: dict[str, int] = {}
+        """How often something has been said."""
         self.diagnostics: list[Diagnostic] = []
         self.documents: dict[str, Document | None] = {}
         self._tables: dict[str, Table] = {}
@@ -108,11 +110,16 @@ class Reading:
         return document
 
     def add(self, diagnostic: Diagnostic) -> None:
-        """Notes a mistake; after a hundred it ends.
+        """Notes a mistake; after a hundred it ends. A name that means nothing is one mistake, wherever it stands.
 
         Raises:
             Stop: there have been enough.
         """
+        places = self._places[diagnostic.message] = self._places.get(diagnostic.message, 0) + 1
+        if places > 1 and diagnostic.code.startswith("unknown-"):
+            if places <= MOST_ERRORS:
+                self.diagnostics.append(diagnostic)
+            return
         self.diagnostics.append(diagnostic)
         self.errors += 1
         if self.errors == MOST_ERRORS:

@@ -287,8 +287,19 @@ def test_a_deep_model_is_read_and_written() -> None:
 
 
 def test_after_a_hundred_mistakes_the_rest_is_not_read() -> None:
-    found = mistakes(f'<lib:Library {HEAD} name="x">{"<shelf/>" * 100_000}</lib:Library>')
+    tags = "".join(f"<shelf{number}/>" for number in range(100_000))
+    found = mistakes(f'<lib:Library {HEAD} name="x">{tags}</lib:Library>')
     assert len(found) == 101 and found[-1].endswith("too many mistakes: the rest of the file is not read")
+
+
+def test_a_name_that_means_nothing_is_one_mistake() -> None:
+    tags = '<items xsi:type="lib:Bok"/>' * 300 + '<items xsi:type="lib:Book" titel="a"/>' * 300 + "<other/>"
+    found = mistakes(f'<lib:Library {HEAD} name="x"><shelves>{tags}</shelves></lib:Library>')
+    assert [one.partition(": ")[2] for one in found] == [
+        "unknown class `Bok`",
+        "`Book` has no feature `titel`",
+        "`Shelf` has no feature `other`",
+    ]
 
 
 def test_dangling_references_are_told_soon_in_a_large_file() -> None:
