@@ -66,6 +66,16 @@ Unresolved = Annotated[
     ),
 ]
 
+Definitions = Annotated[
+    str, typer.Argument(metavar="FILE", help="A .query, .vql or .rules file.", show_default=False)
+]
+Where = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
+    ),
+]
+
 RUNS = Path("runs")
 
 _INTERRUPTED: Final = 128 + signal.SIGINT
@@ -231,6 +241,42 @@ def match(
     from envgraph.cli._query import print_matches
 
     print_matches(model, queries, pattern, where or [], Inputs(metamodel or (), allow_unresolved), format)
+
+
+@app.command()
+def explain(
+    model: Model,
+    definitions: Definitions,
+    name: Annotated[str, typer.Argument(help="Name of a pattern or rule.", show_default=False)],
+    where: Where = None,
+    metamodel: Metamodel = None,
+    allow_unresolved: Unresolved = False,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Print how the matches of a pattern or rule are found: the plan, with the rows of each step, and its source."""
+    from envgraph.cli._inputs import Inputs
+    from envgraph.cli._reasons import print_plan
+
+    print_plan(model, definitions, name, where or [], Inputs(metamodel or (), allow_unresolved), format)
+
+
+@app.command("why-not")
+def why_not(
+    model: Model,
+    definitions: Definitions,
+    name: Annotated[
+        str, typer.Argument(help="Name of a pattern, rule, unit or derived group.", show_default=False)
+    ],
+    where: Where = None,
+    metamodel: Metamodel = None,
+    allow_unresolved: Unresolved = False,
+    format: Format = OutputFormat.TEXT,
+) -> None:
+    """Print why a pattern or rule has no match, or a unit fails: how far it comes, and what is in the way."""
+    from envgraph.cli._inputs import Inputs
+    from envgraph.cli._reasons import print_reasons
+
+    print_reasons(model, definitions, name, where or [], Inputs(metamodel or (), allow_unresolved), format)
 
 
 @app.command()

@@ -36,7 +36,7 @@ def print_matches(
 ) -> None:
     """Print the matches of a pattern."""
     engine = open_engine(model, queries, inputs)
-    bound = _bound(engine, _pattern_types(engine, pattern), where)
+    bound = parse_values(engine, pattern_types(engine, pattern), where)
     matches = engine.matches(pattern, bound=bound)
     if format is OutputFormat.JSON:
         print_json([{name: _plain(match[name]) for name in match.names} for match in matches])
@@ -83,7 +83,7 @@ def apply_rule(
     engine = open_engine(model, rules, inputs, seed)
     signature = engine.signature(rule)
     taken = (*signature.parameters, *signature.variables)
-    bound = _bound(engine, {one.name: one.type for one in taken}, where)
+    bound = parse_values(engine, {one.name: one.type for one in taken}, where)
     _check_given(engine, rule, bound)
     done: list[dict[str, Any]] = []
     failed: RunResult | None = None
@@ -153,7 +153,8 @@ def _told(engine: Engine, application: Application) -> str:
     return _traced(engine, application.firing) + created
 
 
-def _pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
+def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
+    """The types of the parameters of a pattern."""
     found = engine.library.resolve(pattern)
     if found is None:
         private = [one for one in engine.library.patterns if one.private]
@@ -166,7 +167,7 @@ def _pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
     return {parameter.name: type_ for parameter, type_ in zip(found.parameters, types, strict=True)}
 
 
-def _bound(engine: Engine, types: Mapping[str, StaticType | None], where: list[str]) -> dict[str, Any]:
+def parse_values(engine: Engine, types: Mapping[str, StaticType | None], where: list[str]) -> dict[str, Any]:
     """Values of `NAME=VALUE` arguments, by the types of the parameters."""
     bound: dict[str, Any] = {}
     for text in where:

@@ -3,7 +3,7 @@
 from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Free, Matcher, Row
 from envgraph.match._naive import NaiveMatcher
-from envgraph.match._why import Failure, WhyNot
+from envgraph.match._why import Failure, WhyNot, Witness
 from envgraph.match.views import Subscription, ViewMatcher
 
 __all__ = [
@@ -17,4 +17,5 @@ __all__ = [
     "Subscription",
     "ViewMatcher",
     "WhyNot",
+    "Witness",
 ]

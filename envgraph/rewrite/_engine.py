@@ -12,6 +12,7 @@ from envgraph.errors import (
     EvaluationError,
     InvalidArgument,
     RuleError,
+    Span,
     limit,
 )
 from envgraph.graph import Model, Node, Savepoint, Version, as_context, ensured
@@ -573,6 +574,12 @@ class Engine(Recordings):
             if strict and outcome is None and run.refusal is not None:
                 raise run.refusal
         return run, outcome, outputs
+
+    def _failed_step(self, unit: str, values: Mapping[str, object]) -> tuple[str, Span | None] | None:
+        run, outcome, _ = self._run(unit, values)
+        text, span = run.failure
+        told = text if run.refusal is None else f"{text}: {run.refusal.message}"
+        return (told, span) if outcome is None else None
 
     def _new_run(self, rng: Randomness | None = None) -> Run:
         return Run(self.model, self.rng if rng is None else rng, self.step_limit, self.step_limit)

@@ -9,9 +9,9 @@ from itertools import islice
 from typing import Literal, cast
 from weakref import ref
 
-from envgraph.errors import InvalidArgument, TypeMismatch
+from envgraph.errors import InvalidArgument, Span, TypeMismatch
 from envgraph.graph import Model, Node
-from envgraph.match import FREE, Matcher, NaiveMatcher, ViewMatcher, WhyNot
+from envgraph.match import FREE, Failure, Matcher, NaiveMatcher, ViewMatcher, WhyNot
 from envgraph.metamodel import Scalar, Value, accepts, type_name
 from envgraph.pattern import Library, ObjectType, Pattern
 from envgraph.rewrite._match import Match, Row, Shape
@@ -183,10 +183,11 @@ class Questions:
         """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.
 
         A rule that has a match is tried there, and taken back: `refusal` of the result says why it cannot be applied.
+        A unit is run, and taken back: the step that fails is told. Of a group, each rule is asked about.
 
         Args:
-            name: of the pattern or rule.
-            bound, **values: values of variables, as in `matches`.
+            name: of the pattern, rule, unit or group.
+            bound, **values: values of variables, as in `matches`; of parameters, as in `run`.
 
         Returns:
             What `print` shows as text; or the match that there is.
@@ -195,16 +196,47 @@ class Questions:
             InvalidArgument: an unknown name or variable, an object that is gone, or a matcher that has no plans.
             TypeMismatch: a value of the wrong type.
         """
+        given = bindings(bound, values)
+        qualified = self._directory_with_patterns().resolve(name, "pattern or rule")
+        if qualified in self._units:
+            return self._why_failed(qualified, given)
+        if qualified in self._groups:
+            rules = [self.why_not(rule, bound=given) for rule in self._groups[qualified]]
+            applicable = next((one for one in rules if one.match is not None and one.refusal is None), None)
+            failures = tuple(Failure(0, {}, "", inner=one) for one in rules)
+            return applicable or WhyNot(qualified, {}, None, failures, show=self.model.describe, kind="group")
         shape, pattern = self._asked(name)
         if not isinstance(self.matcher, ViewMatcher):
             raise InvalidArgument("the naive matcher tries everything, and has no plans")
-        known = self._positions(shape, bindings(bound, values))
+        known = self._positions(shape, given)
         found = self.matcher.why_not(pattern, known)
         runner, refusal = self._rules.get(shape.definition), None
         if found.match is not None and isinstance(runner, GraphRule):
             with self._aside():
                 refusal = runner.refusal_at(tuple(found.match[name] for name in shape.names))
-        return replace(found, pattern=shape.definition, show=self.model.describe, refusal=refusal)
+        kind: Literal["rule", "pattern"] = "pattern" if runner is None else "rule"
+        return replace(found, pattern=shape.definition, show=self.model.describe, refusal=refusal, kind=kind)
+
+    def _why_failed(self, unit: str, values: Mapping[str, object]) -> WhyNot:
+        """Run a unit, and take it back."""
+        given = {
+            name: value.id if isinstance(value, Node) else cast("Value", value)
+            for name, value in values.items()
+        }
+        objects = tuple(name for name, value in values.items() if isinstance(value, Node))
+        with self._aside():
+            savepoint = self.model.savepoint()
+            try:
+                failed = self._failed_step(unit, values)
+            finally:
+                self.model.rollback(savepoint)
+        failures = () if failed is None else (Failure(0, {}, failed[0], span=failed[1]),)
+        match: Mapping[str, Value] | None = {} if failed is None else None
+        return WhyNot(unit, given, match, failures, objects, self.model.describe, kind="unit")
+
+    def _failed_step(self, unit: str, values: Mapping[str, object]) -> tuple[str, Span | None] | None:
+        """Run a unit: what fails, and where that is written; None if it succeeds."""
+        raise NotImplementedError
 
     def _aside(self) -> AbstractContextManager[None]:
         """The block leaves the model as it was, and nothing may notice it."""

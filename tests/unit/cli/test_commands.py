@@ -65,6 +65,8 @@ COMMANDS = (
     "new",
     "check",
     "match",
+    "explain",
+    "why-not",
     "apply",
     "replay",
     "format",

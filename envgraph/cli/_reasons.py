@@ -1,0 +1,98 @@
+"""`envgraph explain` and `envgraph why-not`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from envgraph.cli._inputs import Inputs
+from envgraph.cli._output import OutputFormat, print_json, print_lines
+from envgraph.cli._query import open_engine, parse_values, pattern_types
+from envgraph.errors import Span
+from envgraph.match import WhyNot
+from envgraph.metamodel import Value
+from envgraph.pattern import StaticType
+from envgraph.rewrite import Engine
+
+
+def print_plan(
+    model: str, definitions: str, name: str, where: list[str], inputs: Inputs, format: OutputFormat
+) -> None:
+    """Print how matches of a pattern or rule are found."""
+    engine = open_engine(model, definitions, inputs)
+    text = engine.explain(name, bound=parse_values(engine, _types(engine, name, bool(where)), where))
+    if format is OutputFormat.JSON:
+        print_json({"name": name, "explanation": text})
+    else:
+        print_lines(text)
+
+
+def print_reasons(
+    model: str, definitions: str, name: str, where: list[str], inputs: Inputs, format: OutputFormat
+) -> None:
+    """Print why there is no match, or which there is."""
+    engine = open_engine(model, definitions, inputs)
+    why = engine.why_not(name, bound=parse_values(engine, _types(engine, name, bool(where)), where))
+    if format is OutputFormat.JSON:
+        print_json(_data(why, engine))
+        return
+    print_lines(str(why))
+    for span in _spans(why):
+        print_lines(f"\n{span}\n{span.excerpt()}")
+
+
+def _types(engine: Engine, name: str, given: bool) -> Mapping[str, StaticType | None]:
+    """What can be given for a pattern, rule or unit."""
+    if engine.library.resolve(name) is not None:
+        return pattern_types(engine, name)
+    if not given:  # the question itself says best that there is no such name
+        return {}
+    signature = engine.signature(name)
+    return {one.name: one.type for one in (*signature.parameters, *signature.variables)}
+
+
+def _spans(why: WhyNot) -> Iterable[Span]:
+    """Where the constraints that fail are written, the innermost last; each once."""
+    found: dict[tuple[str, int], Span] = {}
+    for failure in why.failures:
+        spans = [failure.span] if failure.span else []
+        for span in (*spans, *(_spans(failure.inner) if failure.inner else ())):
+            found.setdefault((span.source.name, span.start), span)
+    return found.values()
+
+
+def _data(why: WhyNot, engine: Engine) -> dict[str, Any]:
+    """As JSON-ready data; objects as in messages."""
+
+    def shown(values: Mapping[str, Value], objects: Iterable[str]) -> dict[str, Any]:
+        known = set(objects)
+        return {
+            name: engine.model.describe(int(value)) if name in known else value
+            for name, value in values.items()
+        }
+
+    return {
+        "name": why.pattern,
+        "kind": why.kind,
+        "given": shown(why.given, why.objects),
+        "match": None if why.match is None else shown(why.match, why.objects),
+        "refusal": str(why.refusal) if why.refusal else None,
+        "failures": [
+            {
+                "body": failure.body,
+                "found": shown(failure.found, failure.objects),
+                "constraint": failure.constraint,
+                "place": str(failure.span) if failure.span else None,
+                "witness": failure.witness
+                and {
+                    "found": shown(failure.witness.found, failure.witness.objects),
+                    "links": [
+                        [engine.model.describe(source), link, engine.model.describe(target)]
+                        for source, link, target in failure.witness.links
+                    ],
+                },
+                "inner": failure.inner and _data(failure.inner, engine),
+            }
+            for failure in why.failures
+        ],
+    }

@@ -1,0 +1,148 @@
+"""What `why_not` says of rules, units and groups: the witness of a `not`, the step that fails, and its place."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from envgraph.cli import main
+from envgraph.lang import TextFiles, bundled_domain, load_workspace
+from envgraph.lang import open as open_engine
+from envgraph.match import Failure, WhyNot
+from envgraph.rewrite import Engine
+
+HALL = bundled_domain("warehouse")
+FILES = (str(HALL / "small_hall.model"), str(HALL / "warehouse.rules"))
+
+
+def hall() -> Engine:
+    return open_engine(*FILES)
+
+
+def only(why: WhyNot) -> Failure:
+    (failure,) = why.failures
+    return failure
+
+
+def test_a_not_block_names_the_object_and_the_link_in_the_way() -> None:
+    engine = hall()
+    left, right = (engine.model.find_object(name) or 0 for name in ("left", "right"))
+    engine.model.node(left).at = engine.model.node(5)  # beside the other robot
+    why = engine.why_not("drive", robot=left, way="east")
+    failure = only(why)
+    assert failure.constraint == "the `not` block"
+    assert failure.span is not None and failure.span.line == 10
+    assert failure.witness is not None
+    assert failure.witness.found == {"robot": left, "there": 6, "other": right}
+    assert failure.witness.links == ((right, "at", 6),)
+    assert str(why).splitlines()[1:] == [
+        "  body 1: finds robot = `left`, way = 'east', here = `Aisle#5`, there = `Aisle#6`; "
+        "then fails the `not` block, line 10",
+        "    which finds other = `right`; `right` -at-> `Aisle#6`",
+    ]
+
+
+def test_of_several_not_blocks_the_one_that_fails_is_named() -> None:
+    engine = hall()
+    left = engine.model.find_object("left") or 0
+    engine.model.node(left).at = engine.model.node(7)
+    failure = only(engine.why_not("drive", robot=left, way="east"))
+    assert failure.span is not None and failure.span.line == 9
+    assert failure.witness is not None and failure.witness.found == {"there": 8}
+
+
+def test_a_neg_find_names_the_match_that_there_is() -> None:
+    engine = hall()
+    failure = only(engine.why_not("stranded"))
+    assert failure.constraint == "neg find warehouse.fetchable(parcel, _)"
+    assert failure.span is not None and failure.span.text == "neg find fetchable(parcel, _)"
+    assert failure.witness is not None
+    parcel, dock = failure.witness.found["parcel"], failure.witness.found["dock"]
+    assert engine.exists("fetchable", parcel=parcel, dock=dock)
+
+
+def test_a_neg_of_a_class_names_the_object() -> None:
+    engine = hall()
+    failure = only(engine.why_not("drivable", bound={"from": 7, "to": 8}))
+    assert failure.constraint == "neg Shelf(to)"
+    assert failure.witness is not None and failure.witness.found == {"to": 8}
+
+
+def test_every_constraint_that_fails_has_its_place() -> None:
+    engine = hall()
+    for name, text in {
+        "lift": "robot -at-> here",
+        "ship": "robot -at-> dock : Dock",
+        "empty": "Robot.battery(robot, 0);",
+    }.items():
+        failure = only(engine.why_not(name))
+        assert failure.span is not None
+        assert text in failure.span.source.line(failure.span.line), (name, failure)
+        assert failure.witness is None
+
+
+UNITS = """
+import "warehouse.rules"
+unit lift_and_ship(robot : Robot) {
+    drive(robot, ::south);
+    lift(robot);
+}
+unit turn { try { lift; } }
+"""
+
+
+def units() -> Engine:
+    files = {path.name: path.read_text() for path in HALL.iterdir() if path.suffix != ".toml"}
+    files["units.rules"] = UNITS
+    return load_workspace(["small_hall.model", "units.rules"], files=TextFiles(files)).engine()
+
+
+def test_the_step_of_a_unit_that_fails_is_named_and_nothing_changes() -> None:
+    engine = units()
+    before = engine.model.state_hash()
+    why = engine.why_not("lift_and_ship", robot=engine.model.find_object("left"))
+    assert (why.match, why.kind) == (None, "unit")
+    failure = only(why)
+    assert failure.span is not None and failure.span.text.startswith("lift(robot)")
+    assert str(why).splitlines()[0].endswith("fails")
+    assert engine.model.state_hash() == before
+    assert str(engine.why_not("turn")) == "`turn` succeeds"
+
+
+def test_of_a_group_each_rule_is_asked_about() -> None:
+    engine = hall()
+    for shelf in engine.model.nodes("Shelf"):
+        shelf.retype("Aisle")
+    assert engine.why_not("floor").match is not None  # an aisle can become a shelf
+    for aisle in engine.model.nodes("Aisle"):
+        aisle.retype("Dock")
+    why = engine.why_not("floor")
+    assert (why.match, why.kind) == (None, "group")
+    assert [failure.inner and failure.inner.match for failure in why.failures] == [None, None]
+
+
+@pytest.mark.parametrize("format", ["text", "json"])
+def test_the_commands_print_reasons_and_plans(
+    format: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(*arguments: str) -> str:
+        monkeypatch.setattr(sys, "argv", ["envgraph", *arguments, "--format", format])
+        with pytest.raises(SystemExit, match="0"):
+            main()
+        return capsys.readouterr().out
+
+    told = run("why-not", *FILES, "drive", "--where", "robot=left", "--where", "way=west")
+    assert "Cell.west(from, to)" in told
+    assert "warehouse.query:6:5" in told
+    assert ('"kind": "rule"' in told) == (format == "json")
+    assert "body 1: about" in run("explain", *FILES, "lift")
+
+
+def test_a_wrong_name_is_an_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command in ("why-not", "explain"):
+        monkeypatch.setattr(sys, "argv", ["envgraph", command, *FILES, "lifft"])
+        assert main() == 1
+        assert "did you mean `lift`?" in capsys.readouterr().err
