@@ -84,12 +84,11 @@ def _enum(enum: EnumType, indent: str) -> Iterator[str]:
 
 
 def _class(metamodel: Metamodel, cls: Class, indent: str) -> Iterator[str]:
-    above = [_path(metamodel, one) for one in cls.supertypes]
     parts = {
         "xsi:type": "ecore:EClass",
         "name": simple_name(cls.name),
         "abstract": "true" if cls.abstract else None,
-        "eSuperTypes": " ".join(one for one in above if one != f"{ECORE}#//EObject") or None,
+        "eSuperTypes": " ".join(_path(metamodel, above) for above in cls.supertypes) or None,
     }
     inside = [*_documented(cls.doc, indent + "  "), *_marks(cls, indent + "  ")]
     for feature in cls.features:
@@ -152,13 +151,13 @@ def _attribute(metamodel: Metamodel, attribute: Attribute) -> Parts:
 
 
 def _reference(metamodel: Metamodel, reference: Reference) -> Parts:
-    opposite = metamodel.opposite(reference)
+    opposite, target = metamodel.opposite(reference), _path(metamodel, reference.target)
     return {
         "xsi:type": "ecore:EReference",
         "name": reference.name,
         "lowerBound": str(reference.lower) if reference.lower else None,
         "upperBound": None if reference.upper == 1 else str(reference.upper or -1),
-        "eType": _path(metamodel, reference.target),
+        "eType": target if target.startswith("#") else f"ecore:EClass {target}",
         "containment": "true" if reference.containment else None,
         "eOpposite": f"{_path(metamodel, opposite.owner)}/{opposite.name}" if opposite else None,
     }

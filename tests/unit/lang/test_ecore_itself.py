@@ -75,6 +75,7 @@ def test_ecore_is_named_and_not_written() -> None:
     found = parse_ecore(Source("m.ecore", TRACES))
     text = metamodel_to_ecore(found)
     assert text.count("<eClassifiers") == 3 and f'eSuperTypes="{URI}#//ENamedElement"' in text
+    assert f'eType="ecore:EClass {URI}#//EObject"' in text
     again = parse_ecore(Source("m.ecore", text))
     assert (again.class_list, again.packages) == (found.class_list, found.packages)
 
