@@ -282,7 +282,7 @@ class History:
         store.total = total
         store.epoch += 1
         store.revision += 1
-        for follower in store.followers:
+        for follower in store.followers[:]:
             follower.rolled_back()
 
     def release(self, savepoint: Savepoint) -> None:
@@ -435,7 +435,7 @@ class History:
         store.epoch += 1
         store.revision += 1
         self._prune(start)
-        for follower in store.followers:
+        for follower in store.followers[:]:
             follower.checked_out()
 
     def _checked_out(self, version: Version) -> None:

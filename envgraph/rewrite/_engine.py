@@ -563,10 +563,14 @@ class Engine(Recordings):
             strict: a refusal by the model that nothing goes on from is raised, and everything is taken back.
         """
         run = self._new_run(rng)
+        loops = self.matcher.loops if isinstance(self.matcher, ViewMatcher) else None
+        depth = 0 if loops is None else loops.depth
         with self.model.transaction():
             try:
                 outcome, outputs = self._start(run, name, arguments)
             except BaseException as error:
+                if loops is not None:
+                    loops.back_to(depth)
                 run.abandon()
                 if isinstance(error, RecursionError):
                     raise EvaluationError(f"`{name}` nests too deeply") from None

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model
-from envgraph.match import Matcher
+from envgraph.match import Matcher, ViewMatcher
 from envgraph.metamodel import Attribute, Value
 from envgraph.pattern import (
     Alap,
@@ -139,6 +139,7 @@ class UnitSource:
         self._group = group
         self._model = model
         self._matcher = matcher
+        self._loops = matcher.loops if isinstance(matcher, ViewMatcher) else None
         self.namespace: dict[str, Any] = {
             "RuleError": RuleError,
             "UNSET": UNSET,
@@ -152,6 +153,7 @@ class UnitSource:
             "fire_another": fire_another,
             "fire_every": fire_every,
             "holds": holds,
+            "loops": self._loops,
             "release": model.release,
             "rollback": model.rollback,
             "rounds": rounds,
@@ -292,8 +294,12 @@ class UnitSource:
     def _alap(self, step: Alap, scope: Scope) -> None:
         function, loop = self._now, self._constant(("the `alap`", step.span))
         name, arguments = self._inner(step.body, scope), scope.locals
+        if self._loops:
+            function.add("loops.begin()")
         with function.block("while True:"):
             function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {loop})")
+            if self._loops:
+                function.add("if loops.due: loops.turn()")
             if self._clean(step.body):
                 function.add(f"o = {name}(run{arguments})")
             else:
@@ -306,7 +312,7 @@ class UnitSource:
                 function.add("release(mark)")
             function.add("if not o: break")
             self._changed("True")
-        function.add("run.refusal = None")
+        function.add(*(["loops.end()"] if self._loops else []), "run.refusal = None")
 
     def _repeat(self, step: Repeat, scope: Scope) -> None:
         function, loop = self._now, self._constant(("the `repeat`", step.span))

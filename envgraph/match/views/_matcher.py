@@ -14,8 +14,9 @@ from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match._symbols import Source
 from envgraph.match._why import WhyNot
 from envgraph.match.views._agreeing import Agreeing
+from envgraph.match.views._loops import Loops
 from envgraph.match.views._network import Network
-from envgraph.match.views._operators import Rows
+from envgraph.match.views._operators import Rows, unrecorded
 from envgraph.match.views._sets import LONG, Log, MatchSet, key_of, net
 from envgraph.metamodel import Value
 from envgraph.pattern import Library
@@ -76,6 +77,7 @@ class ViewMatcher:
         library: the patterns; more may be added later.
 
     Attributes:
+        loops: who runs a loop says so here.
         user: who asks this matcher, weakly; None if that is not known. The views of a matcher whose user is gone are
             given up when another one of the model watches.
 
@@ -102,6 +104,8 @@ class ViewMatcher:
         self._telling = False
         self._suspended = False
         self._partly = Agreeing(self.demand)
+        self._brief: int | None = None
+        self.loops = Loops(self)
         self.user: Callable[[], object] | None = None
 
     def _new_network(self) -> Network:
@@ -114,7 +118,7 @@ class ViewMatcher:
         """The patterns that are kept current, in the order in which they were asked for."""
         if self._wanted:
             self._watch_wanted()
-        return tuple(self._views)
+        return tuple(self._views) if self._brief is None else ()
 
     def watch(self, *patterns: str) -> None:
         """Keep patterns current from now on.
@@ -126,7 +130,8 @@ class ViewMatcher:
             TransactionError: there is a state to go back to (a savepoint is open, or a version is held), in which the
                 pattern was not watched.
         """
-        new = [pattern for pattern in dict.fromkeys(patterns) if pattern not in self._views]
+        known = self._views if self._brief is None else {}
+        new = [pattern for pattern in dict.fromkeys(patterns) if pattern not in known]
         for pattern in new:
             self._check_watchable(pattern)
         if not new:
@@ -152,6 +157,35 @@ class ViewMatcher:
         if self.model.idle and self._rival() is None:
             wanted, self._wanted = self._wanted, {}
             self.watch(*wanted)
+
+    def watch_briefly(self, patterns: Sequence[str]) -> bool:
+        """Keep patterns current although there is a state to go back to, until `give_up`; whether that is possible.
+
+        It is given up by itself where that state comes back.
+        """
+        if (self._views and self._brief is None) or self._suspended or self._rival() is not None:
+            return False
+        try:
+            with unrecorded(self.model.store):
+                self._rebuild(patterns)
+        except EvaluationError:
+            self._leave()
+            return False
+        self._brief = self.model.depth
+        return True
+
+    def give_up(self) -> None:
+        """End `watch_briefly`."""
+        if self._brief is not None:
+            self._leave()
+
+    def worth_watching(self, pattern: str, most: int) -> bool:
+        """Whether a view of a pattern is no larger than so many rows, and made of nothing larger."""
+        if self.library.get(pattern).strategy == "search" or self.library.inputs(pattern):
+            return False
+        if self.demand.calls.searches(pattern):
+            return False
+        return self.demand.count(pattern, (FREE,) * len(self.library.parameter_types(pattern))) <= most
 
     def unwatch(self, *patterns: str) -> None:
         """Keep patterns current no longer; those that are not watched are passed over.
@@ -184,6 +218,7 @@ class ViewMatcher:
         self._partly.forget()
         self._network = self._new_network()
         self._broken, self._countable, self._spoilt, self._suspended = None, False, False, False
+        self._brief = None
 
     def _rival(self) -> ViewMatcher | None:
         """Another matcher of the model that has views."""
@@ -372,6 +407,9 @@ class ViewMatcher:
 
     def rolled_back(self) -> None:
         """Views are as they were: the journal has brought them back."""
+        if self._brief is not None and self.model.depth < self._brief:
+            self._leave()
+            return
         if self._broken is not None:
             if self._broken <= self.model.depth:
                 return
@@ -387,11 +425,13 @@ class ViewMatcher:
 
     def released(self) -> None:
         """The outermost transaction has ended: tell what has changed."""
+        self.give_up()
         if self._subscriptions:
             self.deliver()
 
     def checked_out(self) -> None:
         """Another version: tell what differs."""
+        self.give_up()
         if self._broken is not None:
             if self._spoilt:
                 return
@@ -632,7 +672,9 @@ class ViewMatcher:
         """`rows` for one set of bound positions; arguments are not checked, see `Matcher.prepare`."""
         search = self.demand.prepare(pattern, bound)
         if not bound:
-            return lambda: search() if (view := self._current(pattern)) is None else view.rows[:]
+            return lambda: (
+                self._listed(pattern, search) if (view := self._current(pattern)) is None else view.rows[:]
+            )
         if not self._partly.possible(pattern, bound):
             return search
 
@@ -653,8 +695,18 @@ class ViewMatcher:
         held = self.prepare(pattern, bound) if bound else self.lister(pattern)
 
         def rows(*values: Any) -> Iterator[Row]:
-            return seek(*values) if self._current(pattern) is None else iter(held(*values))
+            if self._current(pattern) is not None:
+                return iter(held(*values))
+            if self.loops.depth and not bound:
+                self.loops.sought(pattern)
+            return seek(*values)
 
+        return rows
+
+    def _listed(self, pattern: str, search: Callable[[], list[Row]]) -> list[Row]:
+        rows = search()
+        if self.loops.depth:
+            self.loops.listed(pattern, len(rows))
         return rows
 
     def lister(self, pattern: str) -> Callable[[], Sequence[Row]]:
@@ -663,7 +715,7 @@ class ViewMatcher:
 
         def rows() -> Sequence[Row]:
             view = self._current(pattern)
-            return search() if view is None else view.rows
+            return self._listed(pattern, search) if view is None else view.rows
 
         return rows
 

@@ -1,0 +1,196 @@
+"""`alap` watches what it lists again and again, until it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from envgraph.errors import EvaluationError, TransactionError
+from envgraph.graph import Model
+from envgraph.match import ViewMatcher
+from envgraph.match.views import _loops
+from envgraph.rewrite import Engine
+from tests.unit.rewrite.graphs import chain, definitions, engine, snapshot
+
+RULES = """
+rule mark { lhs { a : Item; check a.done == false; } modify { set a.done = true; } }
+rule clear { lhs { a : Item; check a.done == true; } modify { set a.done = false; } }
+rule raise_(a : Item) { lhs { check a.n < 3; } modify { set a.n += 1; } }
+rule open { lhs { a : Item; check a.label == ""; } modify { set a.label = "open"; } }
+rule grow { lhs { a : Item; } modify { create b : Item; } }
+rule drop { lhs { a : Item; } modify { delete a; } }
+rule never { lhs { a : Item; check a.n > 1000; } modify { set a.n = 0; } }
+rule apart { lhs { a : Item; b : Item; check a.done == false; } modify { set a.done = true; } }
+rule far { lhs { a : Item; check a.done == false; } not { a -next+-> a; } modify { set a.done = true; } }
+
+unit plain { alap { mark; } }
+unit first_ { alap { first mark; } }
+unit every { alap { all mark; } }
+unit inner { alap { mark; } alap { clear; } }
+unit nested { alap { open; try { inner; never; } alap { mark; } } }
+unit choosing { alap { { mark; never; } | { open; } } }
+unit calling { alap { one; } }
+unit one { mark; }
+unit endless { alap { grow; } }
+unit twice { alap { mark; } alap { raise_(_); } }
+unit loop_in_try { try { alap { mark; } never; } alap { open; } }
+unit wide { alap { first apart; } }
+unit closed { alap { first far; } }
+"""
+UNITS = (
+    "plain",
+    "first_",
+    "every",
+    "inner",
+    "nested",
+    "choosing",
+    "calling",
+    "twice",
+    "loop_in_try",
+    "wide",
+    "closed",
+)
+
+
+def made(long: int | None, monkeypatch: pytest.MonkeyPatch, model: Model | None = None) -> Engine:
+    """An engine whose loops watch when they have listed so many rows."""
+    if long is not None:
+        monkeypatch.setattr(_loops, "LONG", long)
+    return engine(RULES, model=model or chain(12))
+
+
+def views(one: Engine) -> ViewMatcher:
+    assert isinstance(one.matcher, ViewMatcher)
+    return one.matcher
+
+
+def assert_left(one: Engine) -> None:
+    """Nothing is watched, and nothing hears of changes."""
+    matcher = views(one)
+    assert one.watched == () and not matcher._views and matcher.loops.depth == 0
+    assert matcher not in one.model.store.followers
+    assert all(relation.added is None for relation in one.model.store.relations)
+    one.check_integrity()
+
+
+@pytest.mark.parametrize("long", [0, 5, 40])
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_run_can_be_replayed_and_leaves_no_views(
+    unit: str, long: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = made(long, monkeypatch)
+    plain = made(None, monkeypatch)
+    start = one.model.commit()
+    with one.recording() as trace:
+        assert one.run(unit)
+    assert_left(one)
+    after = snapshot(one.model)
+    one.checkout(start, discard=True)
+    one.replay(trace)  # each match is looked at again
+    assert snapshot(one.model) == after
+    monkeypatch.setattr(_loops, "LONG", 10**9)
+    plain.run(unit)
+    if unit != "choosing":  # whatever is drawn, the end is the same
+        assert snapshot(plain.model) == after
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_seed_has_one_result(unit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = []
+    for _ in range(2):
+        one = made(7, monkeypatch)
+        runs.append((one.run(unit).firings, snapshot(one.model)))
+    assert runs[0] == runs[1]
+
+
+def test_few_rows_are_listed_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = made(1_000, monkeypatch, chain(600))
+    listed = 0
+    original = ViewMatcher._listed
+
+    def counting(matcher: ViewMatcher, pattern: str, search: Callable[[], list[object]]) -> list[object]:
+        nonlocal listed
+        rows = original(matcher, pattern, search)  # type: ignore[arg-type]
+        listed += len(rows)
+        return rows  # type: ignore[return-value]
+
+    monkeypatch.setattr(ViewMatcher, "_listed", counting)
+    for unit in ("plain", "calling"):
+        one.run("inner")
+        listed = 0
+        assert one.run(unit).applications == 600 and listed < 2_000
+
+
+def test_a_loop_without_end_stops_at_the_limit_and_everything_is_as_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one = made(20, monkeypatch)
+    one.step_limit = 500
+    before = snapshot(one.model)
+    for _ in range(2):
+        with pytest.raises(EvaluationError, match="took more than 500 steps; it was in `grow`"):
+            one.run("endless")
+        assert snapshot(one.model) == before
+        assert_left(one)
+
+
+def test_what_is_watched_already_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = made(0, monkeypatch)
+    one.watch("open")
+    for unit in UNITS:
+        one.run(unit)
+        assert one.watched == ("open#lhs",)
+        one.check_integrity()
+
+
+def test_nobody_notices_the_views_of_a_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = made(0, monkeypatch)
+    seen: list[object] = []
+
+    @one.unit
+    def look(engine: Engine) -> None:
+        seen.append(engine.watched)
+        engine.unwatch("mark")
+        with pytest.raises(TransactionError):
+            engine.watch("mark")
+        seen.append(engine.count("mark") == sum(not node.done for node in engine.model.nodes("Item")))
+
+    one.add(*definitions("unit u { alap { mark; look; } }"))
+    assert one.run("u")
+    assert seen and set(seen) == {(), True}
+    assert_left(one)
+
+
+@pytest.mark.parametrize("problem", [KeyboardInterrupt, ZeroDivisionError, RecursionError])
+def test_an_exception_inside_a_loop_takes_everything_back(
+    problem: type[BaseException], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = made(0, monkeypatch)
+    calls = 0
+
+    @one.unit
+    def stop() -> None:
+        nonlocal calls
+        calls += 1
+        if calls == 5:
+            assert views(one)._views
+            raise problem
+
+    one.add(*definitions("unit u { try { alap { alap { open; } mark; stop; } never; } }"))
+    before = snapshot(one.model)
+    with pytest.raises((problem, EvaluationError)):
+        one.run("u")
+    assert snapshot(one.model) == before
+    assert_left(one)
+    assert one.run("u") and one.run("plain")
+    assert_left(one)
+
+
+def test_explorations_go_through_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    states = []
+    for long in (0, 10**9):
+        one = made(long, monkeypatch, chain(3))
+        states.append(len(one.explore(["plain", "clear"]).states))
+        assert_left(one)
+    assert states[0] == states[1]
