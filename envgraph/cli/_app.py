@@ -13,7 +13,7 @@ from typing import Annotated, Final, NoReturn
 import typer
 
 from envgraph import __version__
-from envgraph.cli._output import OutputFormat, ShowFormat, print_error, print_line
+from envgraph.cli._output import OutputFormat, ShowFormat, error_to_dict, print_error, print_json, print_line
 from envgraph.errors import EnvgraphError, InvalidArgument
 
 app = typer.Typer(
@@ -25,9 +25,20 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+
+def _noted(context: typer.Context, format: OutputFormat | ShowFormat) -> OutputFormat | ShowFormat:
+    """Tells `main` what errors are printed as."""
+    context.find_root().obj.append(format.value)
+    return format
+
+
 Format = Annotated[
     OutputFormat,
-    typer.Option("--format", help="How to print the result: for people, or as one JSON document."),
+    typer.Option(
+        "--format",
+        callback=_noted,
+        help="How to print the result, and errors: for people, or as one JSON document.",
+    ),
 ]
 Run = Annotated[
     str,
@@ -75,6 +86,12 @@ Where = Annotated[
         "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
     ),
 ]
+Force = Annotated[
+    bool,
+    typer.Option(
+        "--force", help="Replace the run of that name, with its training and report, if there is one."
+    ),
+]
 
 RUNS = Path("runs")
 
@@ -92,6 +109,7 @@ def main() -> int:
         sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, until the end
         sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     ended: list[int] = []
+    formats: list[str] = []
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
         ended.append(number)
@@ -99,13 +117,16 @@ def main() -> int:
 
     usual = signal.signal(signal.SIGTERM, end)
     try:
-        app(prog_name="envgraph")
+        app(prog_name="envgraph", obj=formats)
     except (EnvgraphError, OSError) as error:
         if isinstance(error, BrokenPipeError):
             # The reader has what it wanted (`envgraph ... | head`); Python must not complain at shutdown either.
             sys.stderr.close()
             return 0
-        print_error(error)
+        if formats[-1:] == ["json"]:
+            print_json(error_to_dict(error))
+        else:
+            print_error(error)
         return 1
     except SystemExit as stop:
         if stop.code != _INTERRUPTED:
@@ -410,17 +431,47 @@ def generate(
     population: Annotated[
         int | None, typer.Option(min=2, help="Instead of the size in the file.", show_default=False)
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")] = False,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Instead of what the file says: any key of it, such as search.population=10.",
+            show_default=False,
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on with a run that was interrupted, or, with a larger --generations, one that has ended.",
+        ),
+    ] = False,
+    force: Force = False,
     directory: Directory = RUNS,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Evolve a family of environments from one model."""
     from envgraph.cli._family import generate_family
 
+    if resume and (seed is not None or population is not None or overrides or force):
+        raise InvalidArgument(
+            "a resumed run keeps what it began with, but for --generations: leave the others out"
+        )
+    given = {"seed": seed, "search.generations": generations, "search.population": population}
+    short = [] if resume else [f"{key}={value}" for key, value in given.items() if value is not None]
     generate_family(
-        family, name=name, seed=seed, generations=generations, population=population,
-        resume=resume, directory=directory, format=format,
+        family, name=name, overrides=[*short, *(overrides or ())], generations=generations,
+        resume=resume, force=force, directory=directory, format=format,
     )  # fmt: skip
+
+
+@app.command("runs")
+def runs_(directory: Directory = RUNS, format: Format = OutputFormat.TEXT) -> None:
+    """List the runs that there are."""
+    from envgraph.cli._runs import list_runs
+
+    list_runs(directory, format)
 
 
 @app.command()
@@ -441,7 +492,11 @@ def show(
     allow_unresolved: Unresolved = False,
     format: Annotated[
         ShowFormat,
-        typer.Option("--format", help="text or json; models and metamodels also as a picture: dot or svg."),
+        typer.Option(
+            "--format",
+            callback=_noted,
+            help="text or json; models and metamodels also as a picture: dot or svg.",
+        ),
     ] = ShowFormat.TEXT,
 ) -> None:
     """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
@@ -494,13 +549,14 @@ def import_(
     name: Annotated[
         str | None, typer.Option(help="Name of the run.", show_default="that of the file")
     ] = None,
+    force: Force = False,
     directory: Directory = RUNS,
     format: Format = OutputFormat.TEXT,
 ) -> None:
     """Read a published family, measure it, and keep it as a run."""
     from envgraph.cli._family import import_family
 
-    import_family(file, domain, name, directory, format)
+    import_family(file, domain, name, directory, force, format)
 
 
 @app.command()

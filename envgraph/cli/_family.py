@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -30,9 +32,9 @@ from envgraph.search import (
     Outcome,
     RunStore,
     caption,
+    evolve,
     export_ga4cl,
     family_svg,
-    generate,
     import_ga4cl,
     open_family,
     run_file,
@@ -41,32 +43,46 @@ from envgraph.search import (
 )
 from envgraph.search import resume as resume_run
 
+TRAINING, TABLES, REPORT = "training", "tables", "report.html"
+"""What is made of a run, beside its store: results of training, one directory a budget; tables of states; the page."""
+
 
 def generate_family(
     location: str,
     *,
     name: str | None,
-    seed: int | None,
+    overrides: Sequence[str],
     generations: int | None,
-    population: int | None,
     resume: bool,
+    force: bool,
     directory: Path,
     format: OutputFormat,
 ) -> None:
-    """Evolve a family, or go on with one, and print it."""
-    domain = Domain.load(location)
+    """Evolve a family, or go on with one, and print it.
+
+    Args:
+        location: a family file, its directory, or a bundled domain.
+        name: of the run; by default that of the family.
+        overrides: what holds instead of what the family file says.
+        generations: where a run that is gone on with is to end.
+        resume: whether to go on with a run.
+        force: whether an existing run, with all that was made of it, makes room.
+        directory: where runs are kept.
+        format: what to print.
+    """
+    domain = Domain.load(location, overrides=overrides)
     path = _run_path(directory, name or domain.spec.name)
+    total = domain.spec.search.generations
     if resume:
-        if (seed, generations, population) != (None, None, None):
-            raise InvalidArgument(
-                "a resumed run keeps its seed, generations and population: leave the options out"
-            )
         with RunStore.open(path) as store:
-            total = store.settings()["overrides"].get("generations", domain.spec.search.generations)
-    else:
-        if path.exists():
-            raise InvalidArgument(f"{path} exists already: go on with --resume, or choose another --name")
-        total = domain.spec.search.generations if generations is None else generations
+            kept = Domain.from_bundle(store.bundle(), overrides=store.overrides)
+        total = generations or kept.spec.search.generations
+    elif path.exists() and not force:
+        hint = "go on with --resume, replace it with --force, or choose another --name"
+        raise InvalidArgument(f"{path} exists already: {hint}")
+    elif path.exists():
+        domain.check_initial()  # before anything is lost
+        remove_results(path.parent)
     try:
         with progress_bar("generations", total) as advance:
 
@@ -74,17 +90,9 @@ def generate_family(
                 advance(generation.number, f"diversity {generation.diversity:.3f}")
 
             if resume:
-                family = resume_run(path, progress=progress)
+                family = resume_run(path, generations=generations, progress=progress)
             else:
-                family = generate(
-                    domain,
-                    path,
-                    seed=seed,
-                    generations=generations,
-                    population=population,
-                    progress=progress,
-                    warn=print_diagnostics,
-                )
+                family = evolve(domain, path, overwrite=force, progress=progress, warn=print_diagnostics)
     except KeyboardInterrupt:
         if path.exists():
             words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
@@ -94,6 +102,13 @@ def generate_family(
         low = why_low(family, store)
     _print_family(family, format, path, low)
     print_diagnostics([low] if low else [])
+
+
+def remove_results(directory: Path) -> None:
+    """Remove what was made of a run; the run itself and what is not of envgraph stay."""
+    for name in (TRAINING, TABLES):
+        shutil.rmtree(directory / name, ignore_errors=True)
+    (directory / REPORT).unlink(missing_ok=True)
 
 
 def _run_path(directory: Path, name: str) -> Path:
@@ -138,12 +153,16 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
         print_line(f"envs = envgraph.make_vec({str(output)!r}, num_envs=8, variant={target!r})")
 
 
-def import_family(file: Path, domain: str, name: str | None, directory: Path, format: OutputFormat) -> None:
+def import_family(
+    file: Path, domain: str, name: str | None, directory: Path, force: bool, format: OutputFormat
+) -> None:
     """Read a ga4cl file into a run, and print it."""
     take(str(file), ("json",), "a ga4cl family, which is JSON")
     source = read_source(DiskFiles(), str(file))
     path = _run_path(directory, name or file.stem)
-    family, warnings = import_ga4cl(source, domain, path)
+    if force:
+        remove_results(path.parent)
+    family, warnings = import_ga4cl(source, domain, path, overwrite=force)
     print_diagnostics(warnings)
     _print_family(family, format, path)
 

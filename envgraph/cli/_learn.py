@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from envgraph import __version__
-from envgraph.cli._family import run_directory
+from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import Advance, OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
@@ -28,11 +28,8 @@ from envgraph.learn import (
     sequences,
     write_csv,
 )
-from envgraph.report import Trained, family_report, render_html, stage_table
+from envgraph.report import Trained, family_report, render_html, stage_rows, stage_table
 from envgraph.search import Family, RunStore, open_family, run_file
-
-TRAINING = "training"
-"""Name of the directory of results, below that of the run; one directory a budget inside."""
 
 STAGES = "stages"
 """Name of the directory of training on the curriculum up to each environment, below that of the budget."""
@@ -162,13 +159,13 @@ def write_report(run: str, directory: Path, output: Path | None, format: OutputF
     page = family_report(
         family, history=history, trained=trained, facts=_facts(family, trained, searched=len(history) > 1)
     )
-    path = output or base / "report.html"
+    path = output or base / REPORT
     replace_file(path, render_html(page))
-    table = stage_table(family, trained)
     if format is OutputFormat.JSON:
-        rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+        rows = stage_rows(family, trained)
         print_json({"name": family.name, "report": str(path), "environments": rows})
         return
+    table = stage_table(family, trained)
     print_table(family.name, table.columns, table.rows, table.numeric)
     print_line(f"report: {path}")
 

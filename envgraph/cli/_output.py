@@ -7,6 +7,7 @@ may come from files: it passes through `visible` here, and nothing in this packa
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -148,13 +149,27 @@ def print_error(error: EnvgraphError | OSError) -> None:
         print_diagnostics(diagnostics)
         return
     console = Console(stderr=True, soft_wrap=True, highlight=False)
-    text = str(error)
-    if isinstance(error, OSError) and error.filename and error.strerror:
-        text = f"{error.filename}: {error.strerror[:1].lower()}{error.strerror[1:]}"
-    head, *rest = _lines(text)
+    head, *rest = _lines(_message(error))
     console.print(Text("error: ", "bold red") + Text(head))
     for line in rest:
         console.print(Text(line))
+
+
+def error_to_dict(error: EnvgraphError | OSError) -> dict[str, object]:
+    """An exception as `envgraph check --format json` prints problems."""
+    diagnostics: Sequence[Diagnostic] = getattr(error, "diagnostics", ())
+    if not diagnostics:
+        code = re.sub("(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
+        diagnostics = [
+            Diagnostic(code if isinstance(error, EnvgraphError) else "file-error", _message(error))
+        ]
+    return {"ok": False, "diagnostics": [one.to_dict() for one in diagnostics]}
+
+
+def _message(error: EnvgraphError | OSError) -> str:
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror[:1].lower()}{error.strerror[1:]}"
+    return str(error)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -86,13 +87,15 @@ def apply_rule(
     bound = parse_values(engine, {one.name: one.type for one in taken}, where)
     _check_given(engine, rule, bound)
     done: list[dict[str, Any]] = []
+    lines: list[str] = []
     failed: RunResult | None = None
     with engine.recording() as recorded:
         for number in range(1, times + 1):
-            lines, failed = _apply_once(engine, rule, bound)
-            if lines:
-                done.append({"application": number, "steps": lines})
-            if failed is not None or not lines:
+            steps, failed = _apply_once(engine, rule, bound)
+            if steps:
+                done.append({"application": number, "steps": [step.data for step in steps]})
+                lines += [f"{number}: {step.text}" for step in steps]
+            if failed is not None or not steps:
                 break
     if trace is not None:
         replace_file(trace, trace_to_text(engine, recorded))
@@ -101,9 +104,8 @@ def apply_rule(
         told = {"rule": rule, "applications": done, "failure": failure, "model": model_to_json(engine.model)}
         print_json(told)
     else:
-        for entry in done:
-            for line in entry["steps"]:
-                print_line(f"{entry['application']}: {line}")
+        for line in lines:
+            print_line(line)
         if failed is not None:
             print_line(f"{rule} failed: {failed.reason}")
             if failed.span is not None:
@@ -130,8 +132,16 @@ def _check_given(engine: Engine, rule: str, bound: Mapping[str, Any]) -> None:
         raise InvalidArgument(f"`{rule}` needs a value for {listed(missing)}; write `{options}`")
 
 
-def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[str], RunResult | None]:
-    """What one application did, a line a step, and the result of a unit that failed."""
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """An application of a rule, for people and for programs."""
+
+    text: str
+    data: dict[str, Any]
+
+
+def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[_Step], RunResult | None]:
+    """What one application did, step by step, and the result of a unit that failed."""
     if engine.signature(rule).kind == "unit":
         result = engine.run(rule, bound=bound)
         return [_traced(engine, firing) for firing in result.firings], None if result else result
@@ -139,18 +149,29 @@ def _apply_once(engine: Engine, rule: str, bound: dict[str, Any]) -> tuple[list[
     return [] if application is None else [_told(engine, application)], None
 
 
-def _traced(engine: Engine, firing: Firing) -> str:
+def _traced(engine: Engine, firing: Firing) -> _Step:
     """A step of a trace; an object that it or a later step deleted is shown by its id."""
     shape, model, shown = engine.prepare(firing.rule).shape, engine.model, []
+    match: dict[str, Any] = {}
     for position, (name, value) in enumerate(zip(shape.names, firing.values, strict=True)):
-        alive = shape.is_object(position) and isinstance(value, int) and model.alive(value)
-        shown.append(f"{name}={_shown(model.node(int(value)) if alive else value)}")
-    return f"{firing.rule}({', '.join(shown)})"
+        found: Node | Value = value
+        if shape.is_object(position) and isinstance(value, int):
+            if model.alive(value):
+                found = model.node(value)
+                match[name] = _plain(found)
+            else:
+                match[name] = {"id": value, "deleted": True}
+        else:
+            match[name] = value
+        shown.append(f"{name}={_shown(found)}")
+    return _Step(f"{firing.rule}({', '.join(shown)})", {"rule": firing.rule, "match": match})
 
 
-def _told(engine: Engine, application: Application) -> str:
-    created = "".join(f"; created {_shown(node)}" for node in application.created.values())
-    return _traced(engine, application.firing) + created
+def _told(engine: Engine, application: Application) -> _Step:
+    step, nodes = _traced(engine, application.firing), application.created
+    created = "".join(f"; created {_shown(node)}" for node in nodes.values())
+    plain = {name: _plain(node) for name, node in nodes.items()}
+    return _Step(step.text + created, {**step.data, "created": plain})
 
 
 def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:

@@ -25,7 +25,7 @@ from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, file_forma
 from envgraph.lang._format import format_text, language_of
 from envgraph.lang._formats import FORMATS
 from envgraph.lang._from_text import from_text
-from envgraph.lang._json import JsonPath, parse_json, parse_model
+from envgraph.lang._json import JsonPath, check_json, model_at, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open, open_workspace
 from envgraph.lang._model import ModelText
 from envgraph.lang._pyecore import (
@@ -66,6 +66,7 @@ __all__ = [
     "bundled_domain",
     "bundled_domains",
     "check_family",
+    "check_json",
     "conformance",
     "data_path",
     "file_format",
@@ -79,6 +80,7 @@ __all__ = [
     "load_workspace",
     "metamodel_from_pyecore",
     "metamodel_to_pyecore",
+    "model_at",
     "model_from_pyecore",
     "model_to_pyecore",
     "open",

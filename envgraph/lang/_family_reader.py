@@ -26,7 +26,7 @@ from envgraph.lang._family import (
 )
 from envgraph.lang._files import DiskFiles, Files, file_format, read_source
 from envgraph.lang._formats import FORMATS
-from envgraph.lang._toml import TomlText, parse_toml
+from envgraph.lang._toml import TomlText, override, parse_toml
 
 FAMILY_FILE = "family.toml"
 _MOST = 100_000
@@ -125,13 +125,20 @@ def find_family(path: str, files: Files | None = None) -> str:
     return name
 
 
-def read_family(name: str, files: Files) -> FamilyFile:
+def read_family(name: str, files: Files, overrides: Iterable[str] = ()) -> FamilyFile:
     """Reads a family file by its name, with all that is wrong with its text.
 
+    Args:
+        name: of the file, as `files` has it.
+        files: where it is read from.
+        overrides: what holds instead of what the file says, such as "search.population=10".
+
     Raises:
-        LoadError: the file cannot be read, or is no TOML.
+        LoadError: the file cannot be read, or is no TOML; or an override is none.
     """
-    reader = _Reader(parse_toml(read_source(files, name)), files, name)
+    text = parse_toml(read_source(files, name))
+    override(text, overrides)
+    reader = _Reader(text, files, name)
     spec = reader.family()
     problems = sorted(reader.diagnostics, key=lambda one: one.span.start if one.span else 0)
     return FamilyFile(spec, tuple(problems), reader.complete)

@@ -9,11 +9,16 @@ from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from functools import cached_property
+from math import isfinite
+from typing import TYPE_CHECKING, Any
 
-from envgraph.errors import Diagnostic, LoadError, Source, Span
+from envgraph.errors import Diagnostic, LoadError, Source, Span, sort_diagnostics
 from envgraph.graph import Model, model_from_json
 from envgraph.lang._model import ModelText
 from envgraph.metamodel import LARGEST_INT, Metamodel
+
+if TYPE_CHECKING:
+    from jsonschema import ValidationError
 
 JsonPath = tuple[str | int, ...]
 """Keys and indices from the root to a value."""
@@ -28,6 +33,24 @@ _ESCAPE = re.compile(
 )
 """Escapes one by one, two halves of a character together."""
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
+
+
+_KINDS = {
+    dict: "an object",
+    list: "a list",
+    str: "a string",
+    int: "a number",
+    float: "a number",
+    bool: "a truth value",
+    type(None): "null",
+}
+_WANTED = {
+    "object": "an object",
+    "array": "a list",
+    "string": "a string",
+    "number": "a number",
+    "boolean": "a truth value",
+}
 
 
 def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
@@ -81,6 +104,57 @@ class _Places(Mapping[int, Span]):
         return len(self._spans)
 
 
+def check_json(value: object, spans: Mapping[JsonPath, Span], schema: Mapping[str, Any]) -> list[Diagnostic]:
+    """Where a value is not what a JSON Schema says, in the order of the text.
+
+    >>> value, spans = parse_json(Source("a.json", '{"x": [1, "2"]}'))
+    >>> schema = {"properties": {"x": {"items": {"type": "number"}}}}
+    >>> [str(one).split("\\n")[0] for one in check_json(value, spans, schema)]
+    ['a.json:1:11: `x[1]` is a string, not a number']
+    """
+    from jsonschema import Draft202012Validator  # takes a tenth of a second, and few commands need it
+
+    problems = [_schema_problem(error, spans) for error in Draft202012Validator(schema).iter_errors(value)]
+    return sort_diagnostics(problems)
+
+
+def _schema_problem(error: ValidationError, spans: Mapping[JsonPath, Span]) -> Diagnostic:
+    path: JsonPath = tuple(error.absolute_path)
+    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
+    what, wanted = f"`{where}`" if where else "the document", error.validator_value
+    match error.validator:
+        case "type":
+            message = f"{what} is {_KINDS[type(error.instance)]}, not {_WANTED[wanted]}"
+        case "required":
+            message = f"{what} has no `{next(key for key in wanted if key not in error.instance)}`"
+        case "const":
+            found = f", not `{error.instance}`" if isinstance(error.instance, str) else ""
+            message = f"{what} is to be `{wanted}`{found[:100]}"
+        case "minItems":
+            message = f"{what} is empty"
+        case _:
+            message = f"{what}: {error.message[:200]}"
+    return Diagnostic("bad-format", message, spans[path])
+
+
+def model_at(
+    value: object, metamodel: Metamodel, spans: Mapping[JsonPath, Span], path: JsonPath, file: str
+) -> Model:
+    """A model in a larger document, at a path.
+
+    Raises:
+        LoadError: it is no model of the metamodel; each diagnostic is at the value it is about.
+    """
+    try:
+        return model_from_json(value, metamodel, file=file)  # type: ignore[arg-type]  # it looks for itself
+    except LoadError as error:
+        placed = [
+            replace(problem, span=problem.span or spans[path + _path(problem, value)])
+            for problem in error.diagnostics
+        ]
+        raise LoadError(placed) from error
+
+
 def parse_model(source: Source, metamodel: Metamodel) -> Model:
     """A model from the JSON text that `envgraph.graph.model_to_json` describes.
 
@@ -116,7 +190,11 @@ def _decoded(source: Source) -> object:
             ]
         )
     try:
-        value: object = json.loads(source.text)
+        value: object = json.loads(source.text, parse_constant=_finite, parse_float=_finite)
+    except _NotFinite as error:
+        span = next(span for _, span in locate(source) if span.text == error.text)
+        hint = 'JSON has finite numbers only; in a model an infinite float is written `"inf"`'
+        raise LoadError([Diagnostic("bad-number", f"`{error.text}` is no number", span, hint)]) from None
     except json.JSONDecodeError as error:
         span = source.span(error.pos, error.pos + 1)
         raise LoadError(
@@ -142,6 +220,21 @@ def _decoded(source: Source) -> object:
         message = f"`{found.group()}` is half of a character"
         hint = "write the character itself, or both halves"
         raise LoadError([Diagnostic("bad-escape", message, source.span(*found.span()), hint)])
+    return value
+
+
+class _NotFinite(Exception):
+    """What Python takes for a number, and JSON does not; or a number that is too large for a float."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.text = text
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise _NotFinite(text)
     return value
 
 

@@ -154,6 +154,7 @@ def load_workspace(
     components: Mapping[str, Collection[str]] = COMPONENTS,
     metamodel: Metamodel | None = None,
     allow_unresolved: bool = False,
+    overrides: Sequence[str] = (),
 ) -> Workspace:
     """Reads and checks files and what they import; errors are in `diagnostics` of the result.
 
@@ -165,9 +166,10 @@ def load_workspace(
         metamodel: what the files are about if none of them is a metamodel, or imports one by its path; they may
             import this one by its uri or its name.
         allow_unresolved: whether links of EMF models to what is nowhere are warnings, and left out.
+        overrides: what holds instead of what family files say, such as "search.population=10".
     """
     with _without_collection():
-        loader = _Loader(files or DiskFiles(), components, metamodel, allow_unresolved)
+        loader = _Loader(files or DiskFiles(), components, metamodel, allow_unresolved, overrides)
         for path in paths:
             loader.add_root(fspath(path))
         return loader.workspace()
@@ -218,6 +220,7 @@ class _Loader:
     components: Mapping[str, Collection[str]]
     given: Metamodel | None = None
     allow_unresolved: bool = False
+    overrides: Sequence[str] = ()
     diagnostics: list[Diagnostic] = field(default_factory=list)
     roots: list[str] = field(default_factory=list)
     order: dict[str, int] = field(default_factory=dict)
@@ -429,7 +432,7 @@ class _Loader:
 
     def _family(self, name: str) -> list[tuple[str, Import | None]]:
         self.sources[name] = read_source(self.files, name).text
-        found = read_family(name, self.files)
+        found = read_family(name, self.files, self.overrides)
         spec = found.spec
         self.diagnostics.extend(found.diagnostics)
         self.families.append(spec)

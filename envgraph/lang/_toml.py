@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,6 +27,11 @@ _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _PARTS = r"(?<![\w.-])(?:(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"
 """The first parts of a dotted key; also found in texts and comments, where nobody has as many of them."""
 _DEEPEST = 50
+_WORD = re.compile(r"[A-Za-z_][\w./-]*")
+_NO_TEXTS = ("true", "false", "inf", "nan")
+SETTING = "--set"
+"""What the text of a setting is called where it has mistakes."""
+
 _HINTS = {
     "unclosed array": "a list ends with `]`, and commas stand between its values",
     "unclosed inline": "a table ends with `}`, and commas stand between its entries",
@@ -118,6 +124,65 @@ def _check_depth(source: Source) -> None:
             RAISE_LIMIT,
         )
         raise LoadError([problem])
+
+
+def override(toml: TomlText, overrides: Iterable[str]) -> None:
+    """Puts settings such as `search.population=10` in place of what a text says; later ones win.
+
+    A value is written as in TOML; a text that is a plain word or path may go without its quotation marks.
+
+    Raises:
+        LoadError: what is no setting; all of them.
+
+    >>> text = parse_toml(Source("a.toml", "[search]\\nparents = 'random'"))
+    >>> override(text, ["search.parents=elitist", "search.population=10"])
+    >>> text.data, text.value("search", "population").text
+    ({'search': {'parents': 'elitist', 'population': 10}}, '10')
+    """
+    problems: list[Diagnostic] = []
+    for setting in overrides:
+        try:
+            _override(toml, _setting(setting))
+        except LoadError as error:
+            problems += error.diagnostics
+    if problems:
+        raise LoadError(problems)
+
+
+def _setting(text: str) -> TomlText:
+    key, equals, value = text.partition("=")
+    if not equals or "\n" in text:
+        source = Source(SETTING, text)
+        hint = "write a key of the file and its value: `--set search.population=10`"
+        problem = Diagnostic("syntax-error", "a setting is `key=value`", source.span(0, len(text)), hint)
+        raise LoadError([problem])
+    if _WORD.fullmatch(value.strip()) and value.strip() not in _NO_TEXTS:
+        value = f'"{value.strip()}"'
+    return parse_toml(Source(SETTING, f"{key}={value}"))
+
+
+def _override(toml: TomlText, setting: TomlText) -> None:
+    path = min(setting.values, key=len)  # what is inside of the value has a longer one
+    value: Any = setting.data
+    table: Any = toml.data
+    for size, key in enumerate(path, start=1):
+        value = value[key]
+        if size == len(path):
+            table[key] = value
+            break
+        table = table.setdefault(key, {})
+        if not isinstance(table, dict):
+            where = ".".join(map(str, path[:size]))
+            message, hint = (
+                f"`{where}` is no table",
+                f"give all of it: `--set '{where}={{ name = \"...\" }}'`",
+            )
+            raise LoadError([Diagnostic("wrong-type", message, setting.key(*path[:size]), hint)])
+    for spans, others in ((toml.keys, setting.keys), (toml.values, setting.values)):
+        for place in [one for one in spans if one[: len(path)] == path]:
+            del spans[place]
+        for place, span in others.items():
+            spans.setdefault(place, span)
 
 
 def _syntax_error(source: Source, message: str) -> Diagnostic:

@@ -6,7 +6,7 @@ True
 """
 
 from envgraph.report._charts import COLOURS, Series, line_chart, ticks
-from envgraph.report._family_report import Trained, family_report, stage_table
+from envgraph.report._family_report import Trained, family_report, stage_rows, stage_table
 from envgraph.report._page import Card, Report, Section, Table, render_html
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "family_report",
     "line_chart",
     "render_html",
+    "stage_rows",
     "stage_table",
     "ticks",
 ]

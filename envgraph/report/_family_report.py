@@ -20,6 +20,10 @@ History = Sequence[tuple[int, float, int, int]]
 """Number, diversity, accepted and rejected children of each generation."""
 
 
+Cell = str | int | float | None
+"""Of a table: a number as it is."""
+
+
 @dataclass(frozen=True, slots=True)
 class Trained:
     """What agents learned with one budget.
@@ -72,36 +76,59 @@ def family_report(
     )
 
 
+def stage_rows(family: Family, trained: Sequence[Trained] = ()) -> list[dict[str, Cell]]:
+    """`stage_table` with numbers as they are: success from 0 to 1, None for what is not known."""
+    columns, rows = _stage_cells(family, trained)
+    return [dict(zip([name for name, _ in columns], row, strict=True)) for row in rows]
+
+
 def stage_table(family: Family, trained: Sequence[Trained] = ()) -> Table:
     """One row an environment: its measures, how many objects of each class that varies, and what agents reach.
 
     Success and return are those of agents that were trained on the curriculum up to the environment, on that
     environment; a last row tells of training on the target alone, where that was done.
     """
+    columns, rows = _stage_cells(family, trained)
+    shown = tuple(
+        tuple("" if cell is None else format(cell, as_) for (_, as_), cell in zip(columns, row, strict=True))
+        for row in rows
+    )
+    about = "Success and return: agents trained on the curriculum up to each environment, evaluated there"
+    about += "; at so many training steps an environment." if len(trained) > 1 else "."
+    return Table(about, tuple(name for name, _ in columns), shown, frozenset(range(1, len(columns))))
+
+
+def _stage_cells(
+    family: Family, trained: Sequence[Trained]
+) -> tuple[list[tuple[str, str]], list[tuple[Cell, ...]]]:
+    """The columns, each with the format of its numbers, and the rows."""
     measures = list(family.members[0].measures)
     varying = family.class_counts()
     reached = [
         {one.label: one for one in budget.stages.summaries()} if budget.stages else {} for budget in trained
     ]
     first, target = family.members[0].name, family.members[-1].name
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for place, member in enumerate(family.members):
         label = member.name if member.name == first else f"{first}-{member.name}"
-        cells = [value for _, value in caption(family, member)]
-        cells += [str(numbers[place]) for numbers in varying.values()]
-        cells += [text for summaries in reached for text in _result(summaries.get(label))]
-        rows.append((member.name, *cells))
+        counts = (numbers[place] for numbers in varying.values())
+        results = (cell for summaries in reached for cell in _result(summaries.get(label)))
+        rows.append((member.name, *(member.measures[name] for name in measures), *counts, *results))
     alone = [_baseline(budget.experiment, target) for budget in trained]
     if any(alone):
-        blank = [""] * (len(measures) + len(varying))
-        rows.append((f"{target} alone", *blank, *(text for one in alone for text in _result(one))))
-    several = len(trained) > 1
-    budgets = [f" at {_thousands(budget.steps)}" if several else "" for budget in trained]
-    heads = [f"{what}{budget}" for budget in budgets for what in ("success", "return")]
-    columns = ("environment", *measures, *varying, *heads)
-    about = "Success and return: agents trained on the curriculum up to each environment, evaluated there"
-    about += "; at so many training steps an environment." if several else "."
-    return Table(about, columns, tuple(rows), frozenset(range(1, len(columns))))
+        blank = [None] * (len(measures) + len(varying))
+        rows.append((f"{target} alone", *blank, *(cell for one in alone for cell in _result(one))))
+    columns = [("environment", ""), *((name, _format(family, name)) for name in measures)]
+    columns += [(name, "") for name in varying]
+    for budget in trained:
+        at = f" at {_thousands(budget.steps)}" if len(trained) > 1 else ""
+        columns += [(f"success{at}", ".0%"), (f"return{at}", ".2f")]
+    return columns, rows
+
+
+def _format(family: Family, measure: str) -> str:
+    """Of the values of a measure: whole numbers have no decimals."""
+    return ".0f" if all(member.measures[measure].is_integer() for member in family.members) else ".3f"
 
 
 def _baseline(experiment: Experiment, label: str) -> Summary | None:
@@ -118,10 +145,8 @@ def _thousands(number: int) -> str:
     return f"{number // 1000}k" if number % 1000 == 0 else str(number)
 
 
-def _result(summary: Summary | None) -> tuple[str, str]:
-    if summary is None:
-        return "", ""
-    return f"{summary.success_rate:.0%}", f"{summary.mean_return:.2f}"
+def _result(summary: Summary | None) -> tuple[float | None, float | None]:
+    return (None, None) if summary is None else (summary.success_rate, summary.mean_return)
 
 
 def _card(family: Family, member: Member) -> Card:

@@ -9,17 +9,10 @@ from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gi
 from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
 from envgraph.search._environment import make, make_environment, make_vec, make_vector_environment
 from envgraph.search._evolution import Evolution, Settings
-from envgraph.search._family import (
-    Family,
-    Member,
-    family_of,
-    open_family,
-    read_family,
-    run_file,
-    write_family,
-)
+from envgraph.search._family import Family, Member, family_of, run_file
+from envgraph.search._family_file import family_schema, open_family, read_family, write_family
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
-from envgraph.search._generate import export_ga4cl, generate, import_ga4cl, resume
+from envgraph.search._generate import evolve, export_ga4cl, generate, import_ga4cl, resume
 from envgraph.search._measures import MatchCount, ShortestPath, ShortestPlan
 from envgraph.search._options import Options
 from envgraph.search._outcome import Outcome, why_low
@@ -95,8 +88,10 @@ __all__ = [
     "caption",
     "count_paths",
     "domain_problems",
+    "evolve",
     "export_ga4cl",
     "family_of",
+    "family_schema",
     "family_svg",
     "generate",
     "grid_rows",

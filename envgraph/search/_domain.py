@@ -74,37 +74,46 @@ class Domain:
         spec: the family file, as data.
         workspace: what all its files say.
         components: what the names of measures and selections in the family file mean.
+        overrides: what holds instead of what the family file says, such as "search.population=10".
     """
 
     spec: FamilySpec
     workspace: Workspace
     components: Components = field(default_factory=Components)
+    overrides: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, location: str, components: Components | None = None) -> Domain:
+    def load(
+        cls, location: str, components: Components | None = None, overrides: Iterable[str] = ()
+    ) -> Domain:
         """Read a family file, a directory that holds one, or a bundled domain.
 
         Raises:
             LoadError: all that is wrong with the files.
         """
-        return cls._read(find_family(location), None, components or Components())
+        return cls._read(find_family(location), None, components or Components(), tuple(overrides))
 
     @classmethod
-    def from_bundle(cls, bundle: Bundle, components: Components | None = None) -> Domain:
+    def from_bundle(
+        cls, bundle: Bundle, components: Components | None = None, overrides: Iterable[str] = ()
+    ) -> Domain:
         """Read the texts that a run or a family file keeps.
 
         Raises:
             LoadError: all that is wrong with the texts.
         """
-        return cls._read(bundle.roots[0], TextFiles(bundle.texts), components or Components())
+        files = TextFiles(bundle.texts)
+        return cls._read(bundle.roots[0], files, components or Components(), tuple(overrides))
 
     @classmethod
-    def _read(cls, path: str, files: Files | None, components: Components) -> Domain:
-        workspace = load_workspace([path], files=files, components=components.kinds())
+    def _read(
+        cls, path: str, files: Files | None, components: Components, overrides: tuple[str, ...]
+    ) -> Domain:
+        workspace = load_workspace([path], files=files, components=components.kinds(), overrides=overrides)
         if workspace.errors:
             wrong = [one for spec in workspace.families for one in option_problems(spec, workspace)]
             raise LoadError([*workspace.diagnostics, *wrong])
-        domain = cls(workspace.families[0], workspace, components)
+        domain = cls(workspace.families[0], workspace, components, overrides)
         problems = domain.wrong_options()  # so that they are found when the files are read
         if has_errors(problems):
             raise LoadError(problems)
@@ -119,16 +128,6 @@ class Domain:
             except LoadError as error:
                 problems += error.diagnostics
         return sort_diagnostics(problems)
-
-    def with_overrides(self, overrides: Mapping[str, int]) -> Domain:
-        """The domain with "seed", "generations" and "population" replaced where they are given."""
-        spec = self.spec
-        search = replace(
-            spec.search,
-            generations=overrides.get("generations", spec.search.generations),
-            population=overrides.get("population", spec.search.population),
-        )
-        return replace(self, spec=replace(spec, seed=overrides.get("seed", spec.seed), search=search))
 
     @property
     def metamodel(self) -> Metamodel:

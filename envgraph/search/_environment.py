@@ -21,7 +21,8 @@ from envgraph.env import (
 from envgraph.errors import InvalidArgument
 from envgraph.graph import model_to_json
 from envgraph.search._domain import Domain
-from envgraph.search._family import Family, Member, open_family, run_file
+from envgraph.search._family import Family, Member, run_file
+from envgraph.search._family_file import open_family
 from envgraph.search._store import dump_json
 
 Location = str | PathLike[str]

@@ -20,7 +20,7 @@ from typing import overload
 
 from numpy.random import Generator, SeedSequence, default_rng
 
-from envgraph.errors import InvalidArgument, RuleError
+from envgraph.errors import RuleError
 from envgraph.graph import Version, model_to_json
 from envgraph.search._diversity import FamilyMeasure
 from envgraph.search._problem import NoValue, Problem
@@ -295,7 +295,9 @@ class Evolution:
         for ancestor in line:
             engine.replay(ancestor.trace)
         if f"{engine.model.state_hash():016x}" != individual.state_hash:
-            raise InvalidArgument(f"individual {id_} of {self._store.path} does not follow from its trace")
+            raise self._store.damaged(f"individual {id_} does not follow from its trace")
+        if self._problem.diversity_of not in individual.measures:
+            raise self._store.damaged(f"individual {id_} has no measure `{self._problem.diversity_of}`")
         version = engine.commit() if individual.parent is not None else self._origin
         return _Member(individual, version, individual.measures[self._problem.diversity_of])
 

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
-from envgraph.errors import Diagnostic, EnvgraphError, InvalidArgument, LoadError, did_you_mean
+from envgraph.errors import InvalidArgument, LoadError, Note, did_you_mean, listed
 from envgraph.graph import Model, model_from_json, model_to_json
-from envgraph.lang import FORMATS, Bundle, DiskFiles, file_format, parse_json, read_source
+from envgraph.lang import Bundle
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._shown import family_html, member_html, member_svg, member_text
 from envgraph.search._store import RunStore, dump_json
 from envgraph.search._tables import Progress, Tables
-
-FORMAT = "envgraph-family-1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +50,7 @@ class Family:
         bundle: the texts of the domain; the first root is the family file.
         members: from the easiest to the hardest by the measure that orders the curriculum, then the initial model.
         domain: what the texts say, with the overrides.
-        overrides: seed, generations and population of the run where they are not those of the family file.
+        overrides: what held instead of what the family file says, such as "seed=5".
         tables: where the states of the members are kept once they have been enumerated.
     """
 
@@ -62,7 +58,7 @@ class Family:
     bundle: Bundle
     members: tuple[Member, ...]
     domain: Domain = field(compare=False, repr=False)
-    overrides: Mapping[str, int] = field(default_factory=dict)
+    overrides: tuple[str, ...] = ()
     tables: Tables = field(default_factory=Tables.of_user, compare=False, repr=False)
     _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
 
@@ -197,122 +193,59 @@ def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
     raise InvalidArgument(f"there is no run `{location}` in {directory}; {hint}")
 
 
-def open_family(
-    location: str | Path, directory: Path = Path("runs"), components: Components | None = None
-) -> Family:
-    """The family of a run store or of a family file.
-
-    Args:
-        location: a run store, its directory, the name of a run below `directory`, or a family file (.json).
-        directory: where runs are kept.
-        components: what the names in the domain's family file mean; by default the ones that come with envgraph.
+def domain_of(
+    bundle: Bundle, overrides: Sequence[str], file: str, components: Components | None = None
+) -> Domain:
+    """The domain of the texts that a run or a family file keeps; what is wrong with them is said to be in it.
 
     Raises:
-        InvalidArgument: there is no such run or file, or the run has no family yet.
-        LoadError: the file is no family file.
+        LoadError: all that is wrong with the texts.
     """
-    format = file_format(DiskFiles(), str(location))
-    if format in ("family", "json"):
-        return read_family(Path(location), components)
-    if format != "sqlite" and Path(location).is_file():
-        what = FORMATS[format] if format else "of no format that is known"
-        raise InvalidArgument(f"`{location}` is {what}, not a run (run.sqlite) or a family as JSON")
-    with RunStore.open(run_file(location, directory)) as store:
-        settings = store.settings()
-        domain = Domain.from_bundle(store.bundle(), components)
-        return family_of(store, domain.with_overrides(settings.get("overrides", {})))
+    try:
+        return Domain.from_bundle(bundle, components, overrides)
+    except LoadError as error:
+        note = Note(f"the text is in {file}")
+        raise LoadError([replace(one, notes=(*one.notes, note)) for one in error.diagnostics]) from error
 
 
 def family_of(store: RunStore, domain: Domain) -> Family:
     """The family of the last generation of a run, of the domain whose texts it keeps.
 
     Raises:
-        InvalidArgument: the run has no generation yet.
+        InvalidArgument: the run has no generation yet, or is damaged.
     """
     last = store.last_generation()
     if last is None:
         raise InvalidArgument(f"{store.path} has no generation yet: `envgraph generate --resume` goes on")
-    settings = store.settings()
+    imported = store.imported is not None
     found = []
     for id_ in last.members:
         individual = store.individual(id_)
-        model = individual.model or _replayed(domain, store, id_)
-        found.append(
-            (individual.measures, model, id_, individual.parent is None and not settings.get("imported"))
-        )
-    name, overrides = str(settings.get("name", "family")), settings.get("overrides", {})
+        if individual.model is None:
+            model = _replayed(domain, store, id_)
+        else:
+            model = model_from_json(
+                individual.model, domain.metamodel, file=f"{store.path}: individual {id_}"
+            )
+        if f"{model.state_hash():016x}" != individual.state_hash:
+            raise store.damaged(f"individual {id_} is not the model that was measured")
+        lacking = lacking_measures(domain, individual.measures)
+        if lacking:
+            raise store.damaged(f"individual {id_} has no measure {listed(lacking)}")
+        text = individual.model or dump_json(model_to_json(model))
+        found.append((individual.measures, text, id_, individual.parent is None and not imported))
     tables = Tables.of_run(store.path)
-    return Family(name, store.bundle(), ordered(domain, found), domain, overrides, tables)
+    members = ordered(domain, found)
+    return Family(store.name, store.bundle(), members, domain, domain.overrides, tables)
 
 
-def _replayed(domain: Domain, store: RunStore, id_: int) -> str:
+def lacking_measures(domain: Domain, measures: Mapping[str, float]) -> list[str]:
+    """Measures of the family file that a member has no value of."""
+    return [one.name for one in domain.spec.measures if one.name not in measures]
+
+
+def _replayed(domain: Domain, store: RunStore, id_: int) -> Model:
     engine = domain.engine()
     for ancestor in store.lineage(id_):
         engine.replay(ancestor.trace)
-    return dump_json(model_to_json(engine.model))
-
-
-def write_family(family: Family) -> str:
-    """The text of a family file: texts of the domain and models of the members, one JSON document."""
-    document = {
-        "format": FORMAT,
-        "name": family.name,
-        "roots": list(family.bundle.roots),
-        "texts": dict(family.bundle.texts),
-        "overrides": dict(family.overrides),
-        "keys": family.keys.to_json(),
-        "members": [
-            {
-                "name": member.name,
-                "initial": member.initial,
-                "measures": dict(member.measures),
-                "model": json.loads(member.model),
-            }
-            for member in family.members
-        ],
-    }
-    return json.dumps(document, ensure_ascii=False, indent=1) + "\n"
-
-
-def read_family(path: Path, components: Components | None = None) -> Family:
-    """Read what `write_family` wrote; `components` as for `open_family`.
-
-    Raises:
-        LoadError: the file is missing, or no family file.
-    """
-    value, spans = parse_json(read_source(DiskFiles(), str(path)))
-    try:
-        return _family(value, components)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise LoadError([Diagnostic("bad-format", "this is no family file", spans[()], _WRITTEN)]) from error
-    except EnvgraphError as error:
-        if isinstance(error, LoadError):
-            raise
-        raise LoadError([Diagnostic("bad-format", str(error), spans[()], _WRITTEN)]) from error
-
-
-_WRITTEN = "`envgraph export RUN -o family.json` writes one; `envgraph import` reads ga4cl files"
-
-
-def _family(value: Any, components: Components | None) -> Family:
-    if value["format"] != FORMAT:
-        raise InvalidArgument(f"format {value['format']!r} is not {FORMAT!r}")
-    bundle = Bundle(tuple(value["roots"]), {str(name): str(text) for name, text in value["texts"].items()})
-    members = tuple(
-        Member(
-            str(entry["name"]),
-            {str(name): float(measure) for name, measure in entry["measures"].items()},
-            dump_json(entry["model"]),
-            initial=bool(entry["initial"]),
-        )
-        for entry in value["members"]
-    )
-    if not members:
-        raise InvalidArgument("the family is empty")
-    overrides = {str(name): int(number) for name, number in value["overrides"].items()}
-    domain = Domain.from_bundle(bundle, components).with_overrides(overrides)
-    family = Family(str(value["name"]), bundle, members, domain, overrides)
-    stored = KeyIndex.from_json(value["keys"], family.domain.metamodel)
-    if stored != family.keys:
-        raise InvalidArgument("the keys are not those of the members")
-    return family
+    return engine.model

@@ -12,7 +12,7 @@ from envgraph.graph import model_to_json
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._evolution import Evolution
-from envgraph.search._family import Family, family_of
+from envgraph.search._family import Family, domain_of, family_of
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
 from envgraph.search._problem import Problem
 from envgraph.search._rewards import reward_schedule
@@ -26,12 +26,13 @@ _SAME = 1e-9
 
 
 def generate(
-    location: str | Domain,
+    location: str,
     store_path: Path,
     *,
     seed: int | None = None,
     generations: int | None = None,
     population: int | None = None,
+    overrides: Sequence[str] = (),
     components: Components | None = None,
     progress: Progress = lambda generation: None,
     warn: Warn = lambda diagnostics: None,
@@ -39,9 +40,10 @@ def generate(
     """Evolve a family.
 
     Args:
-        location: a family file, a directory that holds one, the name of a bundled domain, or what was read from it.
+        location: a family file, a directory that holds one, or the name of a bundled domain.
         store_path: where the run store is made.
         seed, generations, population: instead of those in the family file.
+        overrides: what else holds instead of what the family file says, such as "mutation.rate=0.5", as `--set` has it.
         components: what the names in the family file mean; by default the ones that come with envgraph.
         progress: called after every generation.
         warn: called at the start, with what looks wrong.
@@ -53,34 +55,63 @@ def generate(
         LoadError: all that is wrong with the files, or the initial model violates a constraint, or lacks a value.
         InvalidArgument: the store exists already.
     """
-    domain = location if isinstance(location, Domain) else Domain.load(location, components)
-    overrides = {"seed": seed, "generations": generations, "population": population}
-    settings: dict[str, Any] = {
-        "name": domain.spec.name,
-        "roots": list(domain.workspace.bundle().roots),
-        "overrides": {key: value for key, value in overrides.items() if value is not None},
-    }
-    domain = domain.with_overrides(settings["overrides"])
+    given = {"seed": seed, "search.generations": generations, "search.population": population}
+    chosen = [f"{key}={value}" for key, value in given.items() if value is not None]
+    return evolve(
+        Domain.load(location, components, [*chosen, *overrides]), store_path, progress=progress, warn=warn
+    )
+
+
+def evolve(
+    domain: Domain,
+    store_path: Path,
+    *,
+    overwrite: bool = False,
+    progress: Progress = lambda generation: None,
+    warn: Warn = lambda diagnostics: None,
+) -> Family:
+    """`generate` of a domain that has been read, in place of another run if that is to be overwritten."""
     problem = domain.problem(domain.engine())
     warn(domain.check_initial(problem))
-    with RunStore.create(store_path, settings, domain.workspace.bundle().texts) as store:
+    texts = domain.workspace.bundle().texts
+    with RunStore.create(store_path, _stored(domain), texts, overwrite=overwrite) as store:
         return _evolve(domain, problem, store, progress)
 
 
+def _stored(domain: Domain) -> dict[str, Any]:
+    """What a run store says of its domain, beside the texts."""
+    roots = list(domain.workspace.bundle().roots)
+    return {"name": domain.spec.name, "roots": roots, "overrides": list(domain.overrides)}
+
+
 def resume(
-    store_path: Path, *, components: Components | None = None, progress: Progress = lambda generation: None
+    store_path: Path,
+    *,
+    generations: int | None = None,
+    components: Components | None = None,
+    progress: Progress = lambda generation: None,
 ) -> Family:
     """Go on with an interrupted run, from the texts that it keeps; the result is that of an uninterrupted one.
 
+    Args:
+        store_path: of the run.
+        generations: go on to this one, also where the run had come to its end.
+        components: what the names in the family file mean; by default the ones that come with envgraph.
+        progress: called after every generation.
+
     Raises:
-        InvalidArgument: there is no such run, or it is an imported family.
+        InvalidArgument: there is no such run, it is an imported family, or has so many generations already.
     """
     with RunStore.open(store_path) as store:
-        settings = store.settings()
-        if settings.get("imported"):
+        if store.imported is not None:
             raise InvalidArgument(f"{store_path} holds an imported family: there is nothing to go on with")
-        domain = Domain.from_bundle(store.bundle(), components)
-        domain = domain.with_overrides(settings.get("overrides", {}))
+        last = store.last_generation()
+        if generations is not None and last is not None and generations <= last.number:
+            raise InvalidArgument(f"{store_path} has {last.number} generations already: ask for more")
+        changed = [] if generations is None else [f"search.generations={generations}"]
+        domain = domain_of(store.bundle(), [*store.overrides, *changed], str(store.path), components)
+        if changed:
+            store.set("overrides", list(domain.overrides))
         return _evolve(domain, domain.problem(domain.engine()), store, progress)
 
 
@@ -90,7 +121,12 @@ def _evolve(domain: Domain, problem: Problem, store: RunStore, progress: Progres
 
 
 def import_ga4cl(
-    source: Source, location: str, store_path: Path, *, components: Components | None = None
+    source: Source,
+    location: str,
+    store_path: Path,
+    *,
+    overwrite: bool = False,
+    components: Components | None = None,
 ) -> tuple[Family, tuple[Diagnostic, ...]]:
     """Read a family of the ga4cl format into a run store.
 
@@ -102,6 +138,7 @@ def import_ga4cl(
         source: the text of the file.
         location: the domain: a family file, its directory, or a bundled domain.
         store_path: where the run store is made.
+        overwrite: whether an existing run makes room.
         components: what the names in the family file mean.
 
     Raises:
@@ -114,16 +151,10 @@ def import_ga4cl(
         raise InvalidArgument(f"domain `{domain.spec.name}` draws no grid: there are no letters to read")
     variants = read_ga4cl(source)
     individuals = tuple(_imported(domain, draw, variants))
-    bundle = domain.workspace.bundle()
-    settings = {
-        "name": domain.spec.name,
-        "roots": list(bundle.roots),
-        "overrides": {},
-        "imported": source.name,
-    }
+    settings = {**_stored(domain), "imported": source.name}
     problem = domain.problem(domain.engine())
     score = problem.diversity.score([one.measures[problem.diversity_of] for one in individuals])
-    with RunStore.create(store_path, settings, bundle.texts) as store:
+    with RunStore.create(store_path, settings, domain.workspace.bundle().texts, overwrite=overwrite) as store:
         ids = tuple(one.id for one in individuals)
         store.write_generation(Generation(0, ids, score, len(ids)), individuals)
         family = family_of(store, domain)

@@ -7,11 +7,13 @@ whole generation. Nothing in the store is code: traces, measures and models are 
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
@@ -115,19 +117,24 @@ class RunStore:
         self.path = path
 
     @classmethod
-    def create(cls, path: Path, settings: Mapping[str, Any], sources: Mapping[str, str]) -> Self:
+    def create(
+        cls, path: Path, settings: Mapping[str, Any], sources: Mapping[str, str], *, overwrite: bool = False
+    ) -> Self:
         """Make a new store; `settings` must be JSON-ready.
 
         Raises:
-            InvalidArgument: the file exists.
+            InvalidArgument: the file exists, and is not to be overwritten.
         """
         try:
-            with replacing(path, overwrite=False) as draft:
+            with replacing(path, overwrite=overwrite) as draft:
                 store = cls(sqlite3.connect(draft, isolation_level=None), path)
                 try:
                     store._fill(settings, sources)
                 finally:
                     store.close()
+                if overwrite:  # the log of the old store is none of the new one
+                    for log in _logs(path):
+                        log.unlink(missing_ok=True)
         except FileExistsError:
             raise InvalidArgument(f"{path} exists already") from None
         return cls(_connect(path), path)
@@ -144,7 +151,7 @@ class RunStore:
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Open an existing store.
+        """Open an existing store; where it cannot be written, for reading alone.
 
         Raises:
             InvalidArgument: there is no such file, or it is no run store of this format.
@@ -177,9 +184,32 @@ class RunStore:
 
     def settings(self) -> dict[str, Any]:
         """What was given to `create`, and what `set` added."""
-        with self._reading():
+        with self._reading("the settings"):
             rows = self._db.execute("SELECT key, value FROM setting")
             return {key: json.loads(value) for key, value in rows}
+
+    @property
+    def name(self) -> str:
+        """Of the family."""
+        with self._reading("setting `name`"):
+            return _text(self.settings()["name"])
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """What holds instead of what the family file says."""
+        with self._reading("setting `overrides`"):
+            return _texts(self.settings()["overrides"])
+
+    @property
+    def imported(self) -> str | None:
+        """The file that the family was imported from; None where it was evolved."""
+        with self._reading("setting `imported`"):
+            found = self.settings().get("imported")
+            return None if found is None else _text(found)
+
+    def damaged(self, message: str) -> InvalidArgument:
+        """What to raise where the store contradicts itself."""
+        return InvalidArgument(f"{self.path} is damaged: {message}")
 
     def set(self, key: str, value: Any) -> None:
         """Add or replace a setting."""
@@ -188,13 +218,17 @@ class RunStore:
 
     def sources(self) -> dict[str, str]:
         """The texts the run was made from, by path."""
-        with self._reading():
-            return dict(self._db.execute("SELECT path, text FROM source ORDER BY path"))
+        with self._reading("the texts"):
+            rows = self._db.execute("SELECT path, text FROM source ORDER BY path")
+            return {_text(path): _text(text) for path, text in rows}
 
     def bundle(self) -> Bundle:
         """The texts the run was made from, to load them again."""
-        with self._reading():
-            return Bundle(tuple(self.settings()["roots"]), self.sources())
+        with self._reading("setting `roots`"):
+            roots = _texts(self.settings()["roots"])
+            if not roots:
+                raise ValueError("there is none")
+        return Bundle(roots, self.sources())
 
     def write_generation(self, generation: Generation, born: Iterable[Individual]) -> None:
         """Store a generation and the individuals accepted in it, all or nothing."""
@@ -228,7 +262,7 @@ class RunStore:
 
     def last_generation(self) -> Generation | None:
         """The last whole generation, or None in a fresh store."""
-        with self._reading():
+        with self._reading("the generations"):
             (number,) = self._db.execute("SELECT max(number) FROM generation").fetchone()
         return None if number is None else self.generation(number)
 
@@ -238,30 +272,34 @@ class RunStore:
         Raises:
             InvalidArgument: there is none of that number.
         """
-        with self._reading():
+        with self._reading(f"generation {number}"):
             row = self._db.execute("SELECT * FROM generation WHERE number = ?", (number,)).fetchone()
             if row is None:
                 raise InvalidArgument(f"{self.path} has no generation {number}")
             rows = self._db.execute(
                 "SELECT individual FROM member WHERE generation = ? ORDER BY place", (number,)
             )
-            members = tuple(member for (member,) in rows)
+            members = tuple(_whole(member) for (member,) in rows)
             if not members:
-                raise ValueError(f"generation {number} has no members")
+                raise ValueError("it has no members")
             _, diversity, accepted, _, reasons = row
-            return Generation(number, members, diversity, accepted, json.loads(reasons))
+            return Generation(number, members, _number(diversity), _whole(accepted), _reasons(reasons))
 
     def history(self) -> list[tuple[int, float, int, int]]:
         """Number, diversity, accepted and rejected children of every generation, in order."""
-        with self._reading():
+        with self._reading("the generations"):
             columns = "number, diversity, accepted, rejected"
-            return list(self._db.execute(f"SELECT {columns} FROM generation ORDER BY number"))
+            rows = self._db.execute(f"SELECT {columns} FROM generation ORDER BY number")
+            return [
+                (number, _number(diversity), _whole(accepted), _whole(rejected))
+                for number, diversity, accepted, rejected in rows
+            ]
 
     def reasons(self) -> Counter[str]:
         """How many attempts at a child were rejected in all, by what was wrong with them."""
-        with self._reading():
+        with self._reading("the generations"):
             rows = self._db.execute("SELECT reasons FROM generation ORDER BY number")
-            return sum((Counter(json.loads(reasons)) for (reasons,) in rows), Counter[str]())
+            return sum((Counter(_reasons(reasons)) for (reasons,) in rows), Counter[str]())
 
     def individual(self, id_: int) -> Individual:
         """One individual.
@@ -269,7 +307,7 @@ class RunStore:
         Raises:
             InvalidArgument: there is none of that id.
         """
-        with self._reading():
+        with self._reading(f"individual {id_}"):
             row = self._db.execute("SELECT * FROM individual WHERE id = ?", (id_,)).fetchone()
             if row is None:
                 raise InvalidArgument(f"{self.path} has no individual {id_}")
@@ -277,9 +315,16 @@ class RunStore:
 
     def individuals(self) -> Iterator[Individual]:
         """Every accepted individual, in the order of acceptance."""
-        with self._reading():
-            for row in self._db.execute("SELECT * FROM individual ORDER BY id"):
-                yield _individual(row)
+        last: object = "before the first"
+        rows = self._db.execute("SELECT * FROM individual ORDER BY id")
+        while True:
+            with self._reading(f"the individual after {last}"):
+                row = rows.fetchone()
+                if row is None:
+                    return
+                found = _individual(row)
+            yield found
+            last = found.id
 
     def lineage(self, id_: int) -> list[Individual]:
         """The individual and its ancestors, the oldest first."""
@@ -290,19 +335,21 @@ class RunStore:
 
     def next_id(self) -> int:
         """The id that the next individual gets."""
-        with self._reading():
+        with self._reading("the individuals"):
             (last,) = self._db.execute("SELECT max(id) FROM individual").fetchone()
         return 0 if last is None else last + 1
 
     @contextmanager
-    def _reading(self) -> Iterator[None]:
+    def _reading(self, what: str) -> Iterator[None]:
         """Whatever cannot be read is the fault of the file."""
         try:
             yield
         except EnvgraphError:
             raise
-        except (sqlite3.DatabaseError, LookupError, TypeError, ValueError, AttributeError) as error:
-            raise InvalidArgument(f"{self.path} is damaged: {error}") from error
+        except KeyError as error:
+            raise self.damaged(f"{what}: it is not there") from error
+        except (sqlite3.Error, LookupError, TypeError, ValueError, RecursionError) as error:
+            raise self.damaged(f"{what}: {error}") from error
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
@@ -321,14 +368,37 @@ class RunStore:
 def _connect(path: Path) -> sqlite3.Connection:
     # Transactions are spelt out (isolation_level None). With the write-ahead log and synchronous NORMAL a kill
     # loses nothing that was committed, and a power cut loses whole generations at the end at most.
-    connection = sqlite3.connect(path, isolation_level=None)
-    try:
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = NORMAL")
-    except sqlite3.DatabaseError as error:
-        connection.close()
-        raise InvalidArgument(f"{path} is no run store: {error}") from error
-    return connection
+    for address in _addresses(path):
+        connection = sqlite3.connect(address, isolation_level=None, uri=True)
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = NORMAL")
+            connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+            return connection
+        except sqlite3.DatabaseError as error:
+            connection.close()
+            reason = error
+    if len(_addresses(path)) == 2:  # there is a log, which only who can write brings into the file
+        message = f"{path} was not closed, and cannot be written: copy its directory to where it can"
+        raise InvalidArgument(message) from reason
+    raise InvalidArgument(f"{path} is no run store: {reason}") from reason
+
+
+def _addresses(path: Path) -> list[str]:
+    """How to open a store: as it is; then, where neither it nor its log can be written, for reading alone."""
+    uri = path.absolute().as_uri()
+    addresses = [f"{uri}?mode=rw"]
+    effective = os.access in os.supports_effective_ids
+    if not all(os.access(one, os.W_OK, effective_ids=effective) for one in (path, path.parent)):
+        addresses.append(f"{uri}?mode=ro")
+        if not any(log.exists() and log.stat().st_size for log in _logs(path)):
+            addresses.append(f"{uri}?immutable=1")  # without a log all is in the file
+    return addresses
+
+
+def _logs(path: Path) -> tuple[Path, ...]:
+    """The files that SQLite keeps beside a store while it is open, or after a kill."""
+    return tuple(path.with_name(f"{path.name}{ending}") for ending in ("-wal", "-shm"))
 
 
 _ENCODER = json.JSONEncoder(
@@ -356,8 +426,52 @@ def _row(individual: Individual) -> Sequence[object]:
 
 def _individual(row: Sequence[Any]) -> Individual:
     id_, generation, child, parent, trace, measures, state_hash, model = row
-    if parent is not None and parent >= id_:
-        raise ValueError(f"individual {id_} is older than its parent")
-    steps = tuple((rule, tuple(values)) for rule, values in json.loads(trace))
-    found = {str(name): float(value) for name, value in json.loads(measures).items()}
-    return Individual(id_, generation, child, parent, steps, found, state_hash, model)
+    if parent is not None and _whole(parent) >= id_:
+        raise ValueError("it is older than its parent")
+    steps = tuple((_text(rule), _values(values)) for rule, values in json.loads(trace))
+    found = {name: _number(value) for name, value in _object(json.loads(measures)).items()}
+    text = None if model is None else _text(model)
+    return Individual(id_, _whole(generation), _whole(child), parent, steps, found, _text(state_hash), text)
+
+
+# Of a file that somebody has edited, or that a disk has damaged, nothing can be taken for granted.
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"a text is expected, not {type(value).__name__}")
+    return value
+
+
+def _texts(value: object) -> tuple[str, ...]:
+    if not isinstance(value, list):
+        raise TypeError(f"a list of texts is expected, not {type(value).__name__}")
+    return tuple(_text(one) for one in value)
+
+
+def _whole(value: object) -> int:
+    if type(value) is not int:
+        raise TypeError(f"a whole number is expected, not {type(value).__name__}")
+    return value
+
+
+def _number(value: object) -> float:
+    if type(value) not in (int, float) or not isfinite(value):  # type: ignore[arg-type]
+        raise TypeError(f"a finite number is expected, not {type(value).__name__}")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _object(value: object) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise TypeError(f"an object is expected, not {type(value).__name__}")
+    return value
+
+
+def _reasons(text: str) -> dict[str, int]:
+    return {reason: _whole(count) for reason, count in _object(json.loads(text)).items()}
+
+
+def _values(values: object) -> tuple[Value, ...]:
+    if not isinstance(values, list) or not all(isinstance(one, bool | int | float | str) for one in values):
+        raise TypeError("the values of a match are expected")
+    return tuple(values)

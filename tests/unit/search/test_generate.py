@@ -149,6 +149,67 @@ def test_a_finished_run_resumes_to_itself(tmp_path: Path) -> None:
     assert export_ga4cl(resume(path)) == export_ga4cl(first)
 
 
+def test_a_finished_run_goes_on_as_if_it_had_not_ended(tmp_path: Path) -> None:
+    short, whole = tmp_path / "short.sqlite", tmp_path / "whole.sqlite"
+    generate("burning_forest", short, seed=4, generations=4, population=4)
+    with pytest.raises(InvalidArgument, match="has 4 generations already"):
+        resume(short, generations=4)
+    longer = resume(short, generations=9)
+    assert export_ga4cl(longer) == export_ga4cl(
+        generate("burning_forest", whole, seed=4, generations=9, population=4)
+    )
+    with RunStore.open(short) as one, RunStore.open(whole) as other:
+        assert one.history() == other.history() and len(one.history()) == 10
+        assert [(a.trace, a.measures) for a in one.individuals()] == [
+            (a.trace, a.measures) for a in other.individuals()
+        ]
+    assert open_family(short).domain.spec == open_family(whole).domain.spec
+
+
+def test_any_key_of_the_family_file_can_be_overridden(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    overrides = [
+        "name=Woods",
+        "search.survivors={ name = 'beam', width = 3 }",
+        "measures.complexity.transform=linear",
+        "measures.fires={ kind = 'count', of = 'burningTile' }",
+        "search.population=5",
+    ]
+    family = generate("burning_forest", path, generations=2, population=3, overrides=overrides)
+    spec = family.domain.spec
+    assert (spec.name, spec.search.population, spec.search.generations) == ("Woods", 5, 2)
+    assert spec.search.survivors.kind == "beam" and spec.search.survivors.options == {"width": 3}
+    assert family.members[-1].measures["fires"] == 20 and family.members[-1].measures["complexity"] > 0.99
+    again = open_family(path)
+    assert again == family and again.domain.spec == spec
+    (tmp_path / "family.json").write_text(write_family(family))
+    assert read_family(tmp_path / "family.json").domain.spec == spec
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("search.populaton=4", "--set:1:8: unknown key `populaton` in `[search]`"),
+        ("search.population=many", "--set:1:19: `population` is a whole number, not a string"),
+        ("search.population=0.5", "--set:1:19: `population` is a whole number, not a fraction"),
+        ("search.survivors.rounds=-1", "--set:1:25: `rounds` of `simulated_annealing` is a whole number from 0"),
+        ("diversity.of=fires", "--set:1:14: unknown measure `fires`"),
+        ("mutation.rules=[grow]", "--set:1:17: invalid value"),
+        ("model=nowhere.model", "nowhere.model`: there is no such file"),
+        ("seed", "--set:1:1: a setting is `key=value`"),
+        ("seed.x=3", "--set:1:1: `seed` is no table"),
+        ("seed=1\nname='x'", "a setting is `key=value`"),
+        ("", "a setting is `key=value`"),
+        ("=3", "--set:1:1: "),
+    ],
+)  # fmt: skip
+def test_an_override_with_a_mistake_is_shown(override: str, message: str) -> None:
+    with pytest.raises(LoadError) as caught:
+        Domain.load("burning_forest", overrides=[override])
+    assert message in str(caught.value).replace("\n", " ")
+    assert all(one.span and one.span.source.name == "--set" for one in caught.value.diagnostics)
+
+
 def test_every_accepted_individual_follows_from_its_trace_and_is_valid(tmp_path: Path) -> None:
     path = tmp_path / "run.sqlite"
     generate("burning_forest", path, **SMALL)

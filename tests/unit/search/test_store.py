@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import sqlite3
+import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from envgraph.errors import InvalidArgument
-from envgraph.search import Generation, Individual, RunStore
+from envgraph.search import Generation, Individual, RunStore, generate, open_family, write_family
 
 
 @pytest.fixture
@@ -109,3 +113,64 @@ def test_a_store_of_another_format_is_refused(tmp_path: Path) -> None:
     RunStore.create(tmp_path / "new.sqlite", {"format": 99}, {}).close()
     with pytest.raises(InvalidArgument, match="format 99"):
         RunStore.open(tmp_path / "new.sqlite")
+
+
+@contextmanager
+def locked(directory: Path) -> Iterator[None]:
+    """A directory and its files cannot be written; also by root, who is nobody in the meantime."""
+    for path in (*directory.iterdir(), directory):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        if user == 0:
+            os.seteuid(0)
+        directory.chmod(0o755)
+
+
+@pytest.fixture
+def elsewhere() -> Iterator[Path]:
+    """A directory that any user can reach."""
+    directory = Path(tempfile.mkdtemp())
+    yield directory
+    shutil.rmtree(directory)
+
+
+def test_a_run_that_cannot_be_written_can_be_read(elsewhere: Path) -> None:
+    path = elsewhere / "run.sqlite"
+    family = generate("burning_forest", path, generations=1, population=2)
+    text = write_family(family)
+    with locked(elsewhere):
+        assert write_family(open_family(path)) == text
+        with RunStore.open(path) as store:
+            assert len(store.history()) == 2
+            with pytest.raises(InvalidArgument, match="cannot be written"):
+                store.set("seed", 3)
+    assert [file.name for file in elsewhere.iterdir()] == ["run.sqlite"]
+
+
+def test_a_run_that_was_killed_and_cannot_be_written_says_what_to_do(elsewhere: Path) -> None:
+    path = elsewhere / "run.sqlite"
+    with RunStore.create(elsewhere / "open.sqlite", {"seed": 1}, {}) as store:
+        store.set("seed", 2)
+        for ending in ("", "-wal"):  # as a kill leaves them
+            shutil.copy(f"{store.path}{ending}", f"{path}{ending}")
+    with locked(elsewhere), pytest.raises(InvalidArgument, match="copy its directory to where it can"):
+        RunStore.open(path)
+    with RunStore.open(path) as again:
+        assert again.settings()["seed"] == 2
+
+
+def test_a_store_that_is_overwritten_forgets_the_log_of_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    with RunStore.create(tmp_path / "open.sqlite", {"seed": 1}, {}) as store:
+        store.set("seed", 2)
+        for ending in ("", "-wal"):
+            shutil.copy(f"{store.path}{ending}", f"{path}{ending}")
+    with RunStore.create(path, {"seed": 3}, {}, overwrite=True) as again:
+        assert again.settings()["seed"] == 3
+    with RunStore.open(path) as again:
+        assert again.settings()["seed"] == 3

@@ -1,0 +1,134 @@
+"""Runs on the command line: listed, replaced, gone on with, and what programs read of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli import main
+
+Call = Callable[..., str]
+
+
+@pytest.fixture
+def envgraph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Runs a command in an empty directory; what it prints, or, where it is to fail, all that it says."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments: object, code: int = 0) -> str:
+        monkeypatch.setattr(sys, "argv", ["envgraph", *map(str, arguments)])
+        try:
+            found = main()
+        except SystemExit as stop:
+            found = int(stop.code or 0)
+        out, err = capsys.readouterr()
+        assert found == code, out + err
+        return out if code == 0 else out + err
+
+    return run
+
+
+FOREST = ("generate", "burning_forest", "--population", 2)
+
+
+def test_runs_are_listed(envgraph: Call) -> None:
+    assert "there are no runs in runs; `envgraph generate` makes one" in envgraph("runs")
+    envgraph(*FOREST, "--generations", 1, "--set", "seed=5", "--name", "one")
+    envgraph("train", "one", "--steps", 50, "--seeds", 1)
+    Path("runs/two").mkdir()
+    Path("runs/two/run.sqlite").write_text("nonsense")
+    lines = envgraph("runs").splitlines()
+    assert [line.split()[0] for line in lines[2:]] == ["one", "two"]
+    assert "BurningForest" in lines[2] and "50 steps" in lines[2] and "seed=5" in lines[2]
+    assert "is no run store" in lines[3]
+    one, two = json.loads(envgraph("runs", "--format", "json"))["runs"]
+    assert one | {"diversity": 0.0} == {
+        "run": "one",
+        "family": "BurningForest",
+        "imported": None,
+        "overrides": ["search.generations=1", "search.population=2", "seed=5"],
+        "generations": 1,
+        "members": 2,
+        "diversity": 0.0,
+        "trained": [50],
+    }
+    assert two["run"] == "two" and "is no run store" in two["problem"]
+
+
+def test_a_run_is_replaced_with_all_that_was_made_of_it(envgraph: Call) -> None:
+    envgraph(*FOREST, "--generations", 1, "--name", "a")
+    envgraph("train", "a", "--steps", 50, "--seeds", 1)
+    envgraph("report", "a")
+    Path("runs/a/notes.txt").write_text("mine")
+    said = envgraph(*FOREST, "--generations", 2, "--name", "a", code=1)
+    assert "go on with --resume, replace it with --force, or choose another --name" in said
+    wrong = ("--force", "--set", 'constraints.forbid=["burningTile"]')
+    assert "violates `forbid burningTile`" in envgraph(*FOREST, "--name", "a", *wrong, code=1)
+    assert Path("runs/a/report.html").exists()
+    envgraph(*FOREST, "--generations", 2, "--name", "a", "--force")
+    assert {path.name for path in Path("runs/a").iterdir()} == {"run.sqlite", "notes.txt"}
+    assert json.loads(envgraph("runs", "--format", "json"))["runs"][0]["generations"] == 2
+
+
+def test_a_finished_run_goes_on(envgraph: Call) -> None:
+    envgraph(*FOREST, "--generations", 1, "--name", "a")
+    envgraph("generate", "burning_forest", "--name", "a", "--resume", "--generations", 3)
+    assert json.loads(envgraph("runs", "--format", "json"))["runs"][0]["generations"] == 3
+    again = ("generate", "burning_forest", "--name", "a", "--resume")
+    assert "has 3 generations already" in envgraph(*again, "--generations", 3, code=1)
+    for option in (("--seed", 1), ("--set", "seed=1"), ("--population", 3), ("--force",)):
+        assert "keeps what it began with" in envgraph(*again, *option, code=1)
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "message"),
+    [
+        (("generate", "burning_forest", "--set", "seed=x"), "wrong-type", "`seed` is a whole number"),
+        (("show", "nowhere"), "invalid-argument", "there is no run `nowhere`"),
+        (("match", "no.model", "no.query", "p"), "missing-file", "there is no such file"),
+        (("apply", "no.model", "no.rules", "p"), "missing-file", "there is no such file"),
+        (("train", "nowhere"), "invalid-argument", "there is no run `nowhere`"),
+        (("report", "nowhere"), "invalid-argument", "there is no run `nowhere`"),
+        (("check", "no.model"), "missing-file", "there is no such file"),
+    ],
+    ids=lambda one: one[0] if isinstance(one, tuple) else None,
+)
+def test_errors_are_json_where_results_are(
+    envgraph: Call, command: tuple[str, ...], code: str, message: str
+) -> None:
+    told = json.loads(envgraph(*command, "--format", "json", code=1))
+    assert told["ok"] is False
+    assert told["diagnostics"][0]["code"] == code and message in told["diagnostics"][0]["message"]
+    assert "Traceback" not in envgraph(*command, code=1)
+
+
+def test_a_file_that_cannot_be_written_is_json_too(envgraph: Call) -> None:
+    envgraph(*FOREST, "--generations", 1, "--name", "a")
+    Path("taken").mkdir()
+    told = json.loads(envgraph("report", "a", "-o", "taken", "--format", "json", code=1))
+    assert told["diagnostics"][0]["code"] == "file-error" and "taken" in told["diagnostics"][0]["message"]
+
+
+def test_programs_read_numbers_of_families_and_reports(envgraph: Call) -> None:
+    generated = json.loads(envgraph(*FOREST, "--generations", 1, "--name", "a", "--format", "json"))
+    assert generated["maximum"] == 1.0 and generated["bins"] == [2, 2]
+    assert generated["warning"]["code"] == "low-diversity"
+    envgraph("train", "a", "--steps", 50, "--seeds", 1)
+    rows = json.loads(envgraph("report", "a", "--format", "json"))["environments"]
+    assert [row["environment"] for row in rows] == ["E1", "E2", "E2 alone"]
+    assert all(isinstance(row["success"], float) and 0 <= row["success"] <= 1 for row in rows)
+    assert rows[0]["complexity"] == generated["members"][0]["measures"]["complexity"]
+    assert type(rows[0]["BurningTile"]) is int and rows[2]["complexity"] is None
+
+
+def test_programs_read_applications_as_objects(envgraph: Call) -> None:
+    envgraph("new", "maze")
+    rule = ("apply", "maze/maze.model", "maze/maze.rules", "moveRight", "--format", "json")
+    ((step,),) = [entry["steps"] for entry in json.loads(envgraph(*rule))["applications"]]
+    assert step["rule"] == "maze.moveRight" and step["created"] == {}
+    assert step["match"]["there"]["class"] == "Floor" and step["match"]["robot"]["name"] == "robot"
