@@ -6,7 +6,7 @@ from collections.abc import Callable
 from inspect import signature as signature_of
 from typing import TYPE_CHECKING, Final
 
-from envgraph.errors import InvalidArgument, RuleError
+from envgraph.errors import InvalidArgument, RuleError, with_article
 from envgraph.graph import Node
 from envgraph.pattern import ObjectType, Parameter, static_type, type_hint
 from envgraph.rewrite._described import unit_parameters
@@ -54,6 +54,11 @@ class PythonUnit(UnitProgram):
         try:
             with engine.lent(run.rng) as trace, model.transaction():
                 outcome = self._called(**arguments)
+                if not (outcome is None or isinstance(outcome, bool)):
+                    found = with_article(type(outcome).__name__)
+                    raise InvalidArgument(
+                        f"unit `{self.name}` returned {found}: it returns False if it has failed, else nothing or True"
+                    )
                 trace.notice(model.state_hash())
         except RuleError as error:
             if error.reason == "failed":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import iscoroutinefunction, isgeneratorfunction
 from typing import TYPE_CHECKING, Literal
 
 from envgraph.errors import InvalidArgument
@@ -37,6 +38,7 @@ def bind_job(engine: Engine, shape: Shape, event: Event, job: Job) -> BoundJob:
 
 def _function(engine: Engine, shape: Shape, event: Event, function: Callable[..., object]) -> BoundJob:
     others = ("engine", "match", "old") if event == "update" else ("engine", "match")
+    check_runs(function)
     names, taken = wanted_arguments(function, shape, others)
     places = [(name, shape.position(name)) for name in names]
 
@@ -87,3 +89,15 @@ def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
 def job_name(job: Job) -> str:
     """What a rule is called that has this job and no name of its own."""
     return job if isinstance(job, str) else getattr(job, "__name__", type(job).__name__)
+
+
+def check_runs(function: Callable[..., object]) -> None:
+    """Refuse functions that a call only prepares.
+
+    Raises:
+        InvalidArgument: it is a coroutine or a generator.
+    """
+    for kind, found in (("a coroutine", iscoroutinefunction), ("a generator", isgeneratorfunction)):
+        if found(function):
+            name = getattr(function, "__name__", type(function).__name__)
+            raise InvalidArgument(f"`{name}` is {kind}: a call does not run what stands in it")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.rewrite._events import paired
+from envgraph.rewrite._jobs import check_runs
 from envgraph.rewrite._match import Match, Row, Shape
 
 Listener = Callable[[list[Match], list[Match]], object]
@@ -53,8 +54,9 @@ def check_functions(*given: object) -> None:
     """Refuse listeners that cannot be called.
 
     Raises:
-        InvalidArgument: one is no function.
+        InvalidArgument: one is no function, or one whose body a call does not run.
     """
     for one in given:
         if not callable(one):
             raise InvalidArgument(f"a listener is a function, not {one!r}")
+        check_runs(one)

@@ -9,7 +9,7 @@ from inspect import Parameter as Argument
 from inspect import signature
 from typing import Any, Final, Protocol, TypeVar
 
-from envgraph.errors import EvaluationError, InvalidArgument, RuleError, did_you_mean
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError, did_you_mean, with_article
 from envgraph.graph import Model, Node
 from envgraph.match import FREE, Matcher
 from envgraph.metamodel import Value
@@ -461,7 +461,12 @@ class PythonRule(RuleRunner):
         if self._takes_engine:
             arguments["engine"] = self._engine
         with self._aside(), self.model.transaction():
-            self.function(**arguments)
+            result = self.function(**arguments)
+            if result is not None:
+                found = with_article(type(result).__name__)
+                raise InvalidArgument(
+                    f"rule `{self.name}` returned {found}: the function of a rule returns nothing"
+                )
         return row
 
 

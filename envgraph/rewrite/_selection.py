@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from math import isnan
 from typing import TYPE_CHECKING, Any, Literal
 
 from envgraph.errors import InvalidArgument
@@ -32,14 +33,26 @@ def select(
     """The rows for which `where` holds; with `by`, the largest first, ties as they come, and `top` of them.
 
     Raises:
-        InvalidArgument: an unknown pattern, one that shares no variable with the rule, or an impossible `top`.
+        InvalidArgument: an unknown pattern, one that shares no variable with the rule, an impossible `top`, or values
+            of `by` that have no order.
     """
     if top is not None and (type(top) is not int or top < 1):
         raise InvalidArgument(f"`top` is a number from 1, not {top!r}")
     if top is not None and by is None:
         raise InvalidArgument("`top` says how many: `by` has to say of what order")
     found = list(among(engine, rule, rows, where))
-    return found if by is None else best(found, _value(engine, rule, by), top)
+    return found if by is None else _best(found, _value(engine, rule, by), rule, top)
+
+
+def _best(rows: Sequence[Row], value: Callable[[Row], Any], rule: RuleRunner, top: int | None) -> list[Row]:
+    """As `best`, for values that people make."""
+    valued = {row: value(row) for row in rows}
+    if any(isinstance(one, float) and isnan(one) for one in valued.values()):
+        raise InvalidArgument(f"`by` is nan at a match of `{rule.name}`: return None where there is no value")
+    try:
+        return best(rows, valued.__getitem__, top)
+    except TypeError as error:
+        raise InvalidArgument(f"`by` cannot put the matches of `{rule.name}` in order: {error}") from error
 
 
 def among(engine: Engine, rule: RuleRunner, rows: Iterable[Row], where: Where | None) -> Iterator[Row]:
