@@ -129,7 +129,8 @@ def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
     formats = [format_of(name, text[:HEAD].encode()) for name, text in workspace.sources.items()]
     if has_errors(workspace.diagnostics) or {"metamodel", "ecore"} & set(formats):
         return []
-    needing = [one.span for one in (*workspace.definitions, *workspace.behaviours) if one.span]
+    about = (one for one in workspace.definitions if not isinstance(one, FunctionDeclaration))
+    needing = [one.span for one in (*about, *workspace.behaviours) if one.span]
     ours = [text.span for text in workspace.models if text.span.source.name.endswith(".model")]
     needing = ours + needing
     hint = 'write `import "name.metamodel"` at the top'

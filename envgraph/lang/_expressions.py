@@ -304,8 +304,7 @@ def _group(reading: Reading, tree: Tree[Token]) -> Expression:
 
 def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant | EnumLiteral:
     feature = tokens(tree.children)[0]
-    owner = expression_of(reading, trees(tree.children)[0])
-    path = _steps(owner)
+    path = _steps(trees(tree.children)[0])
     literal = dotted_literal(reading, path[0], feature, tree) if len(path) == 1 else None
     if literal is not None:
         return literal
@@ -317,16 +316,17 @@ def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant | 
         hint = "write its value, or declare a function for it: `function name() : int;`"
         reading.error("java-call", f"`{cls}.{feature}` is a constant of Java", tree, hint)
         reading.gap(tree)
+    owner = expression_of(reading, trees(tree.children)[0])
     return Navigation(owner, str(feature), reading.span(tree), feature_span=reading.span(feature))
 
 
 def _method(reading: Reading, tree: Tree[Token]) -> Expression:
     """`text.startsWith("a")` is another spelling of `startsWith(text, "a")`."""
     name = tokens(tree.children)[0]
-    owner = expression_of(reading, trees(tree.children)[0])
-    path = _steps(owner)
+    path = _steps(trees(tree.children)[0])
     if _is_java(reading, path):
         return _static(reading, tree, ".".join(path), name)
+    owner = expression_of(reading, trees(tree.children)[0])
     return _called(reading, tree, METHODS.get(name, str(name)), name, (owner, *expressions_of(reading, tree)))
 
 
@@ -361,18 +361,20 @@ def _called(
 
 def _is_java(reading: Reading, path: Sequence[str]) -> bool:
     """Whether the names of `a.b.C` are those of a class of Java."""
-    if len(path) == 1:
-        return path[0] in JAVA_CLASSES or path[0] in reading.java
-    return bool(path) and path[0] in JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])
+    if not path:
+        return False
+    full = path[0] in JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])
+    return full or path[0] in JAVA_CLASSES or path[0] in reading.java
 
 
-def _steps(owner: Expression) -> list[str]:
+def _steps(tree: Tree[Token]) -> list[str]:
     """The names of `a.b.c`; [] for anything else."""
     names: list[str] = []
-    while isinstance(owner, Navigation):
-        names.append(owner.feature)
-        owner = owner.object
-    return [owner.name, *reversed(names)] if isinstance(owner, Variable) else []
+    while tree.data == "navigation":
+        names += tokens(tree.children)
+        tree = trees(tree.children)[0]
+    names += tokens(tree.children)
+    return list(map(str, reversed(names))) if tree.data == "variable" else []
 
 
 def _cast(reading: Reading, tree: Tree[Token]) -> Expression:

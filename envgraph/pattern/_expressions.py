@@ -460,8 +460,8 @@ class ExpressionChecker:
             name = argument.feature if isinstance(argument, Navigation) else name
             parameters.append(f"{name} : {type_text(type_) if type_ else 'int'}")
         del self.problems[known:]
-        declaration = f"function {node.function}({', '.join(parameters)}) : bool;"
-        return f"declare it, such as `{declaration}`, and give the engine its code"
+        declaration = f"function {node.function}({', '.join(parameters)}) : T;"
+        return f"declare it with its types, `{declaration}`, and give the engine its code"
 
     def _declared(self, node: FunctionCall, function: DeclaredFunction) -> StaticType | None:
         """The type of a call of a declared function, which takes values of the types that it says."""

@@ -394,3 +394,8 @@ def test_more_files_than_may_be_read_together_are_one_mistake(monkeypatch: pytes
     assert problem.hint is not None and "ENVGRAPH_LIMITS" in problem.hint
     monkeypatch.delenv("ENVGRAPH_LIMITS")
     assert not load_workspace(["f0.query"], files=TextFiles(texts)).errors
+
+
+def test_declarations_of_functions_need_no_metamodel() -> None:
+    files = TextFiles({"f.query": "function f(x : int) : string;\n"})
+    assert not load_workspace(["f.query"], files=files).diagnostics
