@@ -343,7 +343,8 @@ class CompiledMatcher:
             case Builtin(name):
                 return _BUILTINS[name]
             case Bounded(pattern):
-                return at_most(self.library.get(pattern))
+                # The parts of a view are called after its pattern.
+                return at_most(self.library.get(pattern.partition("/")[0]))
             case View(key, mode):
                 function = self._function(key, mode, _NOWHERE)
                 many = self.calls.paths(key.pattern) > MOST_PATHS

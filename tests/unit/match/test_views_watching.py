@@ -15,7 +15,7 @@ from envgraph.match.views import _matcher
 from envgraph.pattern import Library
 from tests.unit.match.kinds import watched
 from tests.unit.match.people import METAMODEL
-from tests.unit.match.writing import check, find, path, pattern
+from tests.unit.match.writing import check, find, is_a, path, pattern, unequal
 
 KNOWS = pattern("knows(a : Person, b : Person)", [path("Person.knows", "a", "b")])
 TWO = pattern("two(a : Person, c : Person)", [find("knows", "a", "b"), find("knows", "b", "c")])
@@ -290,3 +290,14 @@ def test_what_comes_and_goes_within_a_transaction_is_no_change() -> None:
         model.node(a).knows.remove(model.node(c))
         model.node(a).knows.append(model.node(c))
     assert len(told) == 1
+
+
+def test_what_hangs_together_with_no_parameter_may_have_loops_that_nothing_connects() -> None:
+    model, patterns = Model(METAMODEL), Library(METAMODEL)
+    apart = [is_a("Person", "a"), is_a("Person", "b"), is_a("Person", "c"), unequal("b", "c")]
+    patterns.add(pattern("apart(a : Person)", apart))
+    views = watched(model, patterns)
+    model.create("Person")
+    assert views.count("apart", (FREE,)) == 0
+    model.create("Person")
+    assert views.count("apart", (FREE,)) == 2
