@@ -8,20 +8,24 @@ from lark import Token, Tree
 
 from envgraph.lang._expressions import Reading, expression_of, expressions_of
 from envgraph.lang._parsing import qualified_name_of, tokens, trees
-from envgraph.lang._query_conditions import condition_of
+from envgraph.lang._query_conditions import condition_of, term_of
 from envgraph.pattern import (
     Alap,
+    Applicable,
     Atomic,
     Call,
     Choice,
     Constant,
     Constraint,
+    EnumLiteral,
+    Evaluation,
     Expression,
     If,
     Repeat,
     Sequence,
     Step,
     Try,
+    Variable,
 )
 
 
@@ -106,7 +110,9 @@ def _try(reading: Reading, tree: Tree[Token]) -> Try:
 def _if(reading: Reading, tree: Tree[Token]) -> If | Sequence:
     """Without a condition that can be asked only the first branch is left; the file is refused anyway."""
     asked, then, *otherwise = trees(tree.children)
-    condition = _asked(reading, asked)
+    condition: Constraint | Applicable | None = _applicable(reading, asked)
+    if condition is None:
+        condition = _asked(reading, asked)
     body = block_of(reading, then)
     if condition is None:
         return body
@@ -114,6 +120,33 @@ def _if(reading: Reading, tree: Tree[Token]) -> If | Sequence:
         block_of(reading, part) if part.data == "block" else step_of(reading, part) for part in otherwise
     ]
     return If(condition, body, next(iter(others), None), reading.span(tree))
+
+
+def _applicable(reading: Reading, tree: Tree[Token]) -> Applicable | None:
+    """`rule` and `rule(a, b)`; with one argument it is read as a type, which the check looks at again."""
+    if tree.data == "asked":
+        name = tokens(tree.children, "NAME")[0]
+        return Applicable(str(name), (), len(tree.children) > 1, reading.span(tree))
+    relation = trees(tree.children)[0] if tree.data == "negation" else tree
+    if relation.data != "type_constraint":
+        return None
+    head, terms = trees(relation.children)[0], trees(trees(relation.children, "terms")[0].children)
+    if head.data != "type" or head.children[0] or len(terms) == 1:
+        return None
+    arguments = tuple(_argument(reading, term) for term in terms)
+    return Applicable(str(head.children[1]), arguments, relation is not tree, reading.span(tree))
+
+
+def _argument(reading: Reading, tree: Tree[Token]) -> Expression:
+    term = term_of(reading, tree)
+    if isinstance(term, Evaluation):
+        return term.expression
+    if not isinstance(term, Variable | Constant | EnumLiteral):
+        reading.error(
+            "misplaced-expression", "this is no argument of a rule", tree, "write a variable or a value"
+        )
+        return Variable("_")
+    return term
 
 
 _STEPS: Mapping[str, Callable[[Reading, Tree[Token]], Step]] = {

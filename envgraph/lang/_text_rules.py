@@ -11,23 +11,28 @@ from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Action,
     Alap,
+    Applicable,
     Assignment,
     Atomic,
     Block,
     Call,
     Choice,
     Constant,
+    Constraint,
     Create,
     DeleteEdge,
     DeleteNode,
     Derivation,
     Edge,
+    EnumLiteral,
+    Evaluation,
     Expression,
     If,
     LeftSide,
     Merge,
     Modification,
     Move,
+    Negation,
     Node,
     Redirect,
     Repeat,
@@ -37,7 +42,9 @@ from envgraph.pattern import (
     Set,
     Step,
     Try,
+    TypeConstraint,
     Unit,
+    Variable,
 )
 from envgraph.pattern import Sequence as Steps
 
@@ -265,11 +272,21 @@ class RuleText(TermText):
                 return [self._if(step)]
 
     def _if(self, step: If) -> str:
-        text = f"if {self.condition(step.condition)} {self._steps(step.then)}"
+        condition = step.condition
+        asked = (
+            self._applicable(condition) if isinstance(condition, Applicable) else self.condition(condition)
+        )
+        text = f"if {asked} {self._steps(step.then)}"
         if step.otherwise is None:
             return text
         rest = self._if(step.otherwise) if isinstance(step.otherwise, If) else self._steps(step.otherwise)
         return f"{text} else {rest}"
+
+    def _applicable(self, asked: Applicable) -> str:
+        simple = Variable | Constant | EnumLiteral
+        terms = [self.term(one if isinstance(one, simple) else Evaluation(one)) for one in asked.arguments]
+        arguments = f"({', '.join(terms)})" if terms else ""
+        return f"{'neg ' if asked.negated else ''}{self.name(asked.name)}{arguments}"
 
     def _bound(self, bound: int | Expression) -> str:
         return str(bound) if isinstance(bound, int) else self.expression(bound, 1)
@@ -432,4 +449,14 @@ def _if(step: If) -> If:
     otherwise = step.otherwise
     if otherwise is not None:
         otherwise = _if(otherwise) if isinstance(otherwise, If) else steps_again(otherwise)
-    return If(step.condition, steps_again(step.then), otherwise)
+    return If(_asked_again(step.condition), steps_again(step.then), otherwise)
+
+
+def _asked_again(condition: Constraint | Applicable) -> Constraint | Applicable:
+    """What is asked of a rule with one argument is read like a type."""
+    if not isinstance(condition, Applicable) or len(condition.arguments) != 1:
+        return condition
+    (argument,) = condition.arguments
+    term = argument if isinstance(argument, Variable | Constant | EnumLiteral) else Evaluation(argument)
+    relation = TypeConstraint(condition.name, term)
+    return Negation(relation) if condition.negated else relation

@@ -51,6 +51,7 @@ from envgraph.pattern._queries import (
 from envgraph.pattern._rules import (
     Action,
     Alap,
+    Applicable,
     Assignment,
     Atomic,
     Block,
@@ -101,6 +102,7 @@ __all__ = [
     "Aggregate",
     "AggregateAtom",
     "Alap",
+    "Applicable",
     "Assignment",
     "Atom",
     "Atomic",

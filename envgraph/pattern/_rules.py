@@ -275,10 +275,24 @@ class Try:
 
 
 @dataclass(frozen=True, slots=True)
-class If:
-    """`if find p(x) { .. } else { .. }`, also with any other constraint of a pattern."""
+class Applicable:
+    """`if rule(x) { .. }`, `if neg rule(x) { .. }`: the rule is applicable at one of its matches.
 
-    condition: Constraint
+    With one argument this is written, and read, like the type of a variable: `TypeConstraint("rule", x)` means the same
+    where `rule` is the name of no type.
+    """
+
+    name: str
+    arguments: tuple[Expression, ...] = ()
+    negated: bool = False
+    span: Span | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class If:
+    """`if find p(x) { .. } else { .. }`, also with any other constraint of a pattern, or with a rule."""
+
+    condition: Constraint | Applicable
     then: Step
     otherwise: Step | None = None
     span: Span | None = field(default=None, compare=False, repr=False)

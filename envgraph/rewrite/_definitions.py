@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Literal, TypeVar, cast, overload
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
 from envgraph.graph import Model
 from envgraph.match import ViewMatcher
-from envgraph.pattern import Call, Derivation, FunctionDeclaration, Library, Pattern, Rule, Step, Unit
+from envgraph.pattern import (
+    Applicable,
+    Call,
+    Derivation,
+    FunctionDeclaration,
+    If,
+    Library,
+    Pattern,
+    Rule,
+    Step,
+    Unit,
+)
 from envgraph.rewrite._derive import derived_rules
 from envgraph.rewrite._described import described, describes
 from envgraph.rewrite._functions import PythonUnit, unit_signature_of
@@ -22,7 +33,7 @@ from envgraph.rewrite._questions import Questions
 from envgraph.rewrite._register import Registration
 from envgraph.rewrite._registered import register_function
 from envgraph.rewrite._runner import PythonRule, RuleRunner, graph_rule
-from envgraph.rewrite._unit_check import inner_steps
+from envgraph.rewrite._unit_check import applicable, inner_steps
 from envgraph.rewrite._units import unit_program
 from envgraph.rewrite._well_formed import mistake_in
 
@@ -399,8 +410,9 @@ class Definitions(Questions):
         steps: list[Step] = [unit.body]
         for step in steps:
             steps += inner_steps(step)
-        calls = [step for step in steps if isinstance(step, Call)]
-        return {name for call in calls for name in self._directory.candidates(call.name, unit.package)}
+        asked = [applicable(step.condition) for step in steps if isinstance(step, If)]
+        names = [one.name for one in (*steps, *asked) if isinstance(one, Call | Applicable)]
+        return {found for name in names for found in self._directory.candidates(name, unit.package)}
 
 
 def _incremental(definitions: Iterable[Definition]) -> list[str]:

@@ -14,6 +14,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Value
 from envgraph.pattern import (
     Alap,
+    Applicable,
     Atomic,
     Binary,
     Call,
@@ -161,8 +162,11 @@ class Steps:
         self._add(Try(_sequence(body)))
 
     @contextmanager
-    def when(self, condition: str | Condition, *arguments: Given) -> Iterator[None]:
-        """`if find condition(arguments) { .. }`, or another condition as data; `otherwise` may follow."""
+    def when(self, condition: str | Condition | Applicable, *arguments: Given) -> Iterator[None]:
+        """`if find condition(arguments) { .. }`, or another condition as data; `otherwise` may follow.
+
+        `Applicable("rule", (x,))` as data asks whether a rule is applicable.
+        """
         test = PatternCall(condition, _terms(arguments)) if isinstance(condition, str) else condition
         with self._block() as body:
             yield

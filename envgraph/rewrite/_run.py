@@ -5,7 +5,7 @@ A step that is run gives None if it fails, else whether it has changed anything.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import fsum
 from typing import Any, Final, NoReturn
@@ -283,6 +283,18 @@ def rows_bound_by(
     """The matches that agree with those of the values that are set, as `prepare` or `seek` of the rule gives them."""
     given = {name: value for name, value in zip(names, values, strict=True) if value is not UNSET}
     return prepare(tuple(given))(*given.values())
+
+
+def is_applicable(rule: RuleRunner, values: Mapping[str, Any]) -> bool:
+    """Whether a rule is applicable at one of the matches that agree with those of the values that are set.
+
+    What has no value, or was deleted, has no match.
+    """
+    given = {name: value for name, value in values.items() if value is not UNSET}
+    for name, value in given.items():
+        if value is None or (rule.shape.is_object(rule.shape.position(name)) and not rule.model.alive(value)):
+            return False
+    return any(map(rule.is_applicable, list(rule.rows_known(given))))
 
 
 # --- choice

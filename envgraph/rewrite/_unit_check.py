@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, with_article
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (
     Alap,
+    Applicable,
     Atomic,
     Body,
     Call,
     Check,
     Choice,
+    Constant,
     Constraint,
+    EnumLiteral,
+    Evaluation,
     Expression,
     If,
     Library,
@@ -27,6 +31,7 @@ from envgraph.pattern import (
     StaticType,
     Step,
     Try,
+    TypeConstraint,
     Unit,
     Variable,
     assignable,
@@ -71,6 +76,7 @@ class CheckedUnit:
     Attributes:
         calls: what each call means, by the identity of the step; None where the name is unknown.
         conditions: the conditions with `find` of each `if` and each call, by the identity of the step and their place.
+        asked: the conditions that ask a rule, by the identity of the `if`, and what they ask.
         types: of the parameters.
     """
 
@@ -78,6 +84,7 @@ class CheckedUnit:
     problems: list[Diagnostic] = field(default_factory=list)
     calls: dict[int, Signature] = field(default_factory=dict)
     conditions: dict[tuple[int, int], Condition] = field(default_factory=dict)
+    asked: dict[int, tuple[Applicable, Signature]] = field(default_factory=dict)
     types: Scope = field(default_factory=dict)
 
     @property
@@ -136,6 +143,21 @@ def inner_steps(step: Step) -> tuple[Step, ...]:
             return (body,) if otherwise is None else (body, otherwise)
         case Call():
             return ()
+
+
+def applicable(condition: Constraint | Applicable) -> Applicable | None:
+    """A condition as one that asks a rule, if it can be read as one."""
+    match condition:
+        case Applicable():
+            return condition
+        case Negation(TypeConstraint() as relation):
+            found = applicable(relation)
+            return found and replace(found, negated=True)
+        case TypeConstraint(name, Variable() | Constant() | EnumLiteral() as term):
+            return Applicable(name, (term,), span=condition.span)
+        case TypeConstraint(name, Evaluation(expression)):
+            return Applicable(name, (expression,), span=condition.span)
+    return None
 
 
 class _Checker:
@@ -212,7 +234,7 @@ class _Checker:
                 if otherwise is not None:
                     self._step(otherwise, dict(scope))
             case If():
-                self._condition(step, 0, step.condition, scope)
+                self._asked(step, scope)
                 self._step(step.then, dict(scope))
                 if step.otherwise is not None:
                     self._step(step.otherwise, dict(scope))
@@ -233,18 +255,9 @@ class _Checker:
 
     def _call(self, call: Call, scope: Scope) -> None:
         span = call.name_span or call.span
-        found = self.directory.candidates(call.name, self.unit.package)
-        if len(found) != 1:
-            if found:
-                names = ", ".join(f"`{name}`" for name in found)
-                self._error(
-                    "ambiguous-name", f"`{call.name}` may mean {names}", span, "write the qualified name"
-                )
-            else:
-                hint = self.directory.hint(call.name)
-                self._error("unknown-rule", f"unknown rule or unit `{call.name}`", span, hint)
+        callee = self._callee(call)
+        if callee is None:
             return
-        callee = self.directory.signatures[found[0]]
         self.result.calls[id(call)] = callee
         if call.every and callee.kind == "unit":
             self._error(
@@ -255,6 +268,21 @@ class _Checker:
             for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
                 self._argument(argument, parameter, callee, scope, call.every)
         self._selection(call, callee, scope)
+
+    def _callee(self, call: Call) -> Signature | None:
+        """What a name means; if that is nothing, or several things, it is an error."""
+        span = call.name_span or call.span
+        found = self.directory.candidates(call.name, self.unit.package)
+        if len(found) == 1:
+            return self.directory.signatures[found[0]]
+        if found:
+            names = ", ".join(f"`{name}`" for name in found)
+            message = f"`{call.name}` may mean {names}"
+            self._error("ambiguous-name", message, span, "write the qualified name")
+        else:
+            message = f"unknown rule or unit `{call.name}`"
+            self._error("unknown-rule", message, span, self.directory.hint(call.name))
+        return None
 
     # --- the choice of matches
 
@@ -353,6 +381,34 @@ class _Checker:
         return assignable(type_, wanted, self.metamodel)
 
     # --- conditions
+
+    def _asked(self, step: If, scope: Scope) -> None:
+        """What an `if` asks; of a name that is no type, whether a rule is applicable."""
+        asked = applicable(step.condition)
+        if not isinstance(step.condition, Applicable) and (asked is None or not self._means_rule(asked.name)):
+            self._condition(step, 0, step.condition, scope)
+            return
+        assert asked is not None
+        callee = self._callee(Call(asked.name, span=asked.span))
+        if callee is None:
+            return
+        if callee.kind == "unit":
+            hint = "ask one of its rules, or write `try { .. } else { .. }`"
+            self._error("wrong-kind", f"`{asked.name}` is a unit, which cannot be asked", asked.span, hint)
+            return
+        self.result.asked[id(step)] = asked, callee
+        call = Call(asked.name, asked.arguments, span=asked.span)
+        if self._arity(call, callee):
+            for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
+                self._argument(argument, parameter, callee, scope, every=True)
+
+    def _means_rule(self, name: str) -> bool:
+        """Whether a name is that of no type, but of a rule, at least nearly."""
+        if static_type(name, self.metamodel) is not None:
+            return False
+        rules = [signature.simple for signature in self.directory.signatures.values()]
+        near = did_you_mean(name, rules) and not did_you_mean(name, self.metamodel.classes)
+        return bool(self.directory.candidates(name, self.unit.package) or near)
 
     def _condition(self, step: Step, place: int, condition: Constraint, scope: Scope) -> None:
         unknown = list(self._unknown(condition, scope))

@@ -18,6 +18,7 @@ from envgraph.match import Matcher, ViewMatcher
 from envgraph.metamodel import Attribute, Value
 from envgraph.pattern import (
     Alap,
+    Applicable,
     Atomic,
     Call,
     Check,
@@ -53,6 +54,7 @@ from envgraph.rewrite._run import (
     call_rule,
     fire_another,
     fire_every,
+    is_applicable,
     rows_bound_by,
     run_one_of,
     spent,
@@ -153,6 +155,7 @@ class UnitSource:
             "fire_another": fire_another,
             "fire_every": fire_every,
             "holds": holds,
+            "is_applicable": is_applicable,
             "loops": self._loops,
             "release": model.release,
             "rollback": model.rollback,
@@ -615,7 +618,30 @@ class UnitSource:
     # --- conditions
 
     def _holds(self, step: If, scope: Scope) -> str:
+        if id(step) in self.checked.asked:
+            return self._applicable(step, scope)
+        assert not isinstance(step.condition, Applicable)
         return self._condition(step, 0, step.condition, scope)
+
+    def _applicable(self, step: If, scope: Scope) -> str:
+        """Source that is true if a rule is applicable."""
+        asked, callee = self.checked.asked[id(step)]
+        rules = self._constant([self._rules[name] for name in self._group(callee.name)])
+        given: dict[str, str] = {}
+        for argument, parameter in zip(asked.arguments, callee.parameters, strict=False):
+            if isinstance(argument, Variable):
+                if argument.name in scope.names:
+                    given[parameter.name] = scope.names[argument.name]
+                continue
+            used = {variable.name: scope.names[variable.name] for variable in variables_in(argument)}
+            site = self._constant(
+                (f"an argument of `{asked.name}` in `{self._name}`", argument.span or asked.span)
+            )
+            given[parameter.name] = (
+                f"argument({self._constant(argument)}, {self._values(used)}, read, {site})"
+            )
+        test = f"any(is_applicable(rule, {self._values(given)}) for rule in {rules})"
+        return f"not {test}" if asked.negated else test
 
     def _condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> str:
         """Source that is true if a condition holds."""

@@ -16,7 +16,8 @@ the meaning is Henshin's with `strict` and without `rollback`; `atomic` and `try
 - `repeat n..m` works its bounds out and draws a number of rounds. The first that fails ends it and leaves nothing
   behind; the step fails if fewer than n have succeeded then, or if a bound has no value.
 - `try` never fails by itself: a body that fails is taken back, and `else` runs, which may fail.
-- `if` runs one branch; without a branch to run it succeeds.
+- `if` runs one branch; without a branch to run it succeeds. `if rule(x)` asks whether the rule is applicable at one of
+  its matches: it is tried there, and taken back.
 - `atomic` takes everything back if its body fails, and fails then.
 - `all rule` applies the rule at each of its matches of now that still is one when its turn comes and is not refused;
   it fails if there is none. `by` puts them in order, the largest value first, and equal ones as they come; a match for

@@ -74,7 +74,7 @@ class Writer:
                 return f"try {self._block(nodes, values, inner)}{rest}"
             case "if":
                 rest = self._random.choice(["", f" else {self._block(nodes, values, inner)}"])
-                return f"if {self._condition(nodes)} {self._block(nodes, values, inner)}{rest}"
+                return f"if {self._asked(nodes)} {self._block(nodes, values, inner)}{rest}"
             case _:
                 return f"atomic {self._block(nodes, values, inner)}"
 
@@ -142,6 +142,16 @@ class Writer:
 
     def _where(self, name: str) -> str:
         return self._random.choice(["", f" where {self._condition([name])}"])
+
+    def _asked(self, nodes: list[str]) -> str:
+        """A condition of an `if`, which may ask a rule."""
+        if self._random.random() < 0.6:
+            return self._condition(nodes)
+        one, two = self._random.choice([*nodes, "_"]), self._random.choice([*nodes, "_"])
+        single = self._random.choice(["up", "cut", "drop", "prune", "born"])
+        rules = [f"{single}({'_' if single == 'born' else one})", f"{self._pairs()}({one}, {two})"]
+        rules.append(self._random.choice(["grow", "never", "kinds", "cut", "heavy()"]))
+        return self._random.choice(["", "neg "]) + self._random.choice(rules)
 
     def _condition(self, nodes: list[str]) -> str:
         one = self._random.choice(nodes)

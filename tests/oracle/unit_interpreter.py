@@ -15,6 +15,7 @@ from envgraph.graph import Node
 from envgraph.metamodel import Value
 from envgraph.pattern import (
     Alap,
+    Applicable,
     Atomic,
     Call,
     Check,
@@ -97,7 +98,7 @@ class Interpreter:
                 except Failure:
                     return otherwise is not None and self._step(otherwise, dict(names))
             case If(condition, then, otherwise):
-                if self._holds(condition, names):
+                if self._asked(condition, names):
                     return self._step(then, dict(names))
                 return otherwise is not None and self._step(otherwise, dict(names))
             case Choice(alternatives):
@@ -252,6 +253,27 @@ class Interpreter:
         return {**_plain(match), **outputs}
 
     # --- conditions and chance
+
+    def _asked(self, condition: Constraint | Applicable, names: Names) -> bool:
+        match condition:
+            case Negation(TypeConstraint(rule, Variable() as term)) if rule in self.engine.rules:
+                condition = Applicable(rule, (term,), True)
+            case TypeConstraint(rule, Variable() as term) if rule in self.engine.rules:
+                condition = Applicable(rule, (term,))
+        if not isinstance(condition, Applicable):
+            return self._holds(condition, names)
+        signature = self.engine.signature(condition.name)
+        given: Names = {}
+        for argument, parameter in zip(condition.arguments, signature.parameters, strict=False):
+            assert isinstance(argument, Variable)
+            if argument.name in names:
+                given[parameter.name] = names[argument.name]
+        try:
+            members = self.engine.group(condition.name)
+            found = any(self.engine.exists(one, applicable=True, bound=given) for one in members)
+        except InvalidArgument:  # an object that was deleted
+            found = False
+        return found is not condition.negated
 
     def _holds(self, condition: Constraint, names: Names) -> bool:
         if isinstance(condition, Check):

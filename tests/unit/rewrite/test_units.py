@@ -9,9 +9,10 @@ import pytest
 
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, Severity, TypeMismatch
 from envgraph.graph import Model
-from envgraph.pattern import Atomic, Call, Sequence, Unit
+from envgraph.lang import to_text
+from envgraph.pattern import Applicable, Atomic, Call, Sequence, Unit, Variable
 from envgraph.rewrite import Engine
-from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems, snapshot
+from tests.unit.rewrite.graphs import METAMODEL, chain, definitions, engine, problems, snapshot
 
 # `up` counts to 3, `big` and `never` tell success from failure, `bad` matches and is refused.
 RULES = """
@@ -640,3 +641,93 @@ def test_a_long_circle_of_calls_is_told_once() -> None:
     units = "".join(f"unit u{number} {{ up; u{(number + 1) % 300}; }}\n" for number in range(300))
     (found,) = problems(RULES + units)
     assert found.message == "`u0` always calls itself through `u1` and others, so that it never succeeds"
+
+
+# --- rules as conditions
+
+ASKED = """
+rule cut(a : Item) { lhs { } modify { delete a; } }
+rule link(a : Item, b : Item) { lhs { } not { a -links-> b; } modify { create a -links-> b; } }
+rule never { lhs { a : Box; } modify { delete a; } }
+rule mark(a : Item, value : int) { lhs { } modify { set a.n = value; } }
+derive kinds = retype among { Special, Item };
+unit tell(a : Item) { if cut(a) { mark(a, 7); } else { mark(a, 8); } }
+"""
+
+
+@pytest.mark.parametrize(
+    ("condition", "holds"),
+    [
+        ("cut(a)", False),  # it is linked
+        ("neg cut(a)", True),
+        ("cut(b)", True),
+        ("cut", True),
+        ("cut(_)", True),
+        ("neg cut", False),
+        ("never", False),
+        ("neg never()", True),
+        ("link(a, b)", True),
+        ("link(a, _)", True),
+        ("link(_, eval(b.next))", False),  # leads nowhere
+        ("neg link(_, eval(b.next))", True),
+        ("mark(b, 3)", True),
+        ("mark(b, eval(a.n + 1))", True),
+        ("kinds", True),
+    ],
+)
+def test_an_if_asks_whether_a_rule_is_applicable(condition: str, holds: bool) -> None:
+    model = chain(2)
+    model.create("Item", n=2)
+    made = engine(ASKED + f"unit u(a : Item, b : Item) {{ if {condition} {{ mark(b, 9); }} }}", model=model)
+    before = made.model.state_hash()
+    result = made.run("u", a=0, b=2)
+    assert result and result.applications == holds
+    assert (made.model.state_hash() != before) is holds
+    unit = made.definition("u")
+    (again,) = definitions(to_text(unit))
+    assert again == unit
+
+
+def test_what_was_deleted_is_not_applicable() -> None:
+    text = "unit u(a : Item) { cut(a); if cut(a) { never; } if neg cut(a) { mark(_, 5); } }"
+    model = chain(1)
+    model.create("Item")
+    made = engine(ASKED + text, model=model)
+    assert made.run("u", a=0).applications == 2 and made.model.node(1).n == 5
+
+
+def test_asking_leaves_no_trace() -> None:
+    made = engine(ASKED, model=chain(1))
+    with made.recording() as trace:
+        assert made.run("tell", a=0)
+    assert trace == [("mark", (0, 7))] and made.model.node(0).n == 7
+
+
+def test_a_condition_that_fails_otherwise_ends_the_run() -> None:
+    made = engine(
+        "rule r(a : Item) { lhs { } modify { set a.n = 1 / a.n; } } unit u { if r { r; } }", model=chain(1)
+    )
+    with pytest.raises(EvaluationError, match="division by zero"):
+        made.run("u")
+
+
+def test_a_class_is_meant_before_a_rule_of_its_name() -> None:
+    made = engine(
+        "rule Item(a : Item) { lhs { } modify { delete a; } } unit u(a : Item) { if Item(a) { Item(_); } }",
+        model=chain(2),
+    )
+    assert made.run("u", a=0).refusal is not None
+
+
+def test_who_asks_a_rule_uses_it() -> None:
+    made = engine(ASKED, model=chain(1))
+    with pytest.raises(InvalidArgument, match="`cut` is used by unit `tell`"):
+        made.remove("cut")
+
+    @made.unit
+    def ask(steps, a: Item):  # type: ignore[no-untyped-def]  # noqa: F821
+        with steps.when(Applicable("link", (a, Variable("_")))):
+            steps.call("mark", a, 4)
+
+    assert to_text(made.definition("ask")) == "unit ask(a : Item) {\n    if link(a, _) { mark(a, 4); }\n}\n"
+    assert made.run("ask", a=0).applications == 0
