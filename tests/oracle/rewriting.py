@@ -43,6 +43,7 @@ from tests.oracle.rewriting_search import (
     Thing,
     arithmetic,
     evaluated,
+    several,
     types_in,
 )
 
@@ -314,9 +315,10 @@ class Application:
             self.reasons.add("error")
             return [None]
         attribute = self.before.attribute(feature)
-        if attribute and not attribute.optional and None in found and value != Constant(None):
+        needed = attribute and (attribute.many or not attribute.optional)
+        if needed and None in found and value != Constant(None):
             self.reasons.add("error")
-        return found
+        return [] if attribute and attribute.many and value == Constant(None) else found
 
     def explicit(self) -> dict[Thing, list[tuple[int, str]]]:
         """Objects that are deleted by name, each with the places that say so."""
@@ -435,11 +437,13 @@ class Application:
                     self.reasons.add("ambiguous")
                 elif len({values for _, values in asked}) > 1:
                     self.unclear.append("lists in another order")
-            elif len({values for _, values in asked}) > 1 and any(
-                isinstance(value, str) for _, values in asked for value in values
+            elif (
+                len({values for _, values in asked}) > 1
+                and not self.before.several(feature)
+                and any(isinstance(value, str) for _, values in asked for value in values)
             ):
                 self.reasons.add("ambiguous")
-            elif self.before.attribute(feature) is None and operators == {"+=", "-="}:
+            elif (not self.before.attribute(feature) or self.before.several(feature)) and len(operators) > 1:
                 plus = {v for operator, values in asked for v in values if operator == "+="}
                 if plus & {v for operator, values in asked for v in values if operator == "-="}:
                     self.reasons.add("ambiguous")
@@ -563,8 +567,22 @@ class Application:
         for thing, cls in self.fresh:
             self.become(thing, cls)
         for thing, feature, values in self.literals:
-            if self.state.attribute(feature):
+            if self.state.several(feature):
+                self.hold(thing, feature, "=", values)
+            elif self.state.attribute(feature):
                 self.state.values[thing, feature] = values[0]
+
+    def hold(self, thing: Thing, feature: str, operator: str, values: list[Item | None]) -> None:
+        """Give an attribute other values, or more, or fewer."""
+        attribute = self.state.several(feature)
+        held = self.state.values.get((thing, feature))
+        before: tuple[Item, ...] = held if isinstance(held, tuple) and operator != "=" else ()
+        given = [value for value in values if value is not None]
+        kept = [one for one in before if one not in given] if operator == "-=" else [*before, *given]
+        assert attribute is not None
+        self.state.values[thing, feature] = now = several(attribute, kept)
+        if attribute.upper is not None and len(now) > attribute.upper:
+            self.reasons.add("full")
 
     def link(self) -> None:
         state = self.state
@@ -648,6 +666,8 @@ class Application:
                 continue
             if not self.state.has_feature(self.state.classes[thing], feature):
                 self.reasons |= {"ambiguous", "error"}
+            elif self.before.several(feature):
+                self.hold(thing, feature, operator, values)
             elif self.before.attribute(feature):
                 if operator == "=":
                     self.state.values[thing, feature] = values[0]

@@ -5,10 +5,10 @@ Written from the description of the language; shares nothing with the engine but
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from envgraph.metamodel import Attribute, Metamodel, Reference
+from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import (
     Aggregate,
     Binary,
@@ -50,6 +50,12 @@ Link = tuple[str, Thing, Thing]
 Arrow = tuple[str, str, str]
 
 
+def several(attribute: Attribute, values: Iterable[Item]) -> tuple[Item, ...]:
+    """What an attribute with many values holds, whatever their order."""
+    found = [float(value) if attribute.type is Scalar.FLOAT else value for value in values]
+    return tuple(sorted(dict.fromkeys(found) if attribute.unique else found, key=str))
+
+
 class NoValue(Exception):
     """An expression reads a feature that has no value."""
 
@@ -60,7 +66,7 @@ class State:
 
     metamodel: Metamodel
     classes: dict[Thing, str]
-    values: dict[tuple[Thing, str], Item | None]
+    values: dict[tuple[Thing, str], Item | tuple[Item, ...] | None]
     links: set[Link]
 
     def copy(self) -> State:
@@ -77,6 +83,11 @@ class State:
 
     def reference(self, name: str) -> Reference:
         return next(one for one in self.metamodel.references if one.name == name)
+
+    def several(self, name: str) -> Attribute | None:
+        """The attribute of this name if it has many values."""
+        found = self.attribute(name)
+        return found if found is not None and found.many else None
 
     def attribute(self, name: str) -> Attribute | None:
         return next((one for one in self.metamodel.attributes if one.name == name), None)

@@ -48,7 +48,7 @@ from envgraph.pattern import (
     TypeConstraint,
     Variable,
 )
-from tests.oracle.rewriting_search import Item, State, Thing
+from tests.oracle.rewriting_search import Item, State, Thing, several
 from tests.oracle.worlds import Dice, domain, edit
 
 MOST = 8
@@ -85,8 +85,10 @@ def state_of(model: Model) -> State:
         for node in model.exact_extent(cls.name)
     ]
     classes = {node: model.class_of(node) for node in sorted(nodes)}
-    values: dict[tuple[Thing, str], Item | None] = {
-        (node, attribute.name): model.value(node, attribute)
+    values: dict[tuple[Thing, str], Item | tuple[Item, ...] | None] = {
+        (node, attribute.name): several(attribute, model.values(node, attribute))
+        if attribute.many
+        else model.value(node, attribute)
         for node in nodes
         for attribute in metamodel.attributes
         if metamodel.feature(classes[node], attribute.name)
@@ -589,7 +591,10 @@ def assigned(right: Right, feature: Attribute | Reference) -> Expression | tuple
         scope, classes={n: c for n, c in scope.classes.items() if n in scope.witness or n in matched(right)}
     )
     if isinstance(feature, Attribute) and feature.many:
-        return None  # those are only read here; `tests/unit/rewrite/test_many_values.py` writes them
+        if dice.chance(10):
+            return Constant(None)
+        listed = tuple(value(readable, feature.type) for _ in range(dice.one([0, 1, 1, 2])))
+        return listed if len(listed) != 1 or dice.chance(30) else listed[0]
     if isinstance(feature, Attribute):
         return Constant(None) if dice.chance(5) else value(readable, feature.type)
     targets = [o for o in scope.fitting(feature.target) if o not in right.deleted]
@@ -627,7 +632,9 @@ def assignment(right: Right, name: str) -> Set | None:
     operator = "="
     if isinstance(feature, Reference) and feature.many and dice.chance(60):
         operator = dice.one(["+=", "-="])
-    if isinstance(feature, Attribute) and dice.chance(40):
+    if feature.many and isinstance(feature, Attribute):
+        operator = "=" if made == Constant(None) else dice.one(["=", "+=", "+=", "-="])
+    elif isinstance(feature, Attribute) and dice.chance(40):
         if feature.type in (Scalar.INT, Scalar.FLOAT):
             operator = dice.one(["+=", "-="])
         elif feature.type is Scalar.STRING:
