@@ -124,11 +124,15 @@ def value_of(text: str, type_: Scalar | EnumType) -> Value | None:
 
     >>> value_of("-3", Scalar.INT), value_of("1e3", Scalar.FLOAT), value_of("1_000", Scalar.INT)
     (-3, 1000.0, None)
+    >>> value_of("*", Scalar.INT)  # an upper bound in UML
+    -1
     """
     if isinstance(type_, EnumType):
         return literal_of(text, type_)
     match type_:
         case Scalar.INT:
+            if text == "*":
+                return -1
             try:
                 number = int(text) if _INT.fullmatch(text) else None
             except ValueError:  # thousands of digits

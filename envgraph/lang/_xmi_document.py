@@ -129,17 +129,23 @@ class Reading:
             )
             raise Stop
 
-    def unresolved(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
-        """Notes a link to what is nowhere: a mistake, or a warning, of which a hundred are shown."""
+    def unresolved(
+        self,
+        code: str,
+        message: str,
+        span: Span,
+        hint: str | None = None,
+        lost: str = "links to it are left out",
+    ) -> None:
+        """Notes what is named and is nowhere: a mistake, or a warning, of which a hundred are shown."""
         if not self.allow_unresolved:
             self.add(Diagnostic(code, message, span, hint))
             return
         self._unresolved += 1
         if self._unresolved == MOST_ERRORS + 1:
-            code, message = "too-many-warnings", "there are more links to what is nowhere"
+            code, message = "too-many-warnings", "there are more names of what is nowhere"
         if self._unresolved <= MOST_ERRORS + 1:
-            hint = "links to it are left out"
-            self.diagnostics.append(Diagnostic(code, message, span, hint, Severity.WARNING))
+            self.diagnostics.append(Diagnostic(code, message, span, lost, Severity.WARNING))
 
 
 class Spans(Mapping[int, Span]):

@@ -172,6 +172,8 @@ class TagReader:
             self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
         elif prefix or "" in self._scope:
             package = self._package(self._scope[prefix], span)
+            if package is None and not near_uri(self._scope[prefix], self._reading.packages):
+                return None
         cls = self._home(simple, package, span)
         if cls is None:
             return None
@@ -207,8 +209,12 @@ class TagReader:
         if uri not in packages and uri not in self._reading.foreign:
             self._reading.foreign.add(uri)
             message = f"the metamodel `{self._reading.metamodel.name}` has no namespace `{uri}`"
-            hint = near_uri(uri, packages) or "it has " + ", ".join(f"`{one}`" for one in packages)
-            self._document.report("unknown-uri", message, span, hint)
+            near = near_uri(uri, packages)
+            if near:  # then classes are looked for by their names alone
+                self._document.report("unknown-uri", message, span, near)
+            else:
+                hint = "it has " + ", ".join(f"`{one}`" for one in packages)
+                self._reading.unresolved("unknown-uri", message, span, hint, "objects of it are left out")
         return packages.get(uri)
 
     # --- tags ---
@@ -346,13 +352,15 @@ class TagReader:
         """The object of a tag, with the values of its attributes."""
         model = self._model
         name = attributes.pop(self._id_key, None) if self._id_key else None
-        if name is not None and name in model:
-            self._duplicate(name, at)
+        own = name
+        if name is not None and name in model:  # of an object of another document, perhaps
+            if name in self._document.ids:
+                self._duplicate(name, at)
             name = None
         node = model.new(table.name, name)
         self._document.bytes.append(at)
-        if name is not None:
-            self._document.ids[name] = node
+        if own is not None:
+            self._document.ids.setdefault(own, node)
         known, references = table.attributes, table.references
         for key, value in attributes.items():
             if key in known:

@@ -122,3 +122,34 @@ def test_features_of_a_metamodel_whose_types_are_nowhere_are_left_out() -> None:
     assert [one.message for one in told] == [first.message, second.message]
     (problem,) = load_workspace(["q.query"], files=TextFiles(texts), allow_unresolved=True).errors
     assert problem.hint == "its type is in a file that is nowhere"
+
+
+def test_objects_of_a_namespace_that_is_nowhere_are_left_out() -> None:
+    model = (
+        f'<xmi:XMI {HEAD} xmlns:p="http://profile/7"><p:Library base="_1"><shelves/></p:Library>'
+        '<lib:Library xmi:id="_1" name="x"><shelves><items xsi:type="p:Book"/></shelves></lib:Library></xmi:XMI>'
+    )
+    files = TextFiles(
+        {"m.ecore": LIBRARY, "a.xmi": model, "b.xmi": model.replace("profile/7", "example.org/libary")}
+    )
+    (problem,) = load_workspace(["m.ecore", "a.xmi"], files=files).errors
+    assert problem.message == "the metamodel `library` has no namespace `http://profile/7`"
+    found = load_workspace(["m.ecore", "a.xmi"], files=files, allow_unresolved=True)
+    assert not found.errors and len(found.model()) == 2
+    assert [one.hint for one in found.diagnostics if one.code == "unknown-uri"] == [
+        "objects of it are left out"
+    ]
+    # One that is nearly right is a mistake: else a model of another version would be empty.
+    near = load_workspace(["m.ecore", "b.xmi"], files=files, allow_unresolved=True).errors
+    assert near[0].hint == "did you mean `http://example.org/library`?"
+
+
+def test_objects_of_two_documents_may_have_the_same_id() -> None:
+    text = f'<lib:Library {HEAD} director="{{}}#_1"><members xmi:id="_1" name="{{}}"/></lib:Library>'
+    texts = {"m.ecore": LIBRARY, "a.xmi": text.format("b.xmi", "a"), "b.xmi": text.format("a.xmi", "b")}
+    found = load_workspace(["m.ecore", "a.xmi"], files=TextFiles(texts))
+    assert not found.errors
+    assert [(one.director.name, one.members[0].name) for one in found.model().nodes("Library")] == [
+        ("b", "a"),
+        ("a", "b"),
+    ]
