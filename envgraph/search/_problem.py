@@ -226,6 +226,8 @@ def number(value: object, what: str) -> float:
     envgraph.errors._exceptions.EvaluationError: measure `fires` is no number: it returned a `str`
     ...
     """
+    if type(value) is float and not isnan(value):
+        return value
     found = with_article(type(value).__name__)
     if isinstance(value, Real):
         try:
