@@ -85,12 +85,12 @@ class CallChecking(Checking):
         if signature is None:
             self._unknown_rule(call)
             return {}
-        if signature.kind != "rule":
-            message = f"`{call.rule}` is a {signature.kind}; an environment applies single rules"
-            self.report("no-rule", message, call.rule_span or call.span, "name a rule")
+        if signature.kind == "group":
+            message = f"`{call.rule}` is a group; an environment applies single rules, and runs units"
+            self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
             return {}
         if len(call.arguments) != len(signature.parameters):
-            message = f"rule `{call.rule}` takes {_count(signature)}, not {len(call.arguments)}"
+            message = f"{signature.kind} `{call.rule}` takes {_count(signature)}, not {len(call.arguments)}"
             self.report("wrong-arity", message, call.span, f"write `{written(signature)}`")
             return {}
         return self._arguments(call, signature, scope)

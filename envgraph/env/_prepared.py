@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from envgraph.env._rulebook import Fire
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import Value
@@ -25,26 +24,28 @@ class Choices(Protocol):
         """One of `count` >= 1 alternatives, equally likely."""
 
 
+Perform = Callable[[Sequence[Value | None], Choices, Model], Sequence[Value | None] | None]
+"""Applies a rule or runs a unit with values for its parameters; the values of its outputs, None if nothing was done."""
+
+
 @dataclass(frozen=True, slots=True)
 class PreparedCall:
     """`rule(arguments)`, ready to run.
 
     Attributes:
-        find: the rule's matches for the values of the arguments.
-        fire: applies the rule at a match, returning the values of its outputs.
+        perform: applies the rule, or runs the unit, for the values of the arguments.
         arguments: the argument expressions of the bound parameters, as functions of the scope.
         objects: which of the arguments are objects.
         outputs: the names that get the outputs.
     """
 
-    find: Callable[..., Sequence[Row]]
-    fire: Fire
+    perform: Perform
     arguments: tuple[Callable[[Scope], Value | None], ...]
     objects: tuple[bool, ...]
     outputs: tuple[str, ...]
 
-    def run(self, scope: Scope, choices: Choices, model: Model) -> Mapping[str, Value | None] | None:
-        """Apply the rule at one of its matches; None if it has none.
+    def run(self, scope: Scope, choices: Choices, model: Model) -> Scope | None:
+        """Apply the rule at one of its matches, or run the unit; None if that cannot be done.
 
         Returns:
             The scope, with the outputs.
@@ -53,11 +54,9 @@ class PreparedCall:
         for value, is_object in zip(values, self.objects, strict=True):
             if value is None or (is_object and not model.alive(value)):  # type: ignore[arg-type]
                 return None
-        # Sorted: the order that a matcher lists rows in may depend on how a state was reached.
-        rows = sorted(self.find(*values))
-        if not rows:
+        result = self.perform(values, choices, model)
+        if result is None:
             return None
-        result = self.fire(rows[choices.pick(len(rows))])
         return {**scope, **dict(zip(self.outputs, result, strict=True))} if self.outputs else scope
 
 

@@ -37,7 +37,7 @@ from envgraph.env._prepared import (
     Reward,
     Scope,
 )
-from envgraph.env._rulebook import firing
+from envgraph.env._rulebook import applying
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.match import Row
@@ -155,10 +155,9 @@ class Program:
             for argument, taken in pairs
             if taken.output and isinstance(argument, Variable) and not argument.anonymous
         }
-        runner = self.engine.prepare(call.rule)
+        names = [taken.name for _, taken in bound]
         return PreparedCall(
-            runner.prepare(tuple(taken.name for _, taken in bound)),
-            firing(runner, tuple(outputs)),
+            applying(self.engine, call.rule, names, tuple(outputs)),
             tuple(self._argument(argument, taken.type is Scalar.FLOAT) for argument, taken in bound),
             tuple(isinstance(taken.type, ObjectType) for _, taken in bound),
             tuple(outputs.values()),

@@ -16,12 +16,15 @@ from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, Prep
 from envgraph.env._program import Program
 from envgraph.env._sampling import Draw
 from envgraph.env._scene import Painter
-from envgraph.errors import InvalidArgument, ResolutionError, Severity
+from envgraph.errors import EvaluationError, InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Savepoint
 from envgraph.match import Row
 from envgraph.rewrite import Engine
 
 GOES_ON, SUCCESS, FAILURE = 0, 1, 2
+
+MOST_OUTCOMES = 10_000
+"""Of one action in one state, equal ones included: some seconds. Units that make many choices have millions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,9 +178,18 @@ class Simulator:
         """Probability, reward and end of an action as `outcomes` has them; the observation is for the caller to make.
 
         So is taking each outcome back before the next is asked for: rolling its savepoint back, or shelving it.
+
+        Raises:
+            EvaluationError: there are too many of them.
         """
         prepared, turn = self._action(action), self.turn
-        for choices in _all_choices():
+        for number, choices in enumerate(_all_choices()):
+            if number >= MOST_OUTCOMES:
+                raise EvaluationError(
+                    f"action `{prepared.name}` has more than {MOST_OUTCOMES} outcomes in one state",
+                    self.behaviour.span,
+                    "in a unit, `all r;` takes every match without a choice; or step on the live engine (`live=True`)",
+                )
             self.turn = turn
             savepoint = self._model.savepoint()
             try:

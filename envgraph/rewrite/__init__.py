@@ -25,6 +25,7 @@ It is refused, and the model left as it was, with a `RuleError` whose `reason` i
 What the steps of a unit mean is said in `_units`.
 """
 
+from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._check import check_rule
 from envgraph.rewrite._derive import check_derivation, derived, derived_rules
 from envgraph.rewrite._described import Steps
@@ -44,6 +45,7 @@ __all__ = [
     "Activation",
     "Agenda",
     "Application",
+    "Branches",
     "Engine",
     "EventRule",
     "Exploration",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 class Branches:
     """Stands in for a random generator; a run that is repeated while `advance` is true meets every choice.
@@ -40,6 +42,10 @@ class Branches:
             self._counts.append(count)
         self._place += 1
         return self._chosen[self._place - 1]
+
+    def weigh(self, weights: Sequence[float]) -> int:
+        """One of several numbers from 0, by weight; here whatever the weights, as everything that can happen does."""
+        return self.choose(len(weights))
 
     def random(self) -> float:
         """Where only chance decides, as in functions of the user: always the same.

@@ -15,7 +15,7 @@ from envgraph.graph import Model, Savepoint
 from envgraph.metamodel import Value
 from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Firing, Row
-from envgraph.rewrite._runner import REFUSALS, Randomness, RuleRunner, draw, others
+from envgraph.rewrite._runner import REFUSALS, Randomness, RuleRunner, others
 
 STEP_LIMIT: Final = 100_000
 """How many calls and rounds one run may take, unless told otherwise."""
@@ -324,8 +324,10 @@ def run_one_of(run: Run, tiers: Sequence[Tier], *arguments: Any) -> bool | None:
 
 def draw_weighted(rng: Randomness, weights: Sequence[float]) -> int:
     """A number from 0, with probabilities in proportion to the weights; without a choice nothing is drawn."""
-    if len(weights) == 1 or isinstance(rng, Branches):
-        return draw(rng, len(weights))
+    if len(weights) == 1:
+        return 0
+    if isinstance(rng, Branches):
+        return rng.weigh(weights)
     point = rng.random() * fsum(weights)
     for number, weight in enumerate(weights):
         point -= weight

@@ -1,0 +1,125 @@
+"""Units where rules are named: as actions, as effects, and what their choices become."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv, Simulator, Tabular, explore
+from envgraph.errors import EvaluationError, LoadError, RuleError
+from tests.unit.env.coins import RULES, loaded
+
+UNITS = """
+unit exchange(hand : Hand, coin : Coin, out value : int) { try { drop(hand); } grab(hand, coin, value); }
+unit both(hand : Hand, coin : Coin) { drop(hand); turnOver(coin); }
+unit late(hand : Hand) { turn; drop(hand); }
+@weight(3.0)
+rule heavy { lhs { coin : Coin; Coin.name(coin, "a"); find up(coin); } modify { set coin.side = ::tails; } }
+rule light { lhs { coin : Coin; Coin.name(coin, "b"); find up(coin); } modify { set coin.side = ::tails; } }
+unit either { heavy | light; }
+unit some { repeat 1..2 { turn; } }
+unit every { all turn; }
+unit one { turn; }
+unit long { repeat 14 { either2; } }
+unit either2 { turnBack(_) | turnOver(_); }
+unit bad(a : Coin, b : Coin, c : Coin) { turn; stack(a, b); stack(a, c); }
+"""
+TEXTS = {"coins.rules": RULES + UNITS}
+SEES = "observe coin.side for coin : Coin\nobserve hand.holds among Coin or none"
+
+
+def table(clauses: str) -> Tabular:
+    return explore(*loaded(f"{clauses}\n{SEES}", texts=TEXTS)).tabular
+
+
+def outcomes(tabular: Tabular, state: int = 0, action: int = 0) -> dict[int, float]:
+    """Probability of each following state, by what is seen of it: a, b, c (1 for tails), and who is held (3: none)."""
+    found: dict[int, float] = {}
+    for chance, to in zip(tabular.probability[state, action], tabular.next_state[state, action], strict=True):
+        if chance:
+            seen = int(tabular.observation[to])
+            found[seen] = found.get(seen, 0.0) + float(chance)
+    return found
+
+
+def test_a_unit_is_an_action_with_its_steps_in_order() -> None:
+    tabular = table("action swap(coin : Coin) = exchange(hand, coin, value) reward value else reward -1")
+    assert tabular.action_names == ("swap(a)", "swap(b)", "swap(c)")
+    assert tabular.n_states == 4 and tabular.deterministic
+    assert tabular.reward[0, :, 0].tolist() == [1.0, 2.0, 4.0]
+    held = int(tabular.next_state[0, 1, 0])
+    assert tabular.observation[[0, held]].tolist() == [4 + 8 * 3, 4 + 8 * 1]
+    assert tabular.reward[held].ravel().tolist() == [1.0, 2.0, 4.0]
+
+
+def test_a_unit_that_fails_leaves_the_state_as_it_is() -> None:
+    tabular = table("action late = late(hand) reward 1 else reward -1")
+    assert tabular.n_states == 1
+    assert tabular.reward.ravel().tolist() == [-1.0] * tabular.reward.size
+    assert set(tabular.next_state.ravel().tolist()) == {0}
+
+
+def test_choices_of_a_unit_are_chances() -> None:
+    start = 4 + 8 * 3
+    assert outcomes(table("action x = one()")) == {start + 1: 0.5, start + 2: 0.5}
+    assert outcomes(table("action x = either()")) == pytest.approx({start + 1: 0.75, start + 2: 0.25})
+    assert outcomes(table("action x = some()")) == {start + 1: 0.25, start + 2: 0.25, start + 3: 0.5}
+    assert outcomes(table("action x = every()")) == {start + 3: 1.0}
+    assert outcomes(table("action x = 0.5: one() | 0.25: every()")) == {
+        start: 0.25, start + 1: 0.25, start + 2: 0.25, start + 3: 0.25,
+    }  # fmt: skip
+
+
+def test_units_are_effects_too() -> None:
+    tabular = table(
+        "action wait = nothing()\non reset apply one()\neach step apply every()\non neg find up(_) reward 1"
+    )
+    assert sorted(tabular.start_probability.tolist()) == [0.5, 0.5]
+    assert outcomes(tabular) == {7 + 8 * 3: 1.0}
+    assert (tabular.reward[:2, 0, 0] == 1.0).all()
+    tabular = table(
+        "action grab(coin : Coin) = grab(hand, coin, _)\non find held(hand, coin) reward 1 apply both(hand, coin)"
+    )
+    assert outcomes(tabular, action=0) == {5 + 8 * 3: 1.0}
+    assert outcomes(tabular, action=2) == {
+        4 + 8 * 2: 1.0
+    }  # tails already: the unit fails, and takes the drop back
+
+
+@pytest.mark.parametrize(
+    "clauses",
+    [
+        "action x = some()\naction y(coin : Coin) = turnBack(coin)",
+        "action x = either()\naction y(coin : Coin) = 0.7: exchange(hand, coin, _) | 0.2: one()",
+    ],
+)
+def test_a_table_and_a_live_engine_do_the_same(clauses: str) -> None:
+    rows = EnvgraphEnv(table(clauses))
+    live = EnvgraphLiveEnv(Simulator(*loaded(f"{clauses}\n{SEES}", texts=TEXTS)))
+    rng = np.random.default_rng(3)
+    assert rows.reset(seed=5)[0] == live.reset(seed=5)[0]
+    for _ in range(200):
+        action = int(rng.integers(4))
+        assert rows.step(action)[:3] == live.step(action)[:3]
+
+
+def test_a_unit_that_the_model_refuses_is_an_error_that_leaves_the_model_as_it_was() -> None:
+    engine, behaviour = loaded("action x(a : Coin, b : Coin, c : Coin) = bad(a, b, c)", texts=TEXTS)
+    before = engine.model.state_hash()
+    with pytest.raises(RuleError, match="targets of `over` already"):
+        explore(engine, behaviour)
+    assert engine.model.state_hash() == before and not engine.model.in_transaction
+    engine.model.check_integrity()
+
+
+def test_too_many_ways_through_a_unit_are_told() -> None:
+    with pytest.raises(
+        EvaluationError, match=r"`x` has more than 10000 outcomes in one state[\s\S]*`all r;` takes"
+    ):
+        table("action x = long()")
+
+
+def test_units_are_called_with_their_parameters() -> None:
+    with pytest.raises(LoadError, match="unit `both` takes 2 arguments, not 1") as found:
+        table("action x = both(hand)")
+    assert "write `both(hand : Hand, coin : Coin)`" in str(found.value)
