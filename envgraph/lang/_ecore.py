@@ -593,19 +593,12 @@ class _Reader(Names):
         name = self._name(element, "reference")
         if target is None:
             return None
-        if target.element is None or self._kinds.get(target.element) in ("EEnum", "EDataType"):
-            self._error(
-                "wrong-type",
-                "a reference leads to a class",
-                target.span,
-                'write `xsi:type="ecore:EAttribute"`',
-            )
-            return None
-        if (
-            self._kinds.get(target.element) != "EClass"
-        ):  # else not even the kind is known, which has been reported
-            if target.element in self._kinds:
-                self._error("wrong-type", "a reference leads to a class", target.span, "name a class")
+        kind = self._kinds.get(target.element) if target.element else "EDataType"
+        if target.element is None or kind != "EClass":
+            data = kind in ("EEnum", "EDataType")
+            hint = 'write `xsi:type="ecore:EAttribute"`' if data else "name a class"
+            if kind:  # else not even that is known, which has been reported
+                self._error("wrong-type", "a reference leads to a class", target.span, hint)
             return None
         if upper != 1 and not self._boolean(element, "unique", True):
             where = self.places.name_of(element.byte, "unique")

@@ -205,7 +205,8 @@ class Names:
         else:
             last = unquote(text).rpartition("/")[2]
             message, file, hint = f"`{text}`: there is no such file", f"`{last}`", None
-        hint = hint or f"name {file}, which has `{part}`, too: for example with `--metamodel`"
+        name = f"name {file}, which has `{part}`, too: for example with `--metamodel`"
+        hint = hint or f"{name}; `--allow-unresolved` leaves out what needs it"
         if self._joint.allow_unresolved:
             self._warn("missing-file", message, span, "what needs it is left out")
         else:
