@@ -40,8 +40,9 @@ _CURLY = re.compile(
     '[\u2018-\u201f\u00ab\u2039]([^\u2018-\u201f\u00bb\u203a"\n]*)[\u2018-\u201f\u00bb\u203a"]'
 )
 _WORDS = re.compile(r"\w+(?:\.\w+)*")
-_REMARK = re.compile(r"#[ \t]")
-_WORD_REMARK = re.compile(r"#(?:[ \t!\n]|[^\W\d]|$)")
+_NO_TERM = r"#(?![ \t]*(?:[=!]=|[<>]))"
+_REMARK = re.compile(_NO_TERM + r"[ \t]")
+_WORD_REMARK = re.compile(_NO_TERM + r"(?:[ \t!\n]|[^\W\d]|$)")
 _TOUCHING = re.compile(r"[\w#@$]")
 
 

@@ -22,6 +22,7 @@ from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Aggregate,
     Alap,
+    Applicable,
     Assignment,
     Atomic,
     Binary,
@@ -223,6 +224,7 @@ RULES = st.builds(
 )
 
 ARGUMENTS = st.lists(EXPRESSIONS, max_size=2).map(tuple)
+ASKED = st.builds(Applicable, NAMES, ARGUMENTS, st.booleans())
 WHERE = st.lists(CONDITIONS, max_size=2).map(tuple)
 CALLS = st.one_of(
     st.builds(Call, QUALIFIED, ARGUMENTS, st.booleans(), where=WHERE),
@@ -243,7 +245,7 @@ def steps(inner: st.SearchStrategy) -> st.SearchStrategy:
             lambda low, more, body: Repeat(low, low + more, body), st.integers(0, 3), st.integers(0, 3), inner
         ),
         st.builds(Try, inner, st.none() | inner),
-        st.builds(If, CONDITIONS, inner, st.none() | inner),
+        st.builds(If, CONDITIONS | ASKED, inner, st.none() | inner),
     )
 
 
@@ -404,14 +406,18 @@ RULES_TO_CALL = """
 rule grow { lhs { x : Item; check x.n < 3; } modify { set x.n += 1; } }
 rule cut(x : Item) { lhs { x -next-> y : Item; } modify { delete x -next-> y; } }
 @priority(1) rule drop { lhs { x : Item; } modify { delete x; } }
-@weight(3.0) rule join { lhs { x : Item; y : Item; } modify { create x -next-> y; } }
+@weight(3.0) rule join(x : Item, y : Item) { lhs { } modify { create x -next-> y; } }
 derive kinds = retype among { Item, Special };
 """
 
 
 def runnable(inner: st.SearchStrategy) -> st.SearchStrategy:
     test = st.sampled_from(
-        [Negation(PathConstraint("Item", ("next",), Variable("_"), Variable("_"))), TRUE, FALSE]
+        [
+            Negation(PathConstraint("Item", ("next",), Variable("_"), Variable("_"))),
+            *(TRUE, FALSE, Applicable("grow"), Applicable("drop", negated=True)),
+            *(Applicable("cut", (Variable("_"),)), Applicable("join", (Variable("_"), Variable("_")))),
+        ]
     )
     return st.one_of(
         st.builds(Sequence, st.lists(inner, min_size=1, max_size=3).map(tuple)),
