@@ -131,7 +131,7 @@ def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
         return []
     about = (one for one in workspace.definitions if not isinstance(one, FunctionDeclaration))
     needing = [one.span for one in (*about, *workspace.behaviours) if one.span]
-    ours = [text.span for text in workspace.models if text.span.source.name.endswith(".model")]
+    ours = [one.span for one in workspace.models if one.span.source.text.lstrip()[:1] not in ("<", "{")]
     needing = ours + needing
     hint = 'write `import "name.metamodel"` at the top'
     if not needing:

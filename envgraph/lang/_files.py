@@ -11,7 +11,7 @@ from typing import NoReturn, Protocol
 
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, did_you_mean, limit, listed
 from envgraph.files import open_input
-from envgraph.lang._formats import HEAD, format_of
+from envgraph.lang._formats import HEAD, UNCLEAR, format_of
 from envgraph.lang._xml import xml_source
 
 LARGEST_FILE = 16 * 1024 * 1024
@@ -146,7 +146,7 @@ def bundle(roots: Iterable[str], texts: Mapping[str, str]) -> Bundle:
 def file_format(files: Files, name: str) -> str | None:
     """What a file is (see `format_of`); None where nothing says it, or the file cannot be read."""
     known = format_of(name, b"")
-    if known is not None and known != "json":
+    if known is not None and known not in UNCLEAR:
         return known
     try:
         return format_of(name, files.read(name, HEAD))

@@ -22,6 +22,9 @@ FORMATS: Mapping[str, str] = {
 HEAD = 4096
 """So many bytes say what a file is."""
 
+UNCLEAR = ("json", "model", "metamodel")
+"""Suffixes of files that may be something else: families, and models of EMF."""
+
 _ECORE = "http://www.eclipse.org/emf/2002/Ecore"
 _ROOT = re.compile(r"(?:<[?!].*?>\s*)*<(?:[\w.-]+:)?([\w.-]+)([^>]*)", re.DOTALL)
 _OURS = re.compile(r'"format"\s*:\s*"envgraph-(model|family|trace)-')
@@ -46,7 +49,7 @@ def format_of(name: str, head: bytes) -> str | None:
     ('query', 'xmi', None)
     """
     suffix = suffix_of(name)
-    if suffix in FORMATS and suffix != "json":
+    if suffix in FORMATS and suffix not in UNCLEAR:
         return suffix
     wide = "utf-16" if head[:2] in (b"\xff\xfe", b"\xfe\xff") else None
     wide = {b"<\0": "utf-16-le", b"\0<": "utf-16-be"}.get(head[:2], wide)
@@ -54,6 +57,8 @@ def format_of(name: str, head: bytes) -> str | None:
     if text.startswith("<"):
         root = _ROOT.match(text)
         return "ecore" if root and root.group(1) == "EPackage" and _ECORE in root.group(2) else "xmi"
+    if suffix in ("model", "metamodel"):
+        return suffix
     if text.startswith("SQLite format 3\0"):
         return "sqlite"
     if suffix != "json" and text[:1] not in ("{", "["):

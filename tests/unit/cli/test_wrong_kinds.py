@@ -21,6 +21,7 @@ FILES = {
     "a.model": "a model",
     "a.xmi": "a model",
     "a.burningforest": "a model",
+    "emf.model": "a model",
     "a.json": "a file of JSON",
     "q.query": "a file of patterns",
     "q.vql": "a file of patterns",
@@ -33,7 +34,7 @@ FILES = {
     "notes.txt": "of no format that is known",
     "picture.png": "of no format that is known",
 }
-MODELS = ("a.model", "a.xmi", "a.burningforest", "a.json")
+MODELS = ("a.model", "a.xmi", "a.burningforest", "emf.model", "a.json")
 DEFINITIONS = ("q.query", "q.vql", "r.rules", "e.environment")
 
 TAKES = {
@@ -69,6 +70,7 @@ def call(
     Path("family.json").write_text('{\n "format": "envgraph-family-1"}')
     Path("t.trace").write_text('{"format": "envgraph-trace-1"}')
     Path("a.burningforest").write_text('<!-- a model --><b:Forest xmlns:b="b"/>')
+    Path("emf.model").write_text('<?xml version="1.0"?>\n<b:Forest xmlns:b="b"/>')
     Path("other.xml").write_bytes(
         '<?xml version="1.0" encoding="UTF-16"?><e:EPackage xmlns:e="http://www.eclipse.org/emf/2002/Ecore"/>'.encode(
             "utf-16"
@@ -117,7 +119,9 @@ def test_so_does_every_other_command(call: Callable[[str], str]) -> None:
 
 
 def test_a_model_is_known_by_its_root_and_a_family_is_no_language(call: Callable[[str], str]) -> None:
-    assert "of none of the languages" not in call("check a.burningforest -m m.metamodel")
+    for name in ("a.burningforest", "emf.model"):
+        said = call(f"check {name} -m m.metamodel")
+        assert "has no namespace `b`" in said and f"{name}:" in said
     assert "`family.json` is a family as JSON, and of none of the languages" in call("check family.json")
     assert "`run.sqlite` is a run store, and of none of the languages" in call("check run.sqlite")
     assert "`picture.png` is a file of none of the languages" in call("check picture.png")
