@@ -104,6 +104,7 @@ class CompiledMatcher:
         self._planner = Planner(library, self.calls)
         self._recursion = Recursion(model, library, self.calls, self._evaluation)
         self._functions: dict[Place, Function] = {}
+        self._looking: set[Place] = set()  # those that look through all objects of a class
         self._closures: dict[tuple[str, bool], ClosureView] = {}
         self._answers: dict[tuple[str, tuple[int, ...], Mode], Function] = {}
         self._parameters: dict[str, tuple[StaticType, ...]] = {}
@@ -192,21 +193,10 @@ class CompiledMatcher:
             return OPAQUE_COST
         key = self._key(pattern, bound, Mode.ROWS)
         try:
-            return inf if self._looks_through(key) else self._planner.view(key).cost
+            self._function(key, Mode.ROWS, _NOWHERE)
+            return inf if (key, Mode.ROWS, _NOWHERE) in self._looking else self._planner.view(key).cost
         except Unplannable:
             return inf
-
-    def _looks_through(self, key: ViewKey) -> bool:
-        """Whether a search looks through all objects of a class: its work grows with the model."""
-        pending, known = [(key, Mode.ROWS)], {(key, Mode.ROWS)}
-        for place in pending:  # which grows
-            symbols = [symbol for _, symbol in view_source(self._planner, *place).symbols]
-            if any(isinstance(symbol, Members | Valued) for symbol in symbols):
-                return True
-            called = [(symbol.key, symbol.mode) for symbol in symbols if isinstance(symbol, View)]
-            pending += [other for other in called if other not in known]
-            known.update(called)
-        return False
 
     def analyze(self) -> None:
         """Measure the model: plans that are made from now on go by the sizes that it has now.
@@ -225,6 +215,7 @@ class CompiledMatcher:
     def _plan_with(self, sizes: Sizes) -> None:
         self._planner = Planner(self.library, self.calls, sizes)
         self._functions.clear()
+        self._looking.clear()
         self._answers.clear()
         self._closures.clear()
         self._recursion = Recursion(self.model, self.library, self.calls, self._evaluation)
@@ -303,6 +294,9 @@ class CompiledMatcher:
             pending.extend(missing)
             if not missing:
                 self._functions[place] = self._build(sources[place], place[2])
+                looks = any(isinstance(symbol, Members | Valued) for _, symbol in sources[place].symbols)
+                if looks or not self._looking.isdisjoint(called):
+                    self._looking.add(place)
         return self._functions[key, mode, inside]
 
     def _source(self, key: ViewKey, mode: Mode, inside: frozenset[str]) -> Source:
