@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from sys import intern
+from typing import Any, NamedTuple
 
 from lark import Lark
+from lark.parse_tree_builder import ExpandSingleChild
 from lark.parsers.lalr_analysis import Shift
 
 from envgraph.lang._data import data_path
 from envgraph.lang._lexer import END, LexicalCore
 
+
+class Reduction(NamedTuple):
+    """What a rule makes of its parts.
+
+    Attributes:
+        size: how many parts there are.
+        rule: what the result is called.
+        make: makes it; None where it is the one part, as in a chain of precedences.
+    """
+
+    size: int
+    rule: str
+    make: Callable[[list[Any]], Any] | None
+
+
 Row = dict[str, tuple[Any, Any]]
+"""What to do at each terminal: shift to a state, or a `Reduction`; and the state to go to after each rule."""
 
 RECOVERY: dict[str, tuple[str, ...]] = {
     "metamodel": ("definition", "member"),
@@ -42,14 +61,12 @@ class Grammar:
 
     Attributes:
         states: for each parser state, what to do at each terminal and where to go after each rule.
-        callbacks: builds the tree of a rule from its parts.
         spelling: terminal to what a person would type or call it.
     """
 
     name: str
     core: LexicalCore
     states: dict[int, Row]
-    callbacks: dict[Any, Any]
     start: int
     end: int
     recovery: tuple[str, ...]
@@ -67,14 +84,14 @@ class Grammar:
             action, argument = found
             if action is Shift:
                 return True
-            length = len(argument.expansion)
+            length = argument.size
             if length > len(added):
                 size -= length - len(added)
                 added.clear()
             elif length:
                 del added[-length:]
             below = added[-1] if added else stack[size - 1]
-            added.append(self.states[below][argument.origin.name][1])
+            added.append(self.states[below][argument.rule][1])
             if terminal == END and added[-1] == self.end:
                 return True
 
@@ -85,9 +102,9 @@ class Grammar:
             if action is Shift:
                 stack.append(argument)
                 return
-            if argument.expansion:
-                del stack[-len(argument.expansion) :]
-            stack.append(self.states[stack[-1]][argument.origin.name][1])
+            if argument.size:
+                del stack[-argument.size :]
+            stack.append(self.states[stack[-1]][argument.rule][1])
             if terminal == END and stack[-1] == self.end:
                 return
 
@@ -113,9 +130,25 @@ def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
     for terminal in (*(t.name for t in lark.terminals), END):
         if terminal not in ignored:
             spelling.setdefault(terminal, _NAMES.get(terminal, terminal.lower()))
-    return Grammar(
-        name, core, conf.states, conf.callbacks, conf.start_state, conf.end_state, recovery, spelling
-    )
+    states = _tables(conf.states, conf.callbacks)
+    return Grammar(name, core, states, conf.start_state, conf.end_state, recovery, spelling)
+
+
+def _tables(states: dict[int, Row], callbacks: dict[Any, Callable[[list[Any]], Any]]) -> dict[int, Row]:
+    """Lark's tables with plain strings as keys, and what a reduction needs at hand: its own are slow to look up."""
+    made = {}
+    for rule, make in callbacks.items():
+        size = len(rule.expansion)
+        same = size == 1 and isinstance(make, ExpandSingleChild)
+        made[id(rule)] = Reduction(size, intern(str(rule.origin.name)), None if same else make)
+
+    def entry(action: Any, argument: Any) -> tuple[Any, Any]:
+        return action, argument if action is Shift else made[id(argument)]
+
+    return {
+        state: {intern(str(name)): entry(*found) for name, found in row.items()}
+        for state, row in states.items()
+    }
 
 
 @cache

@@ -86,7 +86,7 @@ class ParseStack:
     def feed(self, terminal: str, lexeme: Lexeme, index: int) -> None:
         """Reduces and shifts; the terminal is acceptable."""
         states, values, begins = self.states, self.values, self.begins
-        table, callbacks = self.grammar.states, self.grammar.callbacks
+        table = self.grammar.states
         while True:
             action, argument = table[states[-1]][terminal]
             if action is Shift:
@@ -95,19 +95,22 @@ class ParseStack:
                 begins.append(index)
                 self.previous_end = lexeme.end
                 return
-            size = len(argument.expansion)
+            size, rule, make = argument
+            if make is None:
+                states[-1] = table[states[-2]][rule][1]
+                continue
             begin, start, parts = index, lexeme.start, []
             if size:
                 begin = begins[-size]
                 start = self.lexemes[begin].start
                 parts = values[-size:]
                 del states[-size:], values[-size:], begins[-size:]
-            value = callbacks[argument](parts)
-            if isinstance(value, Tree) and value.meta.empty:
-                value.meta.start_pos = start
-                value.meta.end_pos = max(start, self.previous_end)
-                value.meta.empty = False
-            states.append(table[states[-1]][argument.origin.name][1])
+            value = make(parts)
+            if isinstance(value, Tree) and (meta := value.meta).empty:
+                meta.start_pos = start
+                meta.end_pos = max(start, self.previous_end)
+                meta.empty = False
+            states.append(table[states[-1]][rule][1])
             values.append(value)
             begins.append(begin)
             if terminal == END and states[-1] == self.grammar.end:
