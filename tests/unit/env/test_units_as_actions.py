@@ -20,8 +20,6 @@ unit either { heavy | light; }
 unit some { repeat 1..2 { turn; } }
 unit every { all turn; }
 unit one { turn; }
-unit long { repeat 14 { either2; } }
-unit either2 { turnBack(_) | turnOver(_); }
 unit bad(a : Coin, b : Coin, c : Coin) { turn; stack(a, b); stack(a, c); }
 """
 TEXTS = {"coins.rules": RULES + UNITS}
@@ -116,7 +114,7 @@ def test_too_many_ways_through_a_unit_are_told() -> None:
     with pytest.raises(
         EvaluationError, match=r"`x` has more than 10000 outcomes in one state[\s\S]*`all r;` takes"
     ):
-        table("action x = long()")
+        table("action x = some()")
 
 
 def test_units_are_called_with_their_parameters() -> None:

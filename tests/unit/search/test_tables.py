@@ -49,18 +49,26 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, str]:
+    """A run of two members, and its family file."""
+    path = tmp_path_factory.mktemp("made") / "run.sqlite"
+    family = generate("burning_forest", path, generations=1, population=2)
+    return path.read_bytes(), write_family(family)
+
+
 @pytest.fixture
-def run(tmp_path: Path, cache: Path) -> Path:
-    """A run of two members."""
+def run(made: tuple[bytes, str], tmp_path: Path, cache: Path) -> Path:
     path = tmp_path / "runs" / "forest" / "run.sqlite"
-    generate("burning_forest", path, generations=1, population=2)
+    path.parent.mkdir(parents=True)
+    path.write_bytes(made[0])
     return path
 
 
 @pytest.fixture
-def exported(run: Path, tmp_path: Path) -> Path:
+def exported(made: tuple[bytes, str], tmp_path: Path) -> Path:
     path = tmp_path / "family.json"
-    path.write_text(write_family(open_family(run)), encoding="utf-8")
+    path.write_text(made[1], encoding="utf-8")
     return path
 
 
@@ -204,17 +212,17 @@ def test_what_nobody_has_used_for_longest_makes_room(
 
 def test_many_may_write_and_read_at_once(exported: Path, cache: Path) -> None:
     found: list[int] = []
+    families = [open_family(exported) for _ in range(4)]
 
-    def work() -> None:
-        for _ in range(2):
-            found.append(open_family(exported).explored(open_family(exported).member(1)).tabular.n_states)
+    def work(family: Family) -> None:
+        found.append(family.explored(family.member(1)).tabular.n_states)
 
-    threads = [threading.Thread(target=work) for _ in range(3)]
+    threads = [threading.Thread(target=work, args=(family,)) for family in families]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(found) == 6 and len(set(found)) == 1
+    assert len(found) == 4 and len(set(found)) == 1
     assert [path.suffix for path in kept(cache)] == [".npz"]
 
 
