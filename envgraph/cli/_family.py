@@ -123,7 +123,11 @@ def show_family(run: str, directory: Path, variant: str | None, format: OutputFo
     members = family.members if variant is None else (family.member(variant),)
     if format is OutputFormat.JSON:
         print_json(
-            {"name": family.name, "members": [_member(family, member, full=True) for member in members]}
+            {
+                "name": family.name,
+                **_outcome(Outcome.of(family)),
+                "members": [_member(family, member, full=True) for member in members],
+            }
         )
         return
     if variant is None:
@@ -175,6 +179,12 @@ def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, 
     return data
 
 
+def _outcome(outcome: Outcome) -> dict[str, Any]:
+    """How diverse a family is, as JSON-ready data."""
+    maximum = outcome.maximum if outcome.maximum < inf else None
+    return {"diversity": outcome.diversity, "maximum": maximum, "bins": list(outcome.bins)}
+
+
 def _print_family(
     family: Family, format: OutputFormat, path: Path | None, low: Diagnostic | None = None
 ) -> None:
@@ -184,9 +194,7 @@ def _print_family(
             {
                 "name": family.name,
                 "run": str(path) if path else None,
-                "diversity": outcome.diversity,
-                "maximum": outcome.maximum if outcome.maximum < inf else None,
-                "bins": list(outcome.bins),
+                **_outcome(outcome),
                 "warning": low.to_dict() if low else None,
                 "members": [_member(family, member) for member in family.members],
             }

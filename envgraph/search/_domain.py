@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TypeVar
 
 from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes
-from envgraph.errors import Diagnostic, LoadError, Note, Severity, has_errors, sort_diagnostics
+from envgraph.errors import Diagnostic, LoadError, Note, Severity, Source, has_errors, sort_diagnostics
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
     Bundle,
@@ -113,6 +113,10 @@ class Domain:
         if workspace.errors:
             wrong = [one for spec in workspace.families for one in option_problems(spec, workspace)]
             raise LoadError([*workspace.diagnostics, *wrong])
+        if not workspace.families:
+            place = Source(path, workspace.sources.get(path, "")).span(0, 0)
+            hint = "a family file is a `family.toml`"
+            raise LoadError([Diagnostic("no-family", f"`{path}` is no family file", place, hint)])
         domain = cls(workspace.families[0], workspace, components, overrides)
         problems = domain.wrong_options()  # so that they are found when the files are read
         if has_errors(problems):

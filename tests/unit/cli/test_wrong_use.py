@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -34,7 +35,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
             found = int(stop.code or 0)
         out, err = capsys.readouterr()
         assert found == code, out + err
-        return err if code else out
+        return (err or out) if code else out
 
     return run
 
@@ -131,6 +132,32 @@ def test_a_damaged_run_is_refused(refused: Call, run_store: Path, damage: str) -
         db.commit()
     for command in (("show", "bad"), ("generate", "forest", "--resume", "--name", "bad")):
         assert "runs/bad/run.sqlite is damaged: " in refused(*command)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("show", "family.json"),
+        ("show", "family.json", "--format", "json"),
+        ("show", "family.json", "--variant", "E1"),
+        ("export", "family.json"),
+        ("export", "family.json", "--format", "ga4cl"),
+        ("export", "family.json", "--format", "svg"),
+        ("report", "family.json"),
+        ("train", "family.json"),
+    ],
+    ids=" ".join,
+)
+def test_no_command_takes_an_edited_family(refused: Call, run_store: Path, command: tuple[str, ...]) -> None:
+    text = refused("export", str(run_store), code=0)
+    for damage in ('"complexity": NaN', '"complexity": "high"', '"complexity": 1e999', '"complexiti": 0.5'):
+        broken = re.sub('"complexity": 0[.0-9]*', damage, text, count=1)
+        line = next(number for number, one in enumerate(broken.splitlines(), 1) if damage in one)
+        Path("family.json").write_text(broken)
+        said = refused(*command)
+        assert "family.json" in said and (
+            str(line) in said or str(line - 1) in said
+        )  # or where its table begins
 
 
 def test_a_resumed_run_that_cannot_be_written_is_refused(refused: Call, run_store: Path) -> None:

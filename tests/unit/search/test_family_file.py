@@ -105,6 +105,14 @@ def test_texts_with_mistakes_are_told_to_be_in_the_file(tmp_path: Path, text: st
     assert f"note: the text is in {file}" in str(caught.value)
 
 
+def test_a_root_that_is_no_family_is_told(tmp_path: Path, text: str) -> None:
+    query = next(name for name in json.loads(text)["texts"] if name.endswith(".query"))
+    file = tmp_path / "family.json"
+    file.write_text(edited(text, "roots", value=[query]))
+    with pytest.raises(LoadError, match=f"`{query}` is no family file"):
+        read_family(file)
+
+
 def test_overrides_with_mistakes_are_told(tmp_path: Path, text: str) -> None:
     file = tmp_path / "family.json"
     file.write_text(edited(text, "overrides", value=["seed=x"]))
