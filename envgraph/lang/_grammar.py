@@ -9,11 +9,11 @@ from pathlib import Path
 from sys import intern
 from typing import Any, NamedTuple
 
-from lark import Lark
 from lark.parse_tree_builder import ExpandSingleChild
 from lark.parsers.lalr_analysis import Shift
 
 from envgraph.lang._data import data_path
+from envgraph.lang._grammar_tables import tables
 from envgraph.lang._lexer import END, LexicalCore
 
 
@@ -116,25 +116,21 @@ class Grammar:
 
 
 def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
-    """Reads a grammar file; a conflict in it is an error.
-
-    No cache on disk: Lark's own is a pickle.
-    """
-    with path.open(encoding="utf-8") as text:
-        lark = Lark(text, parser="lalr", lexer=LexicalCore, strict=True)
-    conf = lark.parse_interactive().parser_state.parse_conf
-    core = lark.parser.lexer
-    assert isinstance(core, LexicalCore)
+    """Reads a grammar file; a conflict in it is an exception."""
+    found = tables(path)
+    core = LexicalCore(found)
     spelling = {terminal: f"`{word}`" for word, terminal in (*core.keywords.items(), *core.signs.items())}
-    ignored = set(lark.ignore_tokens)
-    for terminal in (*(t.name for t in lark.terminals), END):
-        if terminal not in ignored:
+    for terminal in (*(t.name for t in found.terminals), END):
+        if terminal not in found.ignored:
             spelling.setdefault(terminal, _NAMES.get(terminal, terminal.lower()))
-    states = _tables(conf.states, conf.callbacks)
-    return Grammar(name, core, states, conf.start_state, conf.end_state, recovery, spelling)
+    (start,), (end,) = found.table.start_states.values(), found.table.end_states.values()
+    states = _with_reductions(found.table.states, found.callbacks())
+    return Grammar(name, core, states, start, end, recovery, spelling)
 
 
-def _tables(states: dict[int, Row], callbacks: dict[Any, Callable[[list[Any]], Any]]) -> dict[int, Row]:
+def _with_reductions(
+    states: dict[int, Row], callbacks: dict[Any, Callable[[list[Any]], Any]]
+) -> dict[int, Row]:
     """Lark's tables with plain strings as keys, and what a reduction needs at hand: its own are slow to look up."""
     made = {}
     for rule, make in callbacks.items():

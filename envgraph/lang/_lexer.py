@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Collection, Container, Iterable, Iterator
 from dataclasses import dataclass, field
 from inspect import cleandoc
-from typing import Any
+from typing import Any, Protocol
 
-from lark.common import LexerConf
 from lark.lexer import Lexer, LexerState, PatternStr, TerminalDef, Token
 
 from envgraph.errors import Diagnostic, Source, Span
@@ -85,6 +84,14 @@ class Scan:
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
 
+class Terminals(Protocol):
+    """What has the terminals of a grammar: what Lark hands over, or what was kept of it."""
+
+    @property
+    def terminals(self) -> Collection[TerminalDef]:
+        """All of them."""
+
+
 class LexicalCore(Lexer):
     """The terminals of one grammar, sorted into words, regular tokens and punctuation.
 
@@ -93,7 +100,7 @@ class LexicalCore(Lexer):
 
     __future_interface__ = 2
 
-    def __init__(self, conf: LexerConf) -> None:
+    def __init__(self, conf: Terminals) -> None:
         self.keywords: dict[str, str] = {}
         self.signs: dict[str, str] = {}
         regular: list[TerminalDef] = []

@@ -18,16 +18,13 @@ from pathlib import Path
 from envgraph import __version__
 from envgraph.env import Behaviour, Explored, KeyIndex, explore, read_explored, write_explored
 from envgraph.errors import InvalidArgument
-from envgraph.files import replacing
+from envgraph.files import CACHE_VARIABLE, cache_directory, replacing
 from envgraph.graph import Model, model_to_json
 from envgraph.search._domain import Domain
 from envgraph.search._store import dump_json
 
 FORMAT = 1
 """Raised when the same texts give another table, or another file, than before."""
-
-CACHE_VARIABLE = "ENVGRAPH_CACHE"
-"""Environment variable: the directory for tables of what has no run, or "off" to keep no tables at all."""
 
 MOST_BYTES = 2**30
 """Of the files of one place; the ones that nobody has used for longest make room."""
@@ -54,11 +51,8 @@ class Tables:
     @classmethod
     def of_user(cls) -> Tables:
         """Those of families and domains that have no run: `$ENVGRAPH_CACHE`, else `envgraph` in the user's cache."""
-        named = os.environ.get(CACHE_VARIABLE, "")
-        if named:
-            return cls(() if named == "off" else (Path(named),))
-        base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-        return cls((Path(base) / "envgraph",))
+        directory = cache_directory()
+        return cls((directory,) if directory else ())
 
     def explored(
         self,

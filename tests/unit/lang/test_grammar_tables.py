@@ -1,0 +1,87 @@
+"""Parsers that were kept are those that Lark builds, and are built anew whenever the file is not what it should be."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from lark import Lark
+
+from envgraph.errors import Source
+from envgraph.lang import bundled_domain, data_path
+from envgraph.lang._grammar import RECOVERY, build
+from envgraph.lang._parsing import parse_with
+
+TEXTS = {path.suffix[1:]: path.read_text(encoding="utf-8") for path in bundled_domain("keydoor").iterdir()}
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Notes what Lark builds."""
+    names: list[str] = []
+    make = Lark.__init__
+
+    def noted(self: Lark, grammar: object, **options: object) -> None:
+        names.append(Path(str(getattr(grammar, "name", ""))).stem)
+        make(self, grammar, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Lark, "__init__", noted)
+    return names
+
+
+def grammar(language: str, directory: Path = data_path("grammars")) -> object:  # noqa: B008
+    return build(language, directory / f"{language}.lark", RECOVERY[language])
+
+
+@pytest.mark.parametrize("language", RECOVERY)
+def test_a_parser_that_was_kept_reads_the_same(language: str, cache: Path, built: list[str]) -> None:
+    source = Source(f"a.{language}", TEXTS[language])
+    damaged = Source(f"a.{language}", TEXTS[language].replace("}", "", 3).replace(";", "", 1))
+    first, second = grammar(language), grammar(language)
+    assert built == [language]
+    for text in (source, damaged):
+        one, other = parse_with(first, text), parse_with(second, text)  # type: ignore[arg-type]
+        assert one.tree == other.tree
+        assert list(map(str, one.diagnostics)) == list(map(str, other.diagnostics))
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b'{"key": 1}', b"\xff", b"null"])
+def test_a_damaged_file_is_replaced(content: bytes, cache: Path, built: list[str]) -> None:
+    grammar("model")
+    (cache / "grammar-model.json").write_bytes(content)
+    grammar("model")
+    grammar("model")
+    assert built == ["model", "model"]
+
+
+def test_another_grammar_or_half_a_file_is_not_believed(
+    cache: Path, built: list[str], tmp_path: Path
+) -> None:
+    shutil.copytree(data_path("grammars"), tmp_path / "grammars")
+    grammar("model", tmp_path / "grammars")
+    common = tmp_path / "grammars" / "common.lark"
+    common.write_text(common.read_text() + "\n// another one\n")
+    grammar("model", tmp_path / "grammars")
+    assert built == ["model", "model"]
+    data = json.loads((cache / "grammar-model.json").read_text())
+    del data["table"]
+    (cache / "grammar-model.json").write_text(json.dumps(data))
+    grammar("model", tmp_path / "grammars")
+    assert built == ["model", "model", "model"]
+
+
+def test_nothing_is_kept_where_that_is_off(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, built: list[str]
+) -> None:
+    monkeypatch.setenv("ENVGRAPH_CACHE", "off")
+    grammar("model")
+    grammar("model")
+    assert built == ["model", "model"] and not cache.exists()
