@@ -6,7 +6,7 @@ is carried out phase by phase over the matches of all its blocks, after looking 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any, Final
@@ -65,8 +65,8 @@ def _contended(body: BlockPlan) -> bool:
 
 def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
     body = plan.body
-    writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True, again=again)
     endangered = _endangered([body], model.metamodel)
+    writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True, again=again, endangered=endangered)
     kept = tuple(slot for slot in body.kept if body.classes[slot] in endangered)
     changes = [*writer.unlink(body), *writer.delete(body)]
     changes += [Line(writer.keep(kept, body))] if kept else []
@@ -191,14 +191,22 @@ class Instance:
 class _Block:
     """A block with its compiled phases."""
 
-    def __init__(self, plan: BlockPlan, model: Model, matcher: Matcher, lossy: bool) -> None:
+    def __init__(
+        self,
+        plan: BlockPlan,
+        model: Model,
+        matcher: Matcher,
+        lossy: bool,
+        doomed: Collection[int],
+        endangered: Collection[str],
+    ) -> None:
         self.plan = plan
         self.rows = (
             matcher.prepare(plan.pattern, tuple(range(len(plan.arguments)))) if plan.kind != "rule" else None
         )
-        self.nested = [_Block(inner, model, matcher, lossy) for inner in plan.nested]
+        self.nested = [_Block(inner, model, matcher, lossy, doomed, endangered) for inner in plan.nested]
         self.phases: dict[str, Callable[[list[Any]], None] | None] = {}
-        writer = Writer(model, "e[{}]".format, lossy=lossy)
+        writer = Writer(model, "e[{}]".format, lossy=lossy, doomed=doomed, endangered=endangered)
         for phase in PHASES:
             lines = getattr(writer, phase)(plan)
             self.phases[phase] = _function(f"do_{phase}", "e", lines, writer.namespace) if lines else None
@@ -234,6 +242,13 @@ class _Block:
                 block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found, fresh, most)
 
 
+def _blocks(plan: BlockPlan) -> Iterator[BlockPlan]:
+    """A block and those inside it."""
+    yield plan
+    for inner in plan.nested:
+        yield from _blocks(inner)
+
+
 class _Staged:
     """Applies a rule with nested blocks, or one of which not even the match tells what it changes."""
 
@@ -242,7 +257,9 @@ class _Staged:
         self.model = model
         self.again = again
         self.most = limit(MOST_INSTANCES)
-        self.block = _Block(plan.body, model, matcher, plan.lossy)
+        self.doomed: set[int] = set()
+        endangered = _endangered([*_blocks(plan.body)], model.metamodel)
+        self.block = _Block(plan.body, model, matcher, plan.lossy, self.doomed, endangered)
 
     def apply(self, row: Row) -> Sequence[Any]:
         """See `Effect`."""
@@ -251,6 +268,8 @@ class _Staged:
             self.block.collect(list(row), None, instances, count(-1, -1), self.most)
             self._run(instances, "compute")
             wants = self._check(instances)
+            self.doomed.clear()
+            self.doomed.update(i.slots[each.node] for i in instances for each in i.block.plan.deletes)
             with self.model.transaction():
                 for phase in PHASES[1:]:
                     self._run(instances, phase)

@@ -7,7 +7,7 @@ namespace. Slot number 3 is the local variable `e3`, or `e[3]` where blocks shar
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from sys import maxsize
 from typing import Any, Final, NamedTuple
@@ -83,6 +83,8 @@ class Writer:
         lossy: SPO.
         sure: objects are of the classes that the plan says, so that links are changed without a look at them.
         again: told of a link that is created and there already; None if nobody needs to be.
+        doomed: what the whole application deletes, known when it is made; None if the block alone deletes.
+        endangered: classes of objects that may go along with another one that is deleted.
 
     Attributes:
         namespace: what the source may refer to.
@@ -96,8 +98,12 @@ class Writer:
         lossy: bool,
         sure: bool = False,
         again: Callable[[Link, int, int], None] | None = None,
+        doomed: Collection[int] | None = None,
+        endangered: Collection[str | None] = (),
     ) -> None:
         self.model = model
+        self.doomed = doomed
+        self.endangered = endangered
         self.slot = slot
         self.sure = sure
         self.again = again
@@ -122,6 +128,7 @@ class Writer:
             "_leave": lambda node, container, reference: leave(model, node, container, reference),
             "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
             "_extend": model.add_target,
+            "_inside": lambda node, others: inside(model, node, others),
             "_house": lambda source, reference, target: house(model, source, reference, target),
             "_release": lambda node, reference, targets, every: release(
                 model, node, reference, targets, every
@@ -188,7 +195,7 @@ class Writer:
 
     def delete(self, plan: BlockPlan) -> list[Line]:
         """Objects that go."""
-        return [Line(self._delete(d), d) for d in plan.deletes]
+        return [Line(self._delete(d, plan), d) for d in plan.deletes]
 
     def strip(self, plan: BlockPlan) -> list[Line]:
         """Links that objects which are merged take along."""
@@ -267,9 +274,15 @@ class Writer:
         container = "None" if fresh else self.slot(op.container)
         return f"_leave({self.slot(op.node)}, {container}, {self.constant(op.reference)})"
 
-    def _delete(self, op: Delete) -> str:
-        # A container that went before has taken its contents along.
-        return f"if alive({self.slot(op.node)}): delete({self.slot(op.node)}, {self.semantics!r})"
+    def _delete(self, op: Delete, plan: BlockPlan) -> str:
+        # A container that went before has taken its contents along; one that will go takes them.
+        node, test = self.slot(op.node), f"alive({self.slot(op.node)})"
+        if plan.classes[op.node] in self.endangered and (self.doomed is not None or len(plan.deletes) > 1):
+            others = self.slots(tuple(other.node for other in plan.deletes if other is not op))
+            test += (
+                f" and not _inside({node}, {others if self.doomed is None else self.constant(self.doomed)})"
+            )
+        return f"if {test}: delete({node}, {self.semantics!r})"
 
     def _absorb(self, op: Absorb) -> str:
         return f"_absorb({self.slot(op.kept)}, {self.slot(op.absorbed)}, {self.slot(op.links)})"
@@ -483,6 +496,16 @@ def leave(model: Model, node: int, container: int | None, reference: Reference) 
     old = model.container(node) if model.alive(node) else None
     if old is not None and old != (container, reference):
         model.unlink(old[0], old[1], node)
+
+
+def inside(model: Model, node: int, others: Collection[int]) -> bool:
+    """Whether an object is contained in one of the others, at any depth."""
+    found = model.container(node)
+    while found is not None:
+        if found[0] in others:
+            return True
+        found = model.container(found[0])
+    return False
 
 
 def content_of(reference: Reference, source: int, target: int, model: Model) -> int | None:

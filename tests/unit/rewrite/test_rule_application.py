@@ -390,6 +390,34 @@ def test_a_link_to_itself_that_is_not_matched_is_left_dangling(reference: str) -
     assert made.apply("whole", a=1) is not None and len(made.model) == 0  # its parts go with their loops
 
 
+@pytest.mark.parametrize(
+    "rule",
+    [
+        "rule r(x : Item, y : Item) { lhs { } modify { delete x; delete y; } }",
+        "rule r(x : Item, y : Item) { lhs { } modify { delete y; delete x; } }",
+        "rule r(x : Item) { lhs { } forall { lhs { y : Item; check y.n == 1; } modify { delete y; } } "
+        "modify { delete x; } }",
+        "rule r(y : Item) { lhs { } forall { lhs { x : Item; check x.n == 0; } modify { delete x; } } "
+        "modify { delete y; } }",
+        "rule r { lhs { } forall { lhs { y : Item; check y.n != 2; } modify { delete y; } } modify { } }",
+    ],
+)
+def test_a_part_that_is_deleted_goes_with_its_container_whatever_the_order(rule: str) -> None:
+    for second in (False, True):
+        model = Model(METAMODEL)
+        if second:  # so that the container comes after its parts
+            y, z, x = (model.create("Item", n=n) for n in (1, 2, 0))
+        else:
+            x, y, z = (model.create("Item", n=n) for n in (0, 1, 2))
+        x.kids = [y, z]
+        y.links = [z, y]
+        made = engine(rule, model=model)
+        shape = made.prepare("r").shape.names
+        assert made.apply("r", bound={name: node for name, node in (("x", x), ("y", y)) if name in shape})
+        assert len(model) == 0
+        model.check_integrity()
+
+
 def test_spo_removes_dangling_links() -> None:
     made = engine("@semantics(spo) rule r(a : Item) { lhs { } modify { delete a; } }", model=chain(3))
     made.apply("r", a=1)
