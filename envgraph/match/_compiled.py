@@ -336,9 +336,9 @@ class CompiledMatcher:
                 return value
             case Builtin(name):
                 return _BUILTINS[name]
-            case Bounded(pattern):
+            case Bounded(pattern, searched):
                 # The parts of a view are called after its pattern.
-                return at_most(self.library.get(pattern.partition("/")[0]))
+                return at_most(self.library.get(pattern.partition("/")[0]), searched)
             case View(key, mode):
                 function = self._function(key, mode, _NOWHERE)
                 many = self.calls.paths(key.pattern) > MOST_PATHS

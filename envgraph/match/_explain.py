@@ -59,7 +59,8 @@ def explain_view(planner: Planner, key: ViewKey, actual: Actual | None) -> str:
     lines = [f"pattern {key.pattern}({', '.join(names)}), given {given}"]
     for number, body in enumerate(view.bodies, 1):
         lines.append(f"body {number}: about {_number(body.plan.rows)} rows, cost {_number(body.plan.cost)}")
-        counts = actual(body).counts if actual is not None else ()
+        run = actual(body) if actual is not None else None
+        counts = run.counts if run is not None and run.whole else ()
         lines.extend(
             steps_text(body.plan, Names(planner.library, key.pattern, number - 1, body), "  ", counts)
         )

@@ -96,7 +96,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     module, block = Module(), Block()
     given = {position: f"v{position}" for position in key.bound}
     sieved = not view.distinct and _ends_in_sieve(planner, view.bodies, key, mode)
-    frame = view_sink(mode, view.distinct or sieved, ())
+    frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
     if mode is Mode.COUNT and (search := only_search(view)):
         question = Reach.SIZE if search.source not in view.bodies[0].plan.steps[0].binds else Reach.SIZE_BACK
         size = module.name(Closed(search.step, search.closure is Closure.STAR, question))
@@ -109,8 +109,11 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
         outputs = tuple(conjunction.parameters[p] for p in positions)
         sink = sieved_sink(mode, outputs) if sieved else view_sink(mode, view.distinct, outputs)
-        sink = replace(sink, pattern=key.pattern) if sink.size else sink
-        Translation(planner, module, conjunction, block, given).body(body.plan, sink)
+        translation = Translation(planner, module, conjunction, block, given)
+        translation.bounded = bounded
+        translation.body(body.plan, sink)
+    if bounded in module:
+        block.lines.insert(0, f"{INDENT * DEPTH}{module.name(bounded)}()")
     block.raw(frame.tail)
     counts = mode is Mode.COUNT and key.outputs
     alike = alike_starts(planner, key, key.bound) if counts else None
@@ -234,6 +237,8 @@ class Translation:
         self._passed: dict[int, str] = {}
         self.outside: list[str] = []
 
+    bounded: Bounded | None = None
+    """Sees to it that there are not too many matches."""
     _continues = False
     """Whether this is the rest of a function, inside its loops."""
     _deepens = False
@@ -310,11 +315,11 @@ class Translation:
 
     def _guard(self, step: Step, following: Sequence[Step], sink: Sink) -> None:
         """Before a loop that nothing connects with the loops around it: there must not be too many matches."""
-        if not sink.pattern or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
+        if self.bounded is None or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
             return
         connected = any(self._known(variable) for variable in variables(step.goal))
         if not connected and not self._tests_of_values(step, following):
-            self._block.line(f"{self._module.name(Bounded(sink.pattern))}({self._size(sink)})")
+            self._block.line(f"{self._module.name(self.bounded)}({self._size(sink)})")
 
     def _size(self, sink: Sink) -> str:
         """Hook: the source of the number of matches that there are."""
@@ -400,6 +405,7 @@ class Translation:
         inner._names = {v: f"v{v}" for v in inputs}
         inner._joins = self._joins
         inner._continues = continuation
+        inner.bounded = self.bounded if continuation else None
         passed: tuple[str, ...] = ()
         if continuation:
             inner._sieves, inner._passed = dict(self._sieves or {}), dict(self._passed)

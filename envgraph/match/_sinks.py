@@ -24,8 +24,7 @@ class Sink:
             returns it unless it is None, "sum" adds it up, "each" yields what it yields, "" ignores it.
         repeatable: whether the same values again change nothing.
         sieved: whether that is so because they are kept from it.
-        pattern: whose matches they are, if there must not be too many.
-        size: source of how many there are.
+        size: source of how many there are so far, where that matters.
     """
 
     variables: tuple[int, ...]
@@ -36,8 +35,7 @@ class Sink:
     relay: str = ""
     repeatable: bool = False
     sieved: bool = False
-    pattern: str = ""
-    size: str = ""
+    size: str = "0"
 
 
 def row(variables: Sequence[int], names: Names) -> str:

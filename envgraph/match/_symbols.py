@@ -165,9 +165,10 @@ class Builtin:
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """A function that raises an error if it is given more than a pattern may have matches."""
+    """A function that raises an error if it is given more than a pattern may have matches: see `at_most`."""
 
     pattern: str
+    searched: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from envgraph.errors import limit
 from envgraph.match._generate import Translation
+from envgraph.match._limits import MOST_MATCHES
 from envgraph.match._plan import BodyPlan, Plan, Step
 from envgraph.match._planner import Planner
 from envgraph.match._sinks import Sink
@@ -24,10 +26,12 @@ class Trace:
     Attributes:
         counts: number of partial matches after each step.
         first: the first partial match after each step, values by variable; None if there is none.
+        whole: whether the plan was run to the end: it may have too many matches.
     """
 
     counts: tuple[int, ...]
     first: tuple[dict[int, Any] | None, ...]
+    whole: bool = True
 
 
 class _Tracing(Translation):
@@ -63,15 +67,26 @@ def trace(planner: Planner, body: BodyPlan, bound: dict[int, Any], build: Build)
     counts = [0] * len(body.plan.steps)
     first: list[dict[int, Any] | None] = [None] * len(counts)
 
+    most = limit(MOST_MATCHES)
+
     def note(step: int, values: tuple[tuple[int, Any], ...]) -> None:
         counts[step] += 1
+        if counts[step] > most:
+            raise _TooMany
         if first[step] is None:
             first[step] = dict(values)
 
     source = _source(planner, body, tuple(sorted(bound)))
     run = build(source, lambda _: note)
-    run(*(bound[position] for position in sorted(bound)))
+    try:
+        run(*(bound[position] for position in sorted(bound)))
+    except _TooMany:
+        return Trace(tuple(counts), tuple(first), whole=False)
     return Trace(tuple(counts), tuple(first))
+
+
+class _TooMany(Exception):
+    """A step has more partial matches than anybody wants to wait for."""
 
 
 def _source(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> Source:

@@ -54,6 +54,9 @@ class Module:
             self._symbols.append((name, symbol))
         return self._names[symbol]
 
+    def __contains__(self, symbol: Symbol) -> bool:
+        return symbol in self._names
+
     def _invent(self, symbol: Symbol) -> str:
         match symbol:
             case Classes():

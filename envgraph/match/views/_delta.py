@@ -8,14 +8,14 @@ together: those before this one see the relation as it is, those after it as it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
 from envgraph.match._generate import Translation, forward_column
 from envgraph.match._plan import Absence, Conjunction, Goal, Kind, Plan, Step, arguments, inputs
 from envgraph.match._sinks import EXISTENCE, Sink, gathering, row, value
-from envgraph.match._symbols import Backward, Held, Source, Values
+from envgraph.match._symbols import Backward, Bounded, Held, Source, Values
 from envgraph.match._write import Block, Module
 from envgraph.match.views._bodies import Relation, existential, free_inside, negated
 from envgraph.match.views._planning import ViewPlanner
@@ -166,10 +166,12 @@ def write_delta(planner: ViewPlanner, module: Module, block: Block, delta: Delta
         halves = ((1, False), (0, True)) if coming else ((0, False), (1, True))
         for less, adding in halves:
             translation = DeltaTranslation(planner, module, block, delta, names)
+            translation.bounded = Bounded(delta.name) if adding else None
             number = translation.number(occurrence, names, less)
             translation.run(plan, view_sink(module, delta, adding), {goal.result: number})
     else:
         translation = DeltaTranslation(planner, module, block, delta, names)
+        translation.bounded = Bounded(delta.name) if plus else None
         alone = translation.alone(occurrence, names)
         translation.run(plan, view_sink(module, delta, plus), {}, alone)
 
@@ -240,10 +242,12 @@ def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjun
     module, block = Module(), Block()
     plan = planner.plan(conjunction, conjunction.goals, frozenset())
     heads = conjunction.parameters
-    sink = replace(gathering(heads, lambda names: row(heads, names), "return out"), pattern=name)
+    sink = gathering(heads, lambda names: row(heads, names), "return out")
     block.raw(sink.head)
     delta = Delta(name, body, conjunction, Occurrence(-1, _NOTHING, Role.EACH, ()), ())
-    DeltaTranslation(planner, module, block, delta, []).run(plan, sink, {})
+    translation = DeltaTranslation(planner, module, block, delta, [])
+    translation.bounded = Bounded(name)
+    translation.run(plan, sink, {})
     block.raw(sink.tail)
     module.function("build_rows", [], block)
     return module.source("build_rows")
@@ -275,8 +279,8 @@ HELD: Final = "held"
 def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
     """Adds or removes a derivation of the view."""
     heads = delta.conjunction.parameters
-    sink = Sink(heads, (), lambda names: [changed(module, delta, adding, row(heads, names))], ())
-    return replace(sink, pattern=delta.name, size=HELD) if adding else sink
+    each = lambda names: [changed(module, delta, adding, row(heads, names))]  # noqa: E731
+    return Sink(heads, (), each, (), size=HELD if adding else "0")
 
 
 def changed(module: Module, delta: Delta, adding: bool, row_: str) -> str:
@@ -347,6 +351,7 @@ class DeltaTranslation(Translation):
         inner = self._inner(Block(), continuation)
         inner._names = {v: f"v{v}" for v in inputs_}
         inner._continues = continuation
+        inner.bounded = self.bounded if continuation else None
         shared = sink.shared if continuation else ()
         inner._block.raw(() if shared else sink.head)
         inner._steps(steps, sink)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import pytest
 
 from envgraph.errors import EvaluationError
@@ -10,7 +12,7 @@ from envgraph.match import FREE, CompiledMatcher, Matcher, ViewMatcher
 from envgraph.match import _limits as limits
 from envgraph.pattern import Library
 from tests.unit.match.people import METAMODEL
-from tests.unit.match.writing import is_a, path, pattern
+from tests.unit.match.writing import is_a, path, pattern, unequal
 
 NAMES = [f"v{number}" for number in range(14)]
 PATTERNS = (
@@ -80,3 +82,32 @@ def test_a_view_ends_at_the_limit_when_it_is_made_and_when_the_model_grows(
         views.model.delete(views.model.extent("Person")[-1])
     assert views.count("all", free(14)) == 2**14
     views.check_integrity()
+
+
+def test_a_search_that_finds_nothing_ends_at_the_limit_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MOST_MATCHES", 2_000)
+    different = [unequal(one, other) for one, other in combinations(NAMES[:8], 2)]
+    library = Library(METAMODEL)
+    heads = ", ".join(f"{name} : Person" for name in NAMES[:8])
+    library.add(pattern(f"eight({heads})", [*(is_a("Person", name) for name in NAMES[:8]), *different]))
+    model = Model(METAMODEL)
+    for _ in range(7):
+        model.new("Person")
+    asked = CompiledMatcher(model, library)
+    for question in (asked.rows, asked.count, asked.exists, asked.first):
+        with pytest.raises(
+            EvaluationError, match="`eight` has been looked for in more than 2,000 combinations"
+        ):
+            question("eight", free(8))
+    monkeypatch.setattr(limits, "MOST_MATCHES", 20_000)
+    small = CompiledMatcher(model, library)
+    for _ in range(10):  # each search begins anew
+        assert not small.exists("eight", free(8))
+
+
+def test_a_plan_is_explained_without_running_it_to_the_end() -> None:
+    asked = matcher(CompiledMatcher, 10)
+    assert isinstance(asked, CompiledMatcher)
+    text = asked.explain("all")
+    assert "for     Person(v3)  (rows 6250000)" in text and "actually" not in text
+    assert "actually 100)" in asked.explain("pairs")
