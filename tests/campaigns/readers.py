@@ -11,7 +11,6 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from envgraph.cli._convert import read_model
 from envgraph.errors import Diagnostic, EnvgraphError
 from envgraph.graph import model_to_json, model_to_xmi
 from envgraph.lang import DiskFiles, bundled_domain, load_family, load_workspace, parse_trace, read_source
@@ -147,7 +146,7 @@ def corpus() -> tuple[dict[str, str], dict[str, Reader]]:
 
 
 def _model(path: Path) -> None:
-    read_model(str(path), [str(path.with_suffix(".ecore"))])
+    load_workspace([str(path.with_suffix(".ecore")), str(path)]).model()
 
 
 def _trace(path: Path) -> None:
