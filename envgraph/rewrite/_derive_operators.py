@@ -134,6 +134,9 @@ def check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[Di
         if not touched:
             message = f"`{cls}` is frozen" if concrete else f"`{cls}` has no concrete subclass"
             hint = "operators leave frozen classes alone"
+            if concrete and all(map(schema.needs_values, concrete)):
+                message = f"`{cls}` needs values of an attribute with many"
+                hint = "operators cannot choose them, and leave its objects alone"
             if not concrete:
                 hint = f"declare a class that extends `{cls}`, or leave `abstract` out there"
             yield Diagnostic(

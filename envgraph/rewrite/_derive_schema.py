@@ -155,12 +155,13 @@ class Schema:
     # --- classes
 
     def frozen(self, cls: str) -> bool:
-        """Whether operators leave the objects of a class alone: it or a supertype is `@frozen`.
+        """Whether operators leave the objects of a class alone: it or a supertype is `@frozen`, or `needs_values`."""
+        marked = any(self.metamodel.classes[above].frozen for above in self.metamodel.supertypes(cls))
+        return marked or self.needs_values(cls)
 
-        Or it needs values of an attribute with many, which no operator can choose.
-        """
-        classes = [self.metamodel.classes[above] for above in self.metamodel.supertypes(cls)]
-        return any(one.frozen or any(_several(f) and f.lower for f in one.features) for one in classes)
+    def needs_values(self, cls: str) -> bool:
+        """Whether an attribute with many needs some, which no operator can choose."""
+        return any(_several(one) and one.lower for one in self.metamodel.features(cls).values())
 
     def frozen_below(self, cls: str) -> tuple[str, ...]:
         """The frozen classes among the concrete ones of a class, without the subclasses of others of them."""

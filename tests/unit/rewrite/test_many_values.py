@@ -215,3 +215,24 @@ def test_xmi_has_many_values_in_tags_or_in_one_attribute_and_says_what_is_wrong(
         ("wrong-type", "`Book.marks` takes a `float`, not `x`"),
         ("unknown-literal", "`Genre` has no literal `lyric`"),
     ]
+
+
+def test_derived_operators_leave_many_values_alone() -> None:
+    boxes = """metamodel m
+class Root { contains Item[*] items contains Box[*] boxes }
+class Item { string[*] tags }
+class Box { int[1..*] sizes }
+"""
+    model = 'import "m.metamodel"\nmodel a : m { r : Root { items = Item { tags = "a" } } }'
+
+    def derived(cls: str) -> object:
+        rules = f'import "m.metamodel"\nderive grow = operators for {cls};'
+        files = {"m.metamodel": boxes, "m.model": model, "r.rules": rules}
+        return load_workspace(["m.model", "r.rules"], files=TextFiles(files))
+
+    engine = derived("Item").engine(seed=1)  # type: ignore[attr-defined]
+    for _ in range(6):
+        engine.apply("grow")
+        assert all(item.tags in ([], ["a"]) for item in engine.model.nodes("Item"))
+    (problem,) = derived("Box").errors  # type: ignore[attr-defined]
+    assert problem.message == "`Box` needs values of an attribute with many: there is no operator for it"
