@@ -55,6 +55,7 @@ from envgraph.env.registration import (
     register,
     register_entry_point,
 )
+from envgraph.errors import shorten
 
 __all__ = [
     "DEFAULT_LIMIT",
@@ -118,3 +119,5 @@ __all__ = [
 ]
 
 register_entry_point()
+
+shorten(globals(), __all__)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.errors import InvalidArgument
+from envgraph.metamodel.picture import markup
 
 PROBABILITY_TOLERANCE = 1e-9
 
@@ -64,6 +65,24 @@ class Tabular:
     def deterministic(self) -> bool:
         """Whether every action has one outcome (K is 1); the start may still be drawn."""
         return int(self.next_state.shape[2]) == 1
+
+    def __repr__(self) -> str:
+        return f"<Tabular: {', '.join(f'{number:,} {what}' for what, number in self._facts().items())}>"
+
+    def _repr_html_(self) -> str:
+        rows = [*((what, f"{number:,}") for what, number in self._facts().items())]
+        rows += [("names of actions", ", ".join(self.action_names)), ("agents", ", ".join(self.agent_names))]
+        cells = (f"<tr><th>{markup(what)}</th><td>{markup(value)}</td></tr>" for what, value in rows if value)
+        return f"<table>{''.join(cells)}</table>"
+
+    def _facts(self) -> dict[str, int]:
+        return {
+            "states": self.n_states,
+            "actions": self.n_actions,
+            "outcomes": int(np.count_nonzero(self.probability)),
+            "observations": self.n_observations,
+            "start states": len(self.start_states),
+        }
 
     def check(self) -> None:
         """Verify what the attributes promise.

@@ -20,6 +20,7 @@ from envgraph.errors._exceptions import (
     TypeMismatch,
 )
 from envgraph.errors._limits import RAISE_LIMIT, limit
+from envgraph.errors._reprs import shorten, spelling
 from envgraph.errors._source import Source, Span, visible
 from envgraph.errors._suggest import did_you_mean, listed, name_hint, with_article
 
@@ -46,7 +47,11 @@ __all__ = [
     "limit",
     "listed",
     "name_hint",
+    "shorten",
     "sort_diagnostics",
+    "spelling",
     "visible",
     "with_article",
 ]
+
+shorten(globals(), __all__)

@@ -5,11 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from envgraph.errors._diagnostics import Diagnostic, Note
-from envgraph.errors._source import Span
+from envgraph.errors._source import Span, visible
+
+_LONGEST = 140
+"""Of a message in a repr."""
 
 
 class EnvgraphError(Exception):
     """Root of every exception that envgraph raises on purpose."""
+
+    def __repr__(self) -> str:
+        """The class and the first line of the message; `str` has all."""
+        text = visible(str(self).partition("\n")[0])
+        return f"{type(self).__name__}({text if len(text) <= _LONGEST else text[:_LONGEST] + ' ...'})"
 
 
 class DiagnosticError(EnvgraphError):

@@ -13,6 +13,7 @@
 (<Room#0 hall>, 'hall')
 """
 
+from envgraph.errors import shorten
 from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._ensured import as_context, ensured
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
@@ -64,3 +65,5 @@ __all__ = [
     "to_networkx",
     "usual_value",
 ]
+
+shorten(globals(), __all__)

@@ -12,6 +12,9 @@ from envgraph.metamodel import LARGEST_INT, Attribute, Feature, Reference, Value
 if TYPE_CHECKING:
     from envgraph.graph._model import Model
 
+_SHOWN = 10
+"""Of a longer list, so many are in its repr."""
+
 
 class Node:
     """An object of a model: light, compared by model and id.
@@ -210,7 +213,7 @@ class Targets(Sequence[Node]):
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        return repr(list(self))
+        return _listed(self)
 
 
 class ValueList(MutableSequence[Value]):
@@ -276,7 +279,14 @@ class ValueList(MutableSequence[Value]):
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        return repr(list(self))
+        return _listed(self)
+
+
+def _listed(items: Sequence[object]) -> str:
+    """A list of the first ones, and how many there are."""
+    if len(items) <= _SHOWN:
+        return repr(list(items))
+    return f"[{', '.join(map(repr, items[:_SHOWN]))}, ... {len(items):,} in all]"
 
 
 def assign_features(node: Node, features: Mapping[str, object]) -> None:

@@ -4,6 +4,7 @@
 wrong with them, without raising.
 """
 
+from envgraph.errors import shorten
 from envgraph.lang._checking import conformance
 from envgraph.lang._constructors import Pattern, Rule, Unit
 from envgraph.lang._data import bundled_domain, bundled_domains, data_path
@@ -94,3 +95,5 @@ __all__ = [
     "spelled_out",
     "to_text",
 ]
+
+shorten(globals(), __all__)

@@ -10,6 +10,7 @@ tables alone how well a family teaches.
 ['E1-E3', 'E2-E3']
 """
 
+from envgraph.errors import shorten
 from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._evaluation import Evaluation, evaluate, evaluate_policy
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
@@ -53,3 +54,5 @@ __all__ = [
     "wilson_interval",
     "write_csv",
 ]
+
+shorten(globals(), __all__)

@@ -15,7 +15,7 @@ from typing import Any, Self
 import numpy as np
 
 from envgraph.env import Tabular
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, spelling
 from envgraph.files import open_input, replace_file
 from envgraph.learn._results import RunResult
 from envgraph.learn._training import Curve
@@ -92,7 +92,7 @@ class Journal:
 
 def fingerprint(tabulars: Mapping[str, Tabular], *settings: object) -> str:
     """A hash of everything that the results of a training depend on: the environments by name, and the settings."""
-    found = sha256(repr((tuple(tabulars), settings)).encode())
+    found = sha256(repr(spelling((tuple(tabulars), settings))).encode())
     for tabular in tabulars.values():
         for field in fields(tabular):
             value = getattr(tabular, field.name)

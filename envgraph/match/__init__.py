@@ -1,6 +1,8 @@
 """Matchers: what finds the matches of patterns in a model."""
 
+from envgraph.errors import shorten
 from envgraph.match._compiled import CompiledMatcher
+from envgraph.match._explain import Explanation
 from envgraph.match._matcher import FREE, Free, Matcher, Row
 from envgraph.match._naive import NaiveMatcher
 from envgraph.match._why import Failure, WhyNot, Witness
@@ -9,6 +11,7 @@ from envgraph.match.views import Subscription, ViewMatcher
 __all__ = [
     "FREE",
     "CompiledMatcher",
+    "Explanation",
     "Failure",
     "Free",
     "Matcher",
@@ -19,3 +22,5 @@ __all__ = [
     "WhyNot",
     "Witness",
 ]
+
+shorten(globals(), __all__)

@@ -22,6 +22,7 @@ from envgraph.match._plan import (
 from envgraph.match._planner import Planner
 from envgraph.match._symbols import Mode
 from envgraph.match._trace import Trace
+from envgraph.metamodel.picture import markup
 from envgraph.pattern import (
     PATHS,
     VALUES,
@@ -40,6 +41,18 @@ from envgraph.pattern import (
 
 Actual = Callable[[BodyPlan], Trace]
 """Runs the plan of a body."""
+
+
+class Explanation(str):
+    """The text of a plan; a notebook shows it as it is."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"<explanation of {self.count(chr(10)) + 1} lines: {self.partition(chr(10))[0]}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{'<br>'.join(map(markup, self.splitlines()))}</pre>"
 
 
 def explain_view(planner: Planner, key: ViewKey, actual: Actual | None) -> str:

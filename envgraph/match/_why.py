@@ -28,6 +28,7 @@ from envgraph.match._plan import (
 from envgraph.match._planner import Planner
 from envgraph.match._trace import Build, trace, whole
 from envgraph.metamodel import Reference, Value
+from envgraph.metamodel.picture import markup
 from envgraph.pattern import (
     VALUES,
     AggregateAtom,
@@ -141,6 +142,9 @@ class WhyNot:
 
     def __str__(self) -> str:
         return "\n".join(self.lines(self.show, ""))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{'<br>'.join(map(markup, str(self).splitlines()))}</pre>"
 
     def lines(self, show: Callable[[int], str], indent: str) -> list[str]:
         """As people read it."""

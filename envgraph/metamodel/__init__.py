@@ -1,5 +1,6 @@
 """Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
 
+from envgraph.errors import shorten
 from envgraph.metamodel._ecore import metamodel_to_ecore, xml_value
 from envgraph.metamodel._features import (
     LARGEST_INT,
@@ -50,3 +51,5 @@ __all__ = [
     "type_name",
     "xml_value",
 ]
+
+shorten(globals(), __all__)

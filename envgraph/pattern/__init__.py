@@ -1,5 +1,6 @@
 """Queries and rules as frozen data, independent of any text; their checks, their types and their normal form."""
 
+from envgraph.errors import shorten
 from envgraph.pattern._bodies import children, navigations, terms_in, terms_of, variables_in, with_children
 from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
@@ -199,3 +200,5 @@ __all__ = [
     "variables_in",
     "with_children",
 ]
+
+shorten(globals(), __all__)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from envgraph.errors import spelling
 from envgraph.metamodel import Metamodel, Value
 from envgraph.pattern._bodies import children, with_children
 from envgraph.pattern._inference import BodyTypes
@@ -61,8 +62,8 @@ class _Normaliser:
 
     def body(self, raw: Sequence[Atom]) -> LoweredBody:
         atoms = [*self._declared(), *(kept for atom in raw for kept in self._resolved(atom))]
-        # By their text: as constants 1 and 1.0 are equal, but 1 / 2 and 1.0 / 2 are not.
-        atoms = list({repr(atom): atom for atom in atoms}.values())
+        # As they are spelled: as constants 1 and 1.0 are equal, but 1 / 2 and 1.0 / 2 are not.
+        atoms = list({spelling(atom): atom for atom in atoms}.values())
         atoms = list(self._without_implied(atoms))
         order = self._order(atoms)
         numbers = {slot: number for number, slot in enumerate(order)}

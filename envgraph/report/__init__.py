@@ -5,6 +5,7 @@
 True
 """
 
+from envgraph.errors import shorten
 from envgraph.report._charts import COLOURS, Series, line_chart, ticks
 from envgraph.report._family_report import Trained, family_report, stage_rows, stage_table
 from envgraph.report._page import Card, Report, Section, Table, render_html
@@ -24,3 +25,5 @@ __all__ = [
     "stage_table",
     "ticks",
 ]
+
+shorten(globals(), __all__)

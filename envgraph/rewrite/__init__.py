@@ -25,6 +25,7 @@ It is refused, and the model left as it was, with a `RuleError` whose `reason` i
 What the steps of a unit mean is said in `_units`.
 """
 
+from envgraph.errors import shorten
 from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._check import check_rule
 from envgraph.rewrite._derive import check_derivation, derived, derived_rules
@@ -32,7 +33,7 @@ from envgraph.rewrite._described import Steps
 from envgraph.rewrite._engine import Engine
 from envgraph.rewrite._events import Activation, Agenda, EventRule
 from envgraph.rewrite._exploration import Exploration, State, Statistics, Transition
-from envgraph.rewrite._match import Application, Firing, Match, Row, Shape
+from envgraph.rewrite._match import Application, Firing, Match, Matches, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._run import STEP_LIMIT
 from envgraph.rewrite._runner import Randomness, RuleRunner
@@ -51,6 +52,7 @@ __all__ = [
     "Exploration",
     "Firing",
     "Match",
+    "Matches",
     "Randomness",
     "Row",
     "RuleRunner",
@@ -70,3 +72,5 @@ __all__ = [
     "trace_schema",
     "trace_to_text",
 ]
+
+shorten(globals(), __all__)

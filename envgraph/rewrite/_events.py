@@ -457,6 +457,10 @@ class Agenda(Sequence[Activation]):
         return self._list()[index]
 
     def __repr__(self) -> str:
+        return f"<agenda: {len(self._list())} to fire>"
+
+    def __str__(self) -> str:
+        """The first twenty, a line each."""
         found = self._list()
         lines = [
             f"<agenda: {len(found)} to fire>",

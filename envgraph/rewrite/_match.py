@@ -9,11 +9,19 @@ from typing import NamedTuple, Unpack
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Model, Node, PictureOptions
 from envgraph.metamodel import Value
-from envgraph.metamodel.picture import Picture
+from envgraph.metamodel.picture import Picture, markup
 from envgraph.pattern import ObjectType, StaticType
 
 Row = tuple[Value, ...]
 """One match as the matcher returns it: objects as ids."""
+
+
+_SHOWN = 3
+"""Matches in a repr."""
+
+_LONGEST = 160
+_ROWS = 100
+"""Matches that a notebook shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,12 +152,40 @@ class Match(Mapping[str, "Node | Value"]):
         inside = ", ".join(f"{name}={self._text(position)}" for position, name in enumerate(self.names))
         return f"{self.definition}({inside})"
 
+    def cells(self) -> list[str]:
+        """The values as cells of a table in HTML."""
+        return [f"<td>{markup(self._text(position))}</td>" for position in range(len(self.names))]
+
+    def _repr_html_(self) -> str:
+        return Matches([self])._repr_html_()
+
     def _text(self, position: int) -> str:
         value = self.row[position]
         if not self._shape.is_object(position):
             return repr(value)
         assert isinstance(value, int)
         return repr(self.model.node(value)) if self.model.alive(value) else f"<deleted #{value}>"
+
+
+class Matches(list[Match]):
+    """All matches of a pattern or rule: a list, which a notebook shows as a table."""
+
+    def __repr__(self) -> str:
+        shown = ", ".join(map(repr, self[:_SHOWN]))
+        more = f" and {len(self) - _SHOWN:,} more" if len(self) > _SHOWN else ""
+        return (
+            f"[{shown}{more}]"
+            if len(shown) < _LONGEST
+            else f"<{len(self):,} matches of {self[0].definition}>"
+        )
+
+    def _repr_html_(self) -> str:
+        if not self:
+            return "no matches"
+        head = "".join(f"<th>{markup(name)}</th>" for name in self[0].names)
+        rows = "".join(f"<tr>{''.join(one.cells())}</tr>" for one in self[:_ROWS])
+        more = f"<p>and {len(self) - _ROWS:,} more</p>" if len(self) > _ROWS else ""
+        return f"<table><caption>{markup(self[0].definition)}</caption><tr>{head}</tr>{rows}</table>{more}"
 
 
 class Firing(NamedTuple):

@@ -11,10 +11,10 @@ from weakref import ref
 
 from envgraph.errors import InvalidArgument, Span, TypeMismatch
 from envgraph.graph import Model, Node
-from envgraph.match import FREE, Failure, Matcher, NaiveMatcher, ViewMatcher, WhyNot
+from envgraph.match import FREE, Explanation, Failure, Matcher, NaiveMatcher, ViewMatcher, WhyNot
 from envgraph.metamodel import Scalar, Value, accepts, type_name
 from envgraph.pattern import Library, ObjectType, Pattern
-from envgraph.rewrite._match import Match, Row, Shape
+from envgraph.rewrite._match import Match, Matches, Row, Shape
 from envgraph.rewrite._names import Directory, Signature
 from envgraph.rewrite._runner import GraphRule, RuleRunner
 from envgraph.rewrite._units import UnitProgram
@@ -73,7 +73,7 @@ class Questions:
         applicable: bool = False,
         bound: Mapping[str, object] | None = None,
         **values: object,
-    ) -> list[Match]:
+    ) -> Matches:
         """All matches of a pattern, or of the left side of a rule, that agree with the bound variables.
 
         The order is a function of the model's version.
@@ -95,7 +95,7 @@ class Questions:
         rows = self.matcher.rows(pattern, arguments)
         if applicable:
             rows = self._applicable(name, shape, rows, len(rows))
-        return [Match(self.model, shape, row) for row in rows]
+        return Matches(Match(self.model, shape, row) for row in rows)
 
     def first(
         self,
@@ -154,7 +154,7 @@ class Questions:
 
     def explain(
         self, name: str, /, *variables: str, bound: Mapping[str, object] | None = None, **values: object
-    ) -> str:
+    ) -> Explanation:
         """How matches are found, or, for a watched pattern, how they are kept current.
 
         The plan has estimated rows; for no bound variables, and for given values, it is run, and has actual rows too.
@@ -177,7 +177,9 @@ class Questions:
         if variables and known:
             raise InvalidArgument("give names of variables, or values for them, not both")
         positions = tuple(sorted(known)) or tuple(sorted(shape.position(variable) for variable in variables))
-        return self.matcher.explain(pattern, positions, [known[position] for position in sorted(known)])
+        return Explanation(
+            self.matcher.explain(pattern, positions, [known[position] for position in sorted(known)])
+        )
 
     def why_not(self, name: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> WhyNot:
         """Why a pattern or rule has no match for some values: the partial match that comes furthest, and what it fails.

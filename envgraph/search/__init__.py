@@ -4,6 +4,7 @@
 `open_family` gives what a run made. `Evolution` is the algorithm itself, over any `Problem`.
 """
 
+from envgraph.errors import shorten
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
 from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
@@ -112,3 +113,5 @@ __all__ = [
     "write_family",
     "write_ga4cl",
 ]
+
+shorten(globals(), __all__)

@@ -133,6 +133,9 @@ class Domain:
                 problems += error.diagnostics
         return sort_diagnostics(problems)
 
+    def __repr__(self) -> str:
+        return f"<Domain {self.spec.name}: {self.spec.path}>"
+
     @property
     def metamodel(self) -> Metamodel:
         """Of the models."""

@@ -32,7 +32,7 @@ class Member:
 
     name: str
     measures: Mapping[str, float]
-    model: str
+    model: str = field(repr=False)
     individual: int | None = None
     initial: bool = False
     _family: Family | None = field(default=None, compare=False, repr=False)
@@ -145,6 +145,9 @@ class Family:
     def text(self, member: Member) -> str:
         """The same in letters."""
         return member_text(self, member)
+
+    def __repr__(self) -> str:
+        return f"<Family {self.name}: {len(self.members)} environments>"
 
     def _repr_html_(self) -> str:
         return family_html(self)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from envgraph.errors import InvalidArgument, RuleError, Source
+from envgraph.errors import InvalidArgument, RuleError, Source, spelling
 from envgraph.lang import Pattern as PatternOf
 from envgraph.lang import Rule as RuleOf
 from envgraph.lang import Unit as UnitOf
@@ -268,7 +268,7 @@ def rules_of(text: str) -> tuple[object, ...]:
 def test_any_pattern_is_read_back_from_its_text(pattern: Pattern) -> None:
     text = to_text(pattern)
     (found,) = patterns_of(text)
-    assert repr(found) == repr(replace(pattern, doc=plain_doc(pattern.doc)))
+    assert spelling(found) == spelling(replace(pattern, doc=plain_doc(pattern.doc)))
     assert format_text("query", text) == text
     assert to_text(found) == text
 

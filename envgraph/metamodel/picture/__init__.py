@@ -8,6 +8,7 @@ digraph "small" {
 }
 """
 
+from envgraph.errors import shorten
 from envgraph.metamodel.picture._colour import (
     INK,
     PAPER,
@@ -53,3 +54,5 @@ __all__ = [
     "shortened",
     "shown_value",
 ]
+
+shorten(globals(), __all__)

@@ -641,7 +641,7 @@ def test_the_agenda_shows_what_is_to_fire() -> None:
     assert isinstance(first, Activation) and (first.event, first.rule, first.old) == ("appear", low, None)
     assert repr(first) == "<appear low: following(left=<Item#0>, right=<Item#1>)>"
     assert made.agenda[-1].match.row == (28, 29) and first in made.agenda
-    lines = repr(made.agenda).splitlines()
+    lines = str(made.agenda).splitlines()
     assert lines[0] == "<agenda: 29 to fire>" and lines[-1] == "  and 9 more" and len(lines) == 22
     seen = []
     made.on("done", appear=lambda engine: seen.append([repr(one) for one in engine.agenda]), existing=False)

@@ -1,0 +1,162 @@
+"""The `repr` of everything public fits on two lines of a terminal, whatever it holds; notebooks show more."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from importlib import import_module
+from typing import Any
+
+import pytest
+
+import envgraph
+from envgraph.errors import EnvgraphError
+from envgraph.learn import FamilyMember, TrainingSettings, run_experiment, sequences
+from envgraph.report import family_report
+from envgraph.search import Family, Outcome, generate
+
+PACKAGES = (
+    "envgraph",
+    "envgraph.errors",
+    "envgraph.metamodel",
+    "envgraph.metamodel.picture",
+    "envgraph.graph",
+    "envgraph.pattern",
+    "envgraph.match",
+    "envgraph.rewrite",
+    "envgraph.env",
+    "envgraph.lang",
+    "envgraph.search",
+    "envgraph.learn",
+    "envgraph.report",
+    "envgraph.cli",
+)
+LONG = "x\x1b[31m" * 60
+
+
+def public() -> Iterator[tuple[str, Any]]:
+    for package in PACKAGES:
+        module = import_module(package)
+        yield from ((f"{package}.{name}", getattr(module, name)) for name in module.__all__)
+
+
+CLASSES = {
+    item: name for name, item in public() if inspect.isclass(item) and item.__module__.startswith("envgraph")
+}
+
+
+def fits(item: object) -> bool:
+    text = repr(item)
+    return len(text) < 200 and text.isprintable()
+
+
+@pytest.mark.parametrize("cls", [cls for cls in CLASSES if is_dataclass(cls)], ids=CLASSES.get)
+def test_data_with_long_and_hostile_parts_has_a_short_repr(cls: type) -> None:
+    one = object.__new__(cls)
+    for value in (LONG, (LONG,) * 20, {LONG: LONG}, None):
+        for field in fields(cls):
+            object.__setattr__(one, field.name, value)
+        try:
+            text = repr(one)
+        except (
+            AttributeError,
+            TypeError,
+            ValueError,
+        ):  # a repr that counts on the types: real ones are below
+            continue
+        assert len(text) < 200 and text.isprintable()
+
+
+@pytest.fixture(scope="module")
+def family(tmp_path_factory: pytest.TempPathFactory) -> Family:
+    place = tmp_path_factory.mktemp("run") / "run.sqlite"
+    return generate("burning_forest", place, generations=0, population=3)
+
+
+@pytest.fixture(scope="module")
+def world(family: Family) -> list[object]:
+    """Something of every kind that people meet."""
+    engine = envgraph.open("burning_forest")
+    engine.model.set_object_name(0, LONG)
+    heard = engine.on("burningTile", appear=lambda engine: None, existing=False)
+    with engine.recording() as trace:
+        applied = engine.apply("changeRoadToBurning")
+    version = engine.commit()
+    table = family.explored(family.members[0], pictures=True)
+    members = [FamilyMember(one.name, table.tabular) for one in family.members]
+    settings = TrainingSettings(steps_per_environment=20, seeds=1)
+    experiment = run_experiment(members, settings, sequences([one.name for one in members], "full"))
+    with pytest.raises(EnvgraphError) as failed:
+        envgraph.load(engine, "no/such.rules")
+    return [
+        engine, engine.model, engine.model.metamodel, engine.model.node(0), engine.model.node(0).states,
+        engine.model.picture(), engine.matches("burningTile"), engine.first("burningTile"), engine.library, heard,
+        engine.agenda, applied, applied and applied.firing, trace, version, engine.why_not("onFire"),
+        engine.why_not("startTileFixedLocation"), engine.explain("solvable"), engine.run("burnDown"),
+        engine.explore("changeBurningToRoad", limit=3), failed.value, *failed.value.diagnostics,
+        family, *family.members, family.domain, family.domain.workspace, family.domain.spec, family.bundle, family.keys,
+        family.behaviour, Outcome.of(family), table, table.tabular, *table.pictures[:2], experiment,
+        *experiment.runs, *experiment.summaries(), settings, family_report(family),
+        *family.domain.workspace.patterns, *family.domain.workspace.rules,
+    ]  # fmt: skip
+
+
+def test_everything_that_people_meet_has_a_short_repr(world: list[object]) -> None:
+    for one in world:
+        assert fits(one), f"{type(one)}: {repr(one)[:300]}"
+
+
+def test_everything_inside_of_it_has_one_as_well(world: list[object]) -> None:
+    seen: dict[int, object] = {}
+    waiting = list(world)
+    kinds = set()
+    while waiting:
+        one = waiting.pop()
+        if id(one) in seen or isinstance(one, str | bytes | int | float | Enum | type | None):
+            continue
+        seen[id(one)] = one
+        if isinstance(one, tuple | list):
+            waiting.extend(one[:50])
+        elif isinstance(one, dict):
+            waiting.extend(list(one.values())[:50])
+        elif is_dataclass(one):
+            waiting.extend(getattr(one, field.name) for field in fields(one))
+        if type(one) in CLASSES:
+            kinds.add(type(one))
+            assert fits(one), f"{type(one)}: {repr(one)[:300]}"
+    assert len(kinds) > 80
+
+
+def test_a_short_repr_is_that_of_the_data() -> None:
+    from envgraph.metamodel import Glyph, Reference
+    from envgraph.pattern import Constant, Variable
+
+    assert repr(Glyph("B", "#e8590c")) == "Glyph(letter='B', colour='#e8590c')"
+    assert repr((Constant(1), Variable("x"))) == "(Constant(value=1), Variable(name='x'))"
+    assert repr(Reference("next", "Link", doc="to " * 90)).startswith(
+        "Reference(name='next', target='Link', lower=1,"
+    )
+
+
+def test_names_of_everything_else_are_short() -> None:
+    for name, item in public():
+        if not inspect.isclass(item) and type(item).__module__.startswith("envgraph"):
+            assert fits(item), name
+
+
+def test_notebooks_show_matches_reasons_plans_and_tables(family: Family) -> None:
+    engine = envgraph.open("burning_forest")
+    matches = engine.matches("burningTile")
+    html = matches._repr_html_()
+    assert html.count("<tr>") == len(matches) + 1
+    assert "&lt;BurningTile#" in html
+    assert matches[0]._repr_html_().count("<tr>") == 2
+    assert engine.matches("onFire")._repr_html_() == "no matches"
+    assert engine.matches("neighbour")._repr_html_().endswith("<p>and 124 more</p>")
+    assert "then fails" in engine.why_not("onFire")._repr_html_()
+    assert "<br>body 1: about" in engine.explain("solvable")._repr_html_()
+    table = family.explored(family.members[0]).tabular._repr_html_()
+    assert "<th>states</th>" in table
+    assert "left, down, right, up" in table
