@@ -390,12 +390,14 @@ class TagReader:
         def span() -> Span:
             return self._document.places.attribute(at, attribute.name)
 
-        found = [self._value(attribute, one, span) for one in (text.split() if attribute.many else [text])]
-        values = [one for one in found if one is not None]
         if attribute.many:
+            found = [self._value(attribute, one, span) for one in text.split()]
+            values = [one for one in found if one is not None]
             self._set_many(node, attribute, values, [span] * len(values))
-        elif values:
-            self._model.set_value(node, attribute, values[0])
+            return
+        value = self._value(attribute, text, span)
+        if value is not None:
+            self._model.set_value(node, attribute, value)
 
     def _set_many(
         self, node: int, attribute: Attribute, values: Sequence[Value], spans: Sequence[Callable[[], Span]]
