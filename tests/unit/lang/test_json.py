@@ -14,7 +14,7 @@ from envgraph.lang import parse_json, parse_model
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 
 values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
     lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
     max_leaves=20,
 )

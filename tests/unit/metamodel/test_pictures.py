@@ -54,9 +54,9 @@ def lines(text, start):
 
 
 def boxes(svg):
-    """Left, top, right and bottom of each box of our own SVG."""
+    """Left, top, right and bottom of each box of our own SVG; the first rectangle is the paper."""
     found = []
-    for rect in ElementTree.fromstring(svg).iter(f"{SVG}rect"):
+    for rect in list(ElementTree.fromstring(svg).iter(f"{SVG}rect"))[1:]:
         x, y, width, height = (float(rect.get(key)) for key in ("x", "y", "width", "height"))
         found.append((x, y, x + width, y + height))
     return found
