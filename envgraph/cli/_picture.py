@@ -37,7 +37,8 @@ def show_file(path: str, variant: str | None, inputs: Inputs, format: ShowFormat
 
 def _class_row(cls: Class) -> tuple[str, ...]:
     features = ", ".join(
-        one.name if isinstance(one, Attribute) else f"{one.name} [{one.multiplicity}]" for one in cls.features
+        one.name if isinstance(one, Attribute) and not one.many else f"{one.name} [{one.multiplicity}]"
+        for one in cls.features
     )
     return f"{'abstract ' if cls.abstract else ''}{cls.name}", ", ".join(cls.supertypes), features
 

@@ -357,12 +357,14 @@ class Store:
             hook = self.value_removing[attribute]
             if hook is not None or self.listeners:
                 kept = dict.fromkeys(after)
-                for value in [value for value in before if value not in kept]:
+                for index, value in reversed(list(enumerate(before))):
+                    if value in kept:
+                        continue
                     if hook is not None:
                         hook(node, value)
                     if self.listeners:
                         self._removing(ValueFact(self.metamodel.attributes[attribute], node, value))
-                    self._keep(distinct, node, tuple(one for one in distinct[node] if one != value))
+                    self._keep(distinct, node, distinct[node][:index] + distinct[node][index + 1 :])
             if self.recording:
                 self.journal.extend((column, node, old, SET))
             column[node] = values

@@ -215,6 +215,7 @@ def test_what_would_be_lost_is_counted_and_nothing_is_written_unless_lossy(run: 
     assert "2 warnings say what would be lost of `m.ecore`" in err
     assert run("convert", "m.ecore", "n.ecore", "--lossy")[0] == 0
     assert 'name="tags" upperBound="-1"' in Path("n.ecore").read_text()
+    assert "tags [0..*], items [0..*]" in run("show", "n.ecore")[1]
 
 
 def test_objects_of_a_grid_are_called_by_their_places(run: Run) -> None:

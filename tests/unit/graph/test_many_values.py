@@ -113,7 +113,7 @@ def test_listeners_hear_of_each_value_that_comes_or_goes(model: Model) -> None:
     book.tags = ["c", "b"]
     assert len(ear.heard) == 2
     book.delete()
-    assert ear.heard[2:] == [("-", "c"), ("-", "b"), ("-", 1.0)]
+    assert ear.heard[2:] == [("-", "b"), ("-", "c"), ("-", 1.0)]
 
 
 def test_rollback_and_versions_restore_order_and_repetitions(model: Model) -> None:

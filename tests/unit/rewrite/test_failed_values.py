@@ -83,9 +83,7 @@ def test_an_attribute_needs_what_a_path_leads_to(action: str) -> None:
 
 
 def test_a_path_that_leads_nowhere_clears_a_reference_and_an_optional_attribute() -> None:
-    cls = Class(
-        "A", features=(Attribute("note", Scalar.STRING, lower=0), Reference("next", "A", lower=0))
-    )
+    cls = Class("A", features=(Attribute("note", Scalar.STRING, lower=0), Reference("next", "A", lower=0)))
     made = Engine(Model(Metamodel("m", (cls,))))
     made.add(Rule("r", "a : A", lhs="", modify="set a.note = a.next.note; set a.next = a.next.next;"))
     a = made.model.create("A", note="x")
