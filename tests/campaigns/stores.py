@@ -85,7 +85,10 @@ def _change(random: Random, kind: str, connection: sqlite3.Connection) -> None:
     for _ in range(random.choice([1, 1, 3])):
         table = random.choice(tables)
         columns = [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
-        rows = [row[0] for row in connection.execute(f"SELECT rowid FROM {table}")] if columns else []
+        if not columns:
+            continue
+        key = columns[0]  # not all tables have row ids
+        rows = [row[0] for row in connection.execute(f"SELECT {key} FROM {table}")]
         if not rows:
             continue
         value = random.choice(
@@ -94,8 +97,8 @@ def _change(random: Random, kind: str, connection: sqlite3.Connection) -> None:
         row, column = random.choice(rows), random.choice(columns)
         try:
             if random.random() < 0.3:
-                connection.execute(f"DELETE FROM {table} WHERE rowid = ?", (row,))
+                connection.execute(f"DELETE FROM {table} WHERE {key} = ?", (row,))
             else:
-                connection.execute(f"UPDATE {table} SET {column} = ? WHERE rowid = ?", (value, row))
+                connection.execute(f"UPDATE {table} SET {column} = ? WHERE {key} = ?", (value, row))
         except sqlite3.Error:
             continue
