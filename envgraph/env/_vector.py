@@ -72,7 +72,7 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         if render_mode is not None and (render_mode != "rgb_array" or len(pictures) != len(tables)):
             raise InvalidArgument("rendering needs `rgb_array` and the pictures of every table")
         first = tables[0]
-        self.autoreset_mode = _mode(autoreset_mode)
+        self.autoreset_mode = autoreset_of(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
         self.max_episode_steps = max_episode_steps
@@ -236,7 +236,12 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         return tuple(scene_rgb(self._pictures[table][state]) for table, state in places)
 
 
-def _mode(wanted: AutoresetMode | str) -> AutoresetMode:
+def autoreset_of(wanted: AutoresetMode | str) -> AutoresetMode:
+    """Gymnasium's mode of a name.
+
+    Raises:
+        InvalidArgument: there is none.
+    """
     try:
         return AutoresetMode(wanted)
     except ValueError:

@@ -15,6 +15,7 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import VectorEnv
 
+from envgraph.env._vector import autoreset_of
 from envgraph.errors import InvalidArgument
 
 Environment = gymnasium.Env[Any, Any]
@@ -78,10 +79,16 @@ def make_vec_spec(
         autoreset_mode: for the vector environment, whichever makes it.
         vector_kwargs: as Gymnasium has it.
         options: passed on to `gymnasium.make_vec`.
+
+    Raises:
+        InvalidArgument: no environment, or an unknown mode.
     """
+    if num_envs < 1:
+        raise InvalidArgument(f"{num_envs} environments")
     if vectorization_mode is None and options.get("live"):
         vectorization_mode = "sync"
     if autoreset_mode is not None:
+        autoreset_mode = autoreset_of(autoreset_mode)
         if vectorization_mode in ("sync", "async"):
             vector_kwargs = {**(vector_kwargs or {}), "autoreset_mode": autoreset_mode}
         else:

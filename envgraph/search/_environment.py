@@ -102,8 +102,8 @@ def make_environment(
     *,
     render_mode: str | None = None,
     observation: Literal["index", "multi"] = "index",
+    cell: int = 32,
     live: bool = False,
-    **options: Any,
 ) -> EnvgraphEnv | EnvgraphLiveEnv:
     """What `gymnasium.make` calls: one member of a family, without a time limit.
 
@@ -114,9 +114,9 @@ def make_environment(
         variant: name of a member ("E6") or its number from 1; the target, which is the last one, by default.
         render_mode: None, "ansi" or "rgb_array".
         observation: "index" for one number, "multi" for its components.
+        cell: side of a cell in pixels.
         live: whether to step on an engine. By default the table of all states is used, which makes steps faster, but
             there must not be too many of them. Episodes are the same.
-        options: passed on to `EnvgraphEnv`, or `EnvgraphLiveEnv`.
 
     Raises:
         InvalidArgument: no such family or member, or neither a domain nor a family is given, or the family is of
@@ -126,19 +126,14 @@ def make_environment(
     """
     opened = _opened(domain, family, () if variant is None else (variant,))
     member = opened.member(variant)
+    shown: dict[str, Any] = {"render_mode": render_mode, "observation": observation, "cell": cell}
     environment: EnvgraphEnv | EnvgraphLiveEnv
     if live:
-        simulator = Simulator(opened.domain.engine(opened.model(member)), opened.behaviour, opened.keys)
-        environment = EnvgraphLiveEnv(simulator, render_mode=render_mode, observation=observation, **options)
+        engine = opened.domain.engine(opened.model(member))
+        environment = EnvgraphLiveEnv(Simulator(engine, opened.behaviour, opened.keys), **shown)
     else:
         found = opened.explored(member, pictures=render_mode is not None)
-        environment = EnvgraphEnv(
-            found.tabular,
-            pictures=found.pictures,
-            render_mode=render_mode,
-            observation=observation,
-            **options,
-        )
+        environment = EnvgraphEnv(found.tabular, pictures=found.pictures, **shown)
     if opened.behaviour.draw is None:
         environment.metadata = {**environment.metadata, "render_modes": []}
     return environment
@@ -151,12 +146,14 @@ def make_vector_environment(
     variant: int | str | Sequence[int | str] | None = None,
     *,
     render_mode: str | None = None,
-    **options: Any,
+    observation: Literal["index", "multi"] = "index",
+    max_episode_steps: int | None = None,
+    autoreset_mode: str | None = None,
 ) -> EnvgraphVectorEnv:
     """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by array indexing.
 
     The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
-    `num_envs=60, variant=["E1", "E2"]` gives thirty of each. The options are those of `EnvgraphVectorEnv`.
+    `num_envs=60, variant=["E1", "E2"]` gives thirty of each. The others are those of `EnvgraphVectorEnv`.
     """
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
     opened = _opened(domain, family, variants)
@@ -167,7 +164,9 @@ def make_vector_environment(
         num_envs,
         pictures=[one.pictures for one in found],
         render_mode=render_mode,
-        **options,
+        observation=observation,
+        max_episode_steps=max_episode_steps,
+        **_given(autoreset_mode=autoreset_mode),
     )
 
 

@@ -207,6 +207,13 @@ def test_what_makes_no_environment_is_told(family_file: Path) -> None:
         envgraph.make("nowhere")
     with pytest.raises(InvalidArgument, match="no environment `E9`"):
         envgraph.make_vec(family_file, variant=["E1", "E9"])
+    with pytest.raises(TypeError, match="unexpected keyword argument 'varian'"):
+        envgraph.make(family_file, varian=2)
+    for live in (False, True):
+        with pytest.raises(InvalidArgument, match="unknown autoreset mode 'never'"):
+            envgraph.make_vec(family_file, autoreset_mode="never", live=live)
+        with pytest.raises(InvalidArgument, match="0 environments"):
+            envgraph.make_vec(family_file, num_envs=0, live=live)
 
 
 def test_the_names_of_envgraph_bring_gymnasium_along_only_when_they_are_used() -> None:
