@@ -110,3 +110,13 @@ def test_a_message_with_a_name_of_any_length_can_be_read() -> None:
     said = str(Diagnostic("code", f"unknown name `{'x' * 100_000}`"))
     assert len(said) < 2100
     assert said.startswith("unknown name `xxx") and said.endswith("xxx`")
+
+
+def test_control_characters_of_names_are_shown_as_escapes() -> None:
+    source = Source("a\x1b.rules", "x")
+    text = str(
+        Diagnostic("c", "no `\x9b\n\u202e`", source.span(0, 1), "call it `\x07`", notes=(Note("\x00"),))
+    )
+    assert all(c.isprintable() or c == "\n" for c in text)
+    assert text.splitlines()[0] == "a\\x1b.rules:1:1: no `\\x9b\\n\\u202e`"
+    assert text.splitlines()[-2:] == ["note: \\x00", "hint: call it `\\x07`"]
