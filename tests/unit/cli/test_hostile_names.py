@@ -70,6 +70,8 @@ def test_models_are_shown_without_control_characters(town: None, shown: Shown) -
         assert "script" in text
         assert "script" in shown("apply", "town.json", "town.rules", "call", "--format", format)
     assert json.loads(shown("match", "town.json", "town.query", "house", "--format", "json"))[0]["n"] == EVIL
+    assert "script" in shown("why-not", "town.json", "town.query", "house")
+    assert "house" in shown("explain", "town.json", "town.query", "house")
     assert "is no file" in shown("match", EVIL, EVIL, "house", code=1)
     assert "no object" in shown("match", "town.json", "town.query", "house", "-w", f"h={EVIL[::-1]}", code=1)
 
