@@ -532,6 +532,8 @@ class History:
             vertices[0] = vertices[0].parent
         for vertex in vertices:
             vertices.extend(vertex.children)
+            if vertex.handle is not None:
+                vertex.handle.vertex = vertex  # if it was interrupted before it knew
         waiting = {handle.vertex for handle in self._released}
         self._held = sum(vertex.held for vertex in vertices) + len(self._released)
         for vertex in vertices:

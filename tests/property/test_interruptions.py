@@ -444,3 +444,16 @@ def test_nor_does_another_one_while_that_is_dealt_with(name: str) -> None:
     for number, instruction in enumerate(spread(name, TWICE, instructions)):
         for call in (1 + number % 3, 7 + number % 11, 20 + number % 31):
             interrupt(steps, Trip(instruction, call), states, numbered)
+
+
+def test_a_commit_may_be_interrupted_anywhere() -> None:
+    model, trip = Model(PEOPLE), Trip(0)
+    trip.run(model.commit)
+    for instruction in range(trip.passed):
+        model = Model(PEOPLE)
+        Trip(instruction).run(model.commit)
+        model.create("Person")
+        version = model.commit()
+        model.create("Person")
+        model.checkout(version, discard=True)
+        model.check_integrity()
