@@ -323,7 +323,7 @@ def apply(
         typer.Option(
             "--output",
             "-o",
-            help="Write the resulting model here: as JSON, or as XMI (.xmi).",
+            help="Write the resulting model here: .model, .xmi or .json.",
             show_default=False,
         ),
     ] = None,
@@ -335,13 +335,16 @@ def apply(
             show_default=False,
         ),
     ] = None,
+    allow_none: Annotated[
+        bool, typer.Option("--allow-none", help="Exit code 0 also when nothing matches or a unit fails.")
+    ] = False,
     format: Format = OutputFormat.TEXT,
 ) -> None:
-    """Apply a rule to a model, at matches drawn at random, and print what was done."""
+    """Apply a rule to a model, at matches drawn at random, and print what was done. Exit code 1 if that is nothing."""
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._query import apply_rule
 
-    apply_rule(
+    applied = apply_rule(
         model,
         rules,
         rule,
@@ -353,6 +356,7 @@ def apply(
         trace=trace,
         format=format,
     )
+    raise typer.Exit(0 if applied or allow_none else 1)
 
 
 @app.command()
@@ -367,7 +371,7 @@ def replay(
         typer.Option(
             "--output",
             "-o",
-            help="Write the resulting model here: as JSON, or as XMI (.xmi).",
+            help="Write the resulting model here: .model, .xmi or .json.",
             show_default=False,
         ),
     ] = None,
@@ -393,7 +397,7 @@ def convert(
     output: Annotated[
         Path,
         typer.Argument(
-            help="Where to: a metamodel as .ecore; a model as .xmi or .json.",
+            help="Where to: a metamodel as .ecore; a model as .model, .xmi or .json.",
             show_default=False,
         ),
     ],

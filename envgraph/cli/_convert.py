@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from envgraph.cli._inputs import A_MODEL, MODELS, Inputs, take
@@ -10,10 +12,12 @@ from envgraph.cli._output import print_line
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.graph import Model, model_to_json, model_to_xmi
-from envgraph.lang import Workspace
+from envgraph.lang import Workspace, model_to_text
 from envgraph.metamodel import metamodel_to_ecore
 
-_FORMATS = (".ecore", ".xmi", ".json")
+_FORMATS = (".ecore", ".model", ".xmi", ".json")
+_WRITTEN = _FORMATS[1:]
+"""Formats of models."""
 _LOST = {".ecore": ("left-out", "unique", "read-as-string", "generic-type")}
 """Codes of the warnings that say what is lost of a metamodel."""
 _LOST_VALUES = ("values-left-out",)
@@ -26,9 +30,7 @@ def convert_file(file: str, output: Path, inputs: Inputs, *, lossy: bool) -> Non
     Raises:
         InvalidArgument: there is no such format, or something is lost and it is not to be `lossy`.
     """
-    if output.suffix not in _FORMATS:
-        hint = did_you_mean(output.suffix, _FORMATS) or f"there are {', '.join(_FORMATS)}"
-        raise InvalidArgument(f"`{output}` is of no format that can be written; {hint}")
+    check_format(output, _FORMATS)
     whole = output.suffix == ".ecore"
     workspace = _metamodel(file, inputs) if whole else _model(file, inputs)
     codes = _LOST.get(output.suffix, _LOST_VALUES)
@@ -52,10 +54,20 @@ def _model(file: str, inputs: Inputs) -> Workspace:
     return workspace
 
 
+def check_format(output: Path, formats: Sequence[str] = _WRITTEN) -> None:
+    """Refuse a file whose name asks for no format that can be written."""
+    if output.suffix not in formats:
+        hint = did_you_mean(output.suffix, formats) or f"there are {', '.join(formats)}"
+        raise InvalidArgument(f"`{output}` is of no format that can be written; {hint}")
+
+
 def model_text(model: Model, output: Path) -> str:
     """A model in the format that the name of a file asks for."""
     if output.suffix == ".xmi":
         return model_to_xmi(model)
+    if output.suffix == ".model":
+        files = sorted({cls.span.source.name for cls in model.metamodel.classes.values() if cls.span})
+        return model_to_text(model, [Path(os.path.relpath(file, output.parent)).as_posix() for file in files])
     return json.dumps(model_to_json(model), ensure_ascii=False, indent=1) + "\n"
 
 

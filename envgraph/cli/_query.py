@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from envgraph.cli._convert import model_text
+from envgraph.cli._convert import check_format, model_text
 from envgraph.cli._inputs import A_MODEL, DEFINITIONS, MODELS, THE_DEFINITIONS, Inputs, take
 from envgraph.cli._output import (
     OutputFormat,
@@ -79,8 +79,10 @@ def apply_rule(
     output: Path | None,
     trace: Path | None,
     format: OutputFormat,
-) -> None:
-    """Apply a rule or a unit some times, and print each application."""
+) -> bool:
+    """Apply a rule or a unit some times, and print each application; whether one was made and none failed."""
+    if output is not None:
+        check_format(output)
     engine = open_engine(model, rules, inputs, seed)
     signature = engine.signature(rule)
     taken = (*signature.parameters, *signature.variables)
@@ -116,6 +118,7 @@ def apply_rule(
             print_line(f"wrote {trace}")
     if output is not None:
         write_model(engine, output, format)
+    return bool(done) and failed is None
 
 
 def _check_given(engine: Engine, rule: str, bound: Mapping[str, Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import envgraph.lang
+from envgraph.cli._convert import check_format
 from envgraph.cli._inputs import Inputs, take
 from envgraph.cli._output import OutputFormat, print_json, print_line
 from envgraph.cli._query import open_engine, write_model
@@ -21,6 +22,8 @@ def replay_trace(
     format: OutputFormat,
 ) -> None:
     """Do what a trace says, and compare the states with those that it has."""
+    if output is not None:
+        check_format(output)
     take(str(trace), ("trace",), "a trace, which `envgraph apply --trace` writes")
     engine = open_engine(model, rules, inputs)
     source = envgraph.lang.read_source(envgraph.lang.DiskFiles(), str(trace))

@@ -39,7 +39,7 @@ def replacing(path: Path, *, overwrite: bool = True) -> Iterator[Path]:
         FileExistsError: there is such a file, and it is not to be overwritten.
         OSError: the file cannot be written; its `filename` is the path.
     """
-    draft = path
+    drafts = _prefix(path.resolve())
     try:
         if _is_special(path):
             yield path
@@ -56,7 +56,7 @@ def replacing(path: Path, *, overwrite: bool = True) -> Iterator[Path]:
             else:
                 os.link(draft, target)  # unlike a renaming, this fails where somebody else was faster
     except OSError as error:
-        if error.filename in (None, str(draft), draft):
+        if error.filename is None or Path(os.fspath(error.filename)).name.startswith(drafts):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
 
@@ -72,10 +72,15 @@ def _is_special(path: Path) -> bool:
     return not stat.S_ISREG(mode)
 
 
+def _prefix(target: Path) -> str:
+    """How the names of drafts of a file begin."""
+    return f".{target.name}.draft-"
+
+
 @contextmanager
 def _draft(target: Path) -> Iterator[tuple[Path, int]]:
     """A new locked file beside the target, and its descriptor; removed at the end if it is still there."""
-    prefix = f".{target.name}.draft-"
+    prefix = _prefix(target)
     _remove_stale(target.parent, re.compile(re.escape(prefix) + "[0-9a-f]{8}"))
     draft = target.with_name(prefix + secrets.token_hex(4))
     descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)

@@ -29,6 +29,7 @@ from envgraph.lang._from_text import from_text
 from envgraph.lang._json import JsonPath, check_json, model_at, parse_json, parse_model
 from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open, open_workspace
 from envgraph.lang._model import ModelText
+from envgraph.lang._model_to_text import model_to_text
 from envgraph.lang._pyecore import (
     metamodel_from_pyecore,
     metamodel_to_pyecore,
@@ -84,6 +85,7 @@ __all__ = [
     "model_at",
     "model_from_pyecore",
     "model_to_pyecore",
+    "model_to_text",
     "open",
     "open_workspace",
     "parse_ecore",

@@ -218,14 +218,15 @@ def test_apply_tells_what_it_did_and_writes_the_model(envgraph: Envgraph, tmp_pa
     (robot,) = [one for one in model["objects"] if one["class"] == "Robot"]
     (cell,) = [one for one in model["objects"] if one["id"] == robot["features"]["at"]]
     assert (cell["features"]["x"], cell["features"].get("y", 0)) == (3, 0)
-    assert "no match of moveUp" in ok(envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveUp")).out
+    none = envgraph("apply", "maze/maze.model", "maze/maze.rules", "moveUp")
+    assert none.code == 1 and "no match of moveUp" in none.out
 
 
 def test_apply_fixes_any_variable_of_the_match(envgraph: Envgraph) -> None:
     ok(envgraph("new", "maze"))
     rule = ("apply", "maze/maze.model", "maze/maze.rules", "moveRight")
     assert "there=Floor" in ok(envgraph(*rule, "-w", "there=2")).out
-    assert "no match of moveRight" in ok(envgraph(*rule, "-w", "there=3")).out
+    assert "no match of moveRight" in envgraph(*rule, "-w", "there=3").out
     result = envgraph(*rule, "-w", "their=2")
     assert result.code == 1 and "unknown variable `their`; did you mean `there`?" in result.err
 
@@ -511,7 +512,7 @@ def test_apply_tells_why_a_unit_failed(envgraph: Envgraph) -> None:
     Path("twice.rules").write_text(
         'import "maze/maze.rules"\nunit far { moveRight; moveUp; moveUp; moveUp; moveUp; moveUp; }\n'
     )
-    lines = ok(envgraph("apply", "maze/maze.model", "twice.rules", "far")).out.splitlines()
+    lines = envgraph("apply", "maze/maze.model", "twice.rules", "far").out.splitlines()
     assert lines[-3].startswith("far failed: `moveUp` has no match (twice.rules:2:")
     assert lines[-1].endswith("^^^^^^")
     assert len(lines) > 1 and lines[0].startswith("1: maze.moveRight(")
@@ -605,3 +606,36 @@ def test_a_full_disk_costs_nobody_the_file_that_was_there(
     assert sorted(file.parent.iterdir()) == entries
     ok(envgraph(*command))
     assert file.read_text() != before
+
+
+def test_apply_fails_where_nothing_matches_or_a_unit_fails(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    Path("more.rules").write_text(
+        'import "maze/maze.metamodel"\n'
+        "rule never { lhs { r : Robot; r -at-> a : Rock; r -at-> b : Goal; } modify { delete r; } }\n"
+        "rule clear { lhs { r : Rock; } modify { retype r : Floor; } }\n"
+        "unit stops { clear; never; }\n"
+    )
+    files = ("maze/maze.model", "more.rules")
+    for format in ("text", "json"):
+        assert envgraph("apply", *files, "never", "--format", format).code == 1
+        assert envgraph("apply", *files, "stops", "--format", format).code == 1
+        ok(envgraph("apply", *files, "never", "--format", format, "--allow-none"))
+    done = ok(envgraph("apply", *files, "clear", "--times", 100))
+    assert "no match of clear after 7 applications" in done.out
+    assert "failure" in envgraph("apply", *files, "stops", "--format", "json").out
+
+
+def test_apply_writes_models_as_text_and_refuses_other_suffixes(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    apply = ("maze/maze.rules", "terrain", "-o")
+    ok(envgraph("apply", "maze/maze.model", *apply, "deep/out.model"))
+    assert Path("deep/out.model").read_text().startswith('import "../maze/maze.metamodel"\n')
+    ok(envgraph("check", "deep/out.model"))
+    ok(envgraph("apply", "deep/out.model", *apply, "out.json"))
+    refused = envgraph("apply", "maze/maze.model", *apply, "out.txt")
+    assert refused.code == 1 and "no format that can be written; there are .model, .xmi, .json" in refused.err
+    assert refused.out == "" and not Path("out.txt").exists()
+    ok(envgraph("convert", "maze/maze.model", "copy.model"))
+    shown = [ok(envgraph("show", name)).out for name in ("copy.model", "maze/maze.model")]
+    assert shown[0] == shown[1]

@@ -128,6 +128,18 @@ def test_what_is_not_to_be_overwritten_is_not(tmp_path: Path) -> None:
     assert entries(tmp_path) == ["a.txt", "b.txt"]
 
 
+def test_a_draft_that_cannot_be_made_is_told_by_the_name_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path, flags: int, mode: int = 0) -> int:
+        raise PermissionError(13, "Permission denied", path)
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(PermissionError) as info:
+        replace_file(tmp_path / "a.txt", "x")
+    assert info.value.filename == str(tmp_path / "a.txt")
+
+
 @pytest.mark.parametrize("name", ["a.txt", "[a]*.txt", "ä b"])
 def test_drafts_of_other_files_stay(tmp_path: Path, name: str) -> None:
     for other in (".other.draft-00000000", f".{name}.draft-0000000", f".{name}.draft-00000000x"):
@@ -153,9 +165,9 @@ def test_no_module_writes_a_file_but_as_a_draft() -> None:
 
 
 def writes(call: ast.Call) -> bool:
-    """Whether this writes a file: `p.write_text(..)`, `open(p, "w")`, `p.open("ab")`."""
+    """Whether this may cost what was there: `p.write_text(..)`, `open(p, "w")`; not what is added by `p.open("ab")`."""
     name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
     modes = [arg.value for arg in call.args if isinstance(arg, ast.Constant)]
     return name in ("write_text", "write_bytes") or (
-        name == "open" and any(re.fullmatch("[wax]b?[+]?", str(mode)) for mode in modes)
+        name == "open" and any(re.fullmatch("[wx]b?[+]?|rb?[+]", str(mode)) for mode in modes)
     )
