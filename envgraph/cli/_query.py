@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ def print_matches(
 ) -> None:
     """Print the matches of a pattern."""
     engine = open_engine(model, queries, inputs)
-    bound = parse_values(engine, pattern_types(engine, pattern), where)
+    bound = parse_values(engine, _variable_types(engine, pattern), where)
     matches = engine.matches(pattern, bound=bound)
     if format is OutputFormat.JSON:
         print_json([{name: _plain(match[name]) for name in match.names} for match in matches])
@@ -177,6 +178,15 @@ def _told(engine: Engine, application: Application) -> _Step:
     return _Step(step.text + created, {**step.data, "created": plain})
 
 
+def _variable_types(engine: Engine, name: str) -> Mapping[str, StaticType | None]:
+    """The types of the variables of a match: of a pattern, or of the left side of a rule."""
+    with suppress(InvalidArgument):
+        signature = engine.signature(name)
+        if signature.kind == "rule":
+            return {one.name: one.type for one in (*signature.parameters, *signature.variables)}
+    return pattern_types(engine, name)
+
+
 def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
     """The types of the parameters of a pattern."""
     found = engine.library.resolve(pattern)
@@ -224,6 +234,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
             )
         return engine.model.node(found)
     if isinstance(type_, EnumType):
+        text = text.removeprefix(type_.name).removeprefix("::")  # as in the languages
         if text not in type_.literals:
             hint = did_you_mean(text, type_.literals) or f"there are {', '.join(type_.literals)}"
             raise InvalidArgument(f"`{name}`: `{type_.name}` has no literal `{text}`; {hint}")

@@ -142,13 +142,11 @@ class Recovery:
         if lexeme.kind != "NAME" or lexeme.escaped:
             return False
         states = self._stack.states[:height]
-        keywords = self._grammar.core.keywords
-        words = [word for word, terminal in keywords.items() if self._grammar.accepts(states, terminal)]
-        hint = did_you_mean(lexeme.value, words) if len(lexeme.value) > 2 else None
+        hint = did_you_mean(lexeme.value, self._words(states)) if len(lexeme.value) > 2 else None
         if hint is None:
             return False
         meant = hint.split("`")[1]
-        terminal = keywords[meant]
+        terminal = self._grammar.core.keywords[meant]
         self._grammar.shift(states, terminal)
         if not self._stack.makes_sense(states, place + 1, self._line_end(index, index + _LOOKAHEAD)):
             return False
@@ -156,6 +154,11 @@ class Recovery:
         self._stack.cut(height)
         self._stack.feed(terminal, replace(lexeme, value=meant), place)
         return True
+
+    def _words(self, states: list[int]) -> list[str]:
+        """The keywords that may come next; `and` is only read to be refused."""
+        words = self._grammar.core.keywords.items()
+        return [word for word, terminal in words if word != "and" and self._grammar.accepts(states, terminal)]
 
     def _line_end(self, index: int, most: int) -> int:
         """The last lexeme on the line of one, at most another: the next line may have a mistake of its own."""
@@ -464,11 +467,7 @@ class Recovery:
         states = self._stack.states
         if lexeme.kind != "NAME" or self._grammar.accepts(states, "NAME") or len(lexeme.value) <= 2:
             return None
-        keywords = self._grammar.core.keywords
-        return did_you_mean(
-            lexeme.value,
-            [word for word, terminal in keywords.items() if self._grammar.accepts(states, terminal)],
-        )
+        return did_you_mean(lexeme.value, self._words(states))
 
     def _escape_hint(self, index: int) -> str | None:
         """For a keyword where a name is expected."""

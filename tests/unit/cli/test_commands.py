@@ -639,3 +639,22 @@ def test_apply_writes_models_as_text_and_refuses_other_suffixes(envgraph: Envgra
     ok(envgraph("convert", "maze/maze.model", "copy.model"))
     shown = [ok(envgraph("show", name)).out for name in ("copy.model", "maze/maze.model")]
     assert shown[0] == shown[1]
+
+
+def test_match_takes_rules_and_literals_as_files_write_them(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    assert (
+        "1 match of moveRight" in ok(envgraph("match", "maze/maze.model", "maze/maze.rules", "moveRight")).out
+    )
+    assert (
+        "no match"
+        in ok(envgraph("match", "maze/maze.model", "maze/maze.rules", "moveUp", "-w", "here=2")).out
+    )
+    Path("m.metamodel").write_text("metamodel m enum Way { east, west } class Box { Way way }")
+    Path("m.model").write_text('import "m.metamodel" model a : m { b : Box { way = ::west } }')
+    Path("m.query").write_text(
+        'import "m.metamodel" pattern goes(box : Box, way : Way) { Box.way(box, way); }'
+    )
+    for literal in ("west", "::west", "Way::west"):
+        assert "1 match" in ok(envgraph("match", "m.model", "m.query", "goes", "-w", f"way={literal}")).out
+    assert "has no literal `wets`" in envgraph("match", "m.model", "m.query", "goes", "-w", "way=wets").err
