@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
-from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, did_you_mean
+from envgraph.errors import Diagnostic, EvaluationError, InvalidArgument, ResolutionError, did_you_mean
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Metamodel, Reference, Value
 from envgraph.pattern import Expression, Navigation, Parameter, Variable
@@ -14,15 +14,21 @@ Reader = Callable[[int, str], Value | int | None]
 
 
 def reader(model: Model) -> Reader:
-    """Reads the features of a model's objects by name, as expressions need it."""
+    """Reads the features of a model's objects by name, as expressions need it.
+
+    What it returns raises an EvaluationError where an object is deleted, or its class has no such feature any more.
+    """
     mm = model.metamodel
     known: dict[tuple[str, str], Attribute | Reference] = {}
 
     def read(node: int, feature: str) -> Value | int | None:
-        place = model.class_of(node), feature
-        found = known.get(place)
-        if found is None:
-            found = known[place] = _feature(mm, *place)
+        try:
+            place = model.class_of(node), feature
+            found = known.get(place)
+            if found is None:
+                found = known[place] = _feature(mm, *place)
+        except InvalidArgument as error:
+            raise EvaluationError(str(error)) from None
         return model.value(node, found) if isinstance(found, Attribute) else model.target(node, found)
 
     return read

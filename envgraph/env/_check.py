@@ -12,7 +12,8 @@ from envgraph.env._check_calls import CallChecking
 from envgraph.env._check_views import ViewChecking
 from envgraph.env._clauses import condition_question, is_asked
 from envgraph.env._domains import MOST_VALUES, domain_count, domain_type
-from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint, sort_diagnostics
+from envgraph.env._losing import loss_warnings
+from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, sort_diagnostics
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Negation, Parameter, PatternCall, StaticType, Variable, static_type
 from envgraph.rewrite import Engine
@@ -30,6 +31,8 @@ def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
     behaviour = engine.library.resolved(behaviour)
     checker = _Checker(engine, [])
     checker.check(behaviour)
+    if not has_errors(checker.problems):
+        checker.problems += loss_warnings(behaviour, engine)
     return sort_diagnostics([_hinted(problem, behaviour) for problem in checker.problems])
 
 

@@ -76,6 +76,12 @@ def count_question(name: str, call: PatternCall, scope: Mapping[str, str]) -> Qu
     return Question(_helper(name, parameters, (counted,), call.span), used, (total,))
 
 
+def mentioned(condition: PatternCall | Negation) -> set[str]:
+    """The names in a condition."""
+    relation = condition.relation if isinstance(condition, Negation) else condition
+    return {variable.name for variable in _variables(relation)}
+
+
 def is_asked(variable: Variable, scope: Mapping[str, object]) -> bool:
     """Whether a variable of a call gets its value from a match; `_` and `_x` are projected away."""
     return not variable.name.startswith("_") and variable.name not in scope

@@ -52,7 +52,18 @@ def observer(
     padding: int,
     bound: Scope,
 ) -> Callable[[], int]:
+    """Reads a component of an observation.
+
+    Args:
+        path: what is observed.
+        owner: the name whose object may be missing, and the object; then the component is the `padding`.
+        read: reads features.
+        index: of what the path leads to.
+        padding: see `owner`.
+        bound: what the other names stand for; if it has the owner's, then always the same object.
+    """
     name, value = owner or ("", None)
+    fixed = name in bound
 
     def observe() -> int:
         scope = bound
@@ -60,7 +71,8 @@ def observer(
             node = value()
             if node is None:
                 return padding
-            scope = {**bound, name: node}
+            if not fixed:
+                scope = {**bound, name: node}
         try:
             return index(follow(path, scope, read))
         except EvaluationError as error:

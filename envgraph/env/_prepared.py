@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from envgraph.env._behaviour import RuleCall
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import Value
@@ -37,12 +38,16 @@ class PreparedCall:
         arguments: the argument expressions of the bound parameters, as functions of the scope.
         objects: which of the arguments are objects.
         outputs: the names that get the outputs.
+        call: as it was written.
+        done: gets the call when something was done.
     """
 
     perform: Perform
     arguments: tuple[Callable[[Scope], Value | None], ...]
     objects: tuple[bool, ...]
     outputs: tuple[str, ...]
+    call: RuleCall
+    done: list[RuleCall]
 
     def run(self, scope: Scope, choices: Choices, model: Model) -> Scope | None:
         """Apply the rule at one of its matches, or run the unit; None if that cannot be done.
@@ -57,6 +62,7 @@ class PreparedCall:
         result = self.perform(values, choices, model)
         if result is None:
             return None
+        self.done.append(self.call)
         return {**scope, **dict(zip(self.outputs, result, strict=True))} if self.outputs else scope
 
 

@@ -26,6 +26,7 @@ from envgraph.env._binding import Reader, bind_parameters, reader
 from envgraph.env._clauses import Question, condition_question, count_question
 from envgraph.env._domains import domain_type
 from envgraph.env._keys import KeyIndex
+from envgraph.env._losing import is_gone, lost, root_of, roots
 from envgraph.env._observing import KeyedObjects, literal_index, object_index, observer, range_index
 from envgraph.env._prepared import (
     Alternatives,
@@ -38,7 +39,7 @@ from envgraph.env._prepared import (
     Scope,
 )
 from envgraph.env._rulebook import applying
-from envgraph.errors import EvaluationError
+from envgraph.errors import EvaluationError, Span
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import EnumType, Scalar, Value
@@ -90,6 +91,8 @@ class Program:
         self._keys = keys
         self._name = behaviour.name
         self._read: Reader = reader(self.model)
+        self._behaviour = behaviour
+        self.done: list[RuleCall] = []
         self.bound: dict[str, Value | None] = {}
         self.bound.update(bind_parameters(self.model, behaviour.parameters))
         shared = {parameter.name: parameter.type or "" for parameter in behaviour.parameters}
@@ -101,7 +104,7 @@ class Program:
         effects = _together(block.effects, own, behaviour.effects, shared)
         actions = _together(block.actions, own, behaviour.actions, shared)
         seen = _together(block.observations, own, behaviour.observations, shared)
-        self.actions = [one for action, _ in actions for one in self._actions(action, effects)]
+        self.actions = [one for action, types in actions for one in self._actions(action, types, effects)]
         self.effects = [self._effect(effect, types) for effect, types in effects]
         self._asked = effects
         self.resets = [self._call(reset.apply) for reset in behaviour.resets]
@@ -109,9 +112,12 @@ class Program:
 
     # --- actions
 
-    def _actions(self, action: Action, effects: Sequence[tuple[Effect, Types]]) -> Iterator[PreparedAction]:
+    def _actions(
+        self, action: Action, types: Types, effects: Sequence[tuple[Effect, Types]]
+    ) -> Iterator[PreparedAction]:
         branches = self._alternatives(action.branches)
-        reward, else_reward = self._reward(action.reward), self._reward(action.else_reward)
+        types = {**types, **{name: domain.cls for name, domain in action.parameters if domain.cls}}
+        reward, else_reward = self._reward(action.reward, types), self._reward(action.else_reward, types)
         before = sum(1 for effect, _ in effects if _stands_before(effect, action))
         domains = [self._values(domain) for _, domain in action.parameters]
         for values in product(*domains):
@@ -161,6 +167,8 @@ class Program:
             tuple(self._argument(argument, taken.type is Scalar.FLOAT) for argument, taken in bound),
             tuple(isinstance(taken.type, ObjectType) for _, taken in bound),
             tuple(outputs.values()),
+            call,
+            self.done,
         )
 
     def _argument(self, argument: Expression, is_float: bool) -> Callable[[Scope], Value | None]:
@@ -174,32 +182,50 @@ class Program:
             try:
                 found = evaluate(argument, scope, read)
             except EvaluationError as error:
+                if any(is_gone(self.model, scope[root.name], None) for root in roots(argument)):
+                    return None
                 raise _unvalued(error, "an argument", argument, scope, read) from None
             return float(found) if is_float and found is not None else found
 
         return value
 
-    def _reward(self, reward: Expression | None) -> Reward | None:
+    def _reward(self, reward: Expression | None, types: Types) -> Reward | None:
         if reward is None:
             return None
         read = self._read
         if not any(True for _ in variables_in(reward)):
             return _fixed(_number(reward, {}, read))
-        return lambda scope: _number(reward, scope, read)
+
+        def value(scope: Scope) -> float:
+            try:
+                return _number(reward, scope, read)
+            except EvaluationError as error:
+                for root in roots(reward):
+                    if is_gone(self.model, scope[root.name], types.get(root.name)):
+                        raise self.lost(root.name, types.get(root.name), "reward", root.span) from None
+                raise error
+
+        return value
+
+    def lost(self, name: str, cls: str | None, what: str, span: Span | None) -> EvaluationError:
+        """The error of a clause that reads from an object that is gone, with what took it away in this step."""
+        return lost(self.engine, self._behaviour, name, cls, what, span, self.done)
 
     # --- effects
 
     def _effect(self, effect: Effect, types: Types) -> PreparedEach | PreparedClause:
         if isinstance(effect, EachStep):
             apply = self._alternatives(effect.apply) if effect.apply else None
-            return PreparedEach(self._reward(effect.reward), apply)
+            return PreparedEach(self._reward(effect.reward, types), apply)
         question = self._ask(effect.condition, types)
         matches, holds = self._matches(question)
+        if isinstance(effect.condition, Negation):
+            matches, holds = self._without(question, types, matches, holds)
         return PreparedClause(
             matches,
             holds,
             question.free,
-            self._reward(effect.reward),
+            self._reward(effect.reward, types),
             ENDS[effect.terminate],
             self._call(effect.apply) if effect.apply else None,
         )
@@ -242,6 +268,21 @@ class Program:
 
         return matches, holds
 
+    def _without(
+        self,
+        question: Question,
+        types: Types,
+        matches: Callable[[], list[Row]],
+        holds: Callable[[Row], bool],
+    ) -> tuple[Callable[[], list[Row]], Callable[[Row], bool]]:
+        """What a negation asks: nothing holds of an object that is gone, so the negation does."""
+        bound = [(self.bound[name], types[name]) for name in question.bound]
+
+        def gone() -> bool:
+            return any(is_gone(self.model, node, cls) for node, cls in bound)
+
+        return lambda: matches() or ([()] if gone() else []), lambda row: holds(row) or gone()
+
     def in_the_way(self, end: int) -> Callable[[], int]:
         """How many matches have to go before an episode can end so: those of `on neg find .. terminate`."""
         questions = [
@@ -262,15 +303,18 @@ class Program:
             return
         size, index, padding = self._meaning(observation, types)
         path, read = observation.path, self._read
-        for value in self._owners(observation.each):
+        for value in self._owners(observation.each) if observation.each else [self._owner(path, types)]:
             number = isinstance(observation, ObserveRange)
             yield Component(size, observer(path, value, read, index, padding, self.bound), number)
 
-    def _owners(self, each: Parameter | None) -> Iterator[tuple[str, Callable[[], Value | None]] | None]:
+    def _owner(self, path: Expression, types: Types) -> tuple[str, Callable[[], Value | None]]:
+        """The name that a path begins with, and its object, None when that is gone."""
+        name = root_of(path).name
+        node, cls = self.bound[name], types[name]
+        return name, lambda: None if is_gone(self.model, node, cls) else node
+
+    def _owners(self, each: Parameter) -> Iterator[tuple[str, Callable[[], Value | None]]]:
         """One entry a component: the name that `for` gives to an object, and the object."""
-        if each is None:
-            yield None
-            return
         assert each.type is not None
         objects = self._keyed(each.type)
         yield from ((each.name, _item(objects, i)) for i in range(len(objects.keys)))

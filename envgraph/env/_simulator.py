@@ -12,6 +12,7 @@ from envgraph.env._agents import Agents
 from envgraph.env._behaviour import Behaviour
 from envgraph.env._check import check_behaviour
 from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._losing import is_gone, readings
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
 from envgraph.env._sampling import Draw
@@ -84,6 +85,7 @@ class Simulator:
         self._agents = Agents(behaviour, engine, self.keys)
         self._model = engine.model
         self._start: Savepoint | None = None
+        self._needed = [one for one in readings(behaviour) if one.always and one.callers]
         self.turn = self._first = self._agents.after(-1)
         self.agent_names = tuple(seat.name for seat in self._agents.seats if seat.node is not None)
         self.action_names = self._agents.action_names
@@ -210,13 +212,16 @@ class Simulator:
 
     def _begin(self, choices: Choices) -> None:
         shared = self._agents.seats[0].program
+        shared.done.clear()
         for call in shared.resets:
             if call is not None:
                 call.run(shared.bound, choices, self._model)
+        self._check_needed(shared)
         self.turn = self._agents.after(-1)
 
     def _step(self, action: PreparedAction, choices: Choices) -> tuple[float, int]:
         program, model = self._agents.seats[self.turn].program, self._model
+        program.done.clear()
         scope: Scope = program.bound
         if action.values:
             scope = {**scope, **{name: value() for name, value in action.values}}
@@ -226,8 +231,16 @@ class Simulator:
                 effect.apply.run(program.bound, choices, model)
         reward, terminated, pending = self._judge(program, action, scope, done)
         self._apply(program, pending, choices)
+        if terminated == GOES_ON and program.done:
+            self._check_needed(program)
         self.turn = self._agents.after(self.turn)
         return reward, terminated
+
+    def _check_needed(self, program: Program) -> None:
+        """See that the episode can go on: later the rule that took an object away would not be known any more."""
+        for needed in self._needed:
+            if is_gone(self._model, program.bound[needed.name], needed.cls):
+                raise program.lost(needed.name, needed.cls, needed.what, needed.span)
 
     def _judge(
         self, program: Program, action: PreparedAction, scope: Scope, done: Scope | None

@@ -61,10 +61,10 @@ class _PlacedError(EnvgraphError):
     def _advice(self) -> str:
         return f"\nhint: {self.hint}" if self.hint else ""
 
-    def _diagnostic(self, code: str, notes: Sequence[str] = ()) -> tuple[Diagnostic, ...]:
+    def _diagnostic(self, code: str, notes: Sequence[Note] = ()) -> tuple[Diagnostic, ...]:
         if self.span is None:
             return ()
-        return (Diagnostic(code, self.message, self.span, self.hint, notes=tuple(map(Note, notes))),)
+        return (Diagnostic(code, self.message, self.span, self.hint, notes=tuple(notes)),)
 
 
 class RuleError(_PlacedError):
@@ -103,7 +103,7 @@ class RuleError(_PlacedError):
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """The error as a diagnostic; empty without a place."""
-        return self._diagnostic(self.reason, self.details)
+        return self._diagnostic(self.reason, [Note(detail) for detail in self.details])
 
     def __str__(self) -> str:
         found = self.diagnostics
@@ -131,15 +131,23 @@ class EvaluationError(_PlacedError):
         message: what is wrong, in one line.
         span: the expression or step; None where it was not read from a text.
         hint: how to mend it, if that is known.
+        notes: other places that explain it.
     """
 
-    def __init__(self, message: str, span: Span | None = None, hint: str | None = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        span: Span | None = None,
+        hint: str | None = None,
+        notes: Sequence[Note] = (),
+    ) -> None:
         super().__init__(message, span, hint)
+        self.notes = tuple(notes)
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """The error as a diagnostic; empty without a place."""
-        return self._diagnostic("no-value")
+        return self._diagnostic("no-value", self.notes)
 
     def __str__(self) -> str:
         found = self.diagnostics
@@ -147,7 +155,7 @@ class EvaluationError(_PlacedError):
 
     def __reduce__(self) -> tuple[Callable[..., EnvgraphError], tuple[object, ...]]:
         """Errors cross from worker processes; by default they would be made again from their text."""
-        return EvaluationError, (self.message, self.span, self.hint)
+        return EvaluationError, (self.message, self.span, self.hint, self.notes)
 
 
 class FunctionError(_PlacedError):

@@ -33,6 +33,7 @@ from envgraph.rewrite._described import Steps
 from envgraph.rewrite._engine import Engine
 from envgraph.rewrite._events import Activation, Agenda, EventRule
 from envgraph.rewrite._exploration import Exploration, State, Statistics, Transition
+from envgraph.rewrite._losses import Loss
 from envgraph.rewrite._match import Application, Firing, Match, Matches, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite._run import STEP_LIMIT
@@ -51,6 +52,7 @@ __all__ = [
     "EventRule",
     "Exploration",
     "Firing",
+    "Loss",
     "Match",
     "Matches",
     "Randomness",

@@ -26,13 +26,14 @@ from envgraph.rewrite._derive import derived_rules
 from envgraph.rewrite._described import described, describes
 from envgraph.rewrite._functions import PythonUnit, unit_signature_of
 from envgraph.rewrite._jobs import job_name
+from envgraph.rewrite._losses import Loss, losses
 from envgraph.rewrite._match import Shape
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._notices import Notices
 from envgraph.rewrite._questions import Questions
 from envgraph.rewrite._register import Registration
 from envgraph.rewrite._registered import register_function
-from envgraph.rewrite._runner import PythonRule, RuleRunner, graph_rule
+from envgraph.rewrite._runner import GraphRule, PythonRule, RuleRunner, graph_rule
 from envgraph.rewrite._unit_check import applicable, inner_steps
 from envgraph.rewrite._units import unit_program
 from envgraph.rewrite._well_formed import mistake_in
@@ -393,6 +394,32 @@ class Definitions(Questions):
             kind = self._directory.signatures[qualified].kind
             raise InvalidArgument(f"`{rule}` is a {kind}, not a rule")
         return self._rules[qualified]
+
+    def losses(self, name: str, cls: str | None, known: Mapping[str, bool]) -> tuple[Loss, ...]:
+        """The actions by which a rule, or what a unit calls, may take an object away; not those of Python functions.
+
+        Args:
+            name: of the rule or unit.
+            cls: class of the object, None if it is not known; it is lost, too, when it is no longer of the class.
+            known: parameters that are the object (True), or surely another one (False). What a unit hands on to what
+                it calls is not followed: of that, classes alone tell.
+
+        Raises:
+            InvalidArgument: an unknown name.
+        """
+        called = {self._directory.resolve(name): dict(known)}
+        waiting = list(called)
+        found: dict[Loss, None] = {}
+        for one in waiting:
+            fresh: Iterable[str] = self._groups.get(one, ())
+            if isinstance(definition := self._definitions.get(one), Unit):
+                fresh = sorted(self._called(definition))
+            rule = self._rules.get(one)
+            if isinstance(rule, GraphRule):
+                found |= dict.fromkeys(losses(rule.plan, self.model.metamodel, cls, called[one]))
+            waiting += [each for each in fresh if each not in called]
+            called |= {each: {} for each in fresh if each not in called}
+        return tuple(found)
 
     def _without_functions(self) -> list[Definition]:
         """The definitions that can be added to another engine: none that calls a Python function."""

@@ -111,7 +111,8 @@ def problems(extra: dict[str, str], *roots: str) -> tuple[Diagnostic, ...]:
 
 def inside_environment(clauses: str) -> str:
     """Clauses as a whole environment file."""
-    imports = 'import "garden.behaviour.query"\nimport "garden.behaviour.rules"\n'
+    files = ("garden.behaviour.query", "garden.behaviour.rules", "garden.death.query", "garden.death.rules")
+    imports = "".join(f'import "{name}"\n' for name in files)
     return f"{imports}\nenvironment Garden(hedgehog : Hedgehog) {{\n{clauses}}}\n"
 
 

@@ -93,8 +93,8 @@ def test_a_deleted_parameter_matches_nothing_any_more() -> None:
     coins = simulator(environment, "hand : Hand, table : Table, a : Coin")
     rng = np.random.default_rng(0)
     coins.reset(rng)
-    # Nothing is asked about an object that is gone, not even whether something does not hold of it.
-    assert [coins.step(0, rng).reward for _ in range(2)] == [0.0, -1.0]
+    # Nothing holds of an object that is gone, so what asks for that has its match.
+    assert [coins.step(0, rng).reward for _ in range(2)] == [2.0, 1.0]
 
 
 # --- parameters of actions

@@ -1,0 +1,300 @@
+"""The objects that observations and rewards read from, and the rules that may take them away in an episode.
+
+A rule with an object that is gone has no match, and neither has a condition: that is no mistake. But a path has to
+begin somewhere. Only in the last state of an episode an observation does without the object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from envgraph.env._behaviour import (
+    Action,
+    Agent,
+    Behaviour,
+    EachStep,
+    Effect,
+    ObserveFind,
+    ObserveObject,
+    OnFind,
+    RuleCall,
+)
+from envgraph.env._clauses import mentioned
+from envgraph.env._rulebook import signature_of
+from envgraph.errors import Diagnostic, EvaluationError, Note, Severity, Span, listed
+from envgraph.graph import Model
+from envgraph.pattern import Expression, Navigation, Negation, Variable, children
+from envgraph.rewrite import Engine, Loss
+
+HERE = {"delete": "deletes", "merge": "merges", "retype": "retypes"}
+PAST = {"delete": "deleted", "merge": "merged away", "retype": "retyped"}
+
+MOST_NOTES = 5
+"""More places do not tell a reader more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """A call of a rule, with its place in a step.
+
+    Attributes:
+        early: it happens before the conditions of the step are asked and its rewards counted.
+        ends: it happens only where the episode ends.
+    """
+
+    call: RuleCall
+    early: bool = False
+    ends: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A clause that reads from the object that a name stands for.
+
+    Attributes:
+        what: "observation" or "reward".
+        cls: the class that the name is declared with.
+        always: the clause may be asked in any step; else only after a rule had a match with the object.
+        callers: the rules after which the clause may be asked in the same episode.
+    """
+
+    name: str
+    cls: str
+    what: str
+    span: Span | None
+    always: bool
+    callers: tuple[Caller, ...]
+
+
+def roots(expression: Expression) -> Iterator[Variable]:
+    """The variables that an expression reads features of, in the order of the text."""
+    if isinstance(expression, Navigation) and isinstance(expression.object, Variable):
+        yield expression.object
+    for part in children(expression):
+        yield from roots(part)
+
+
+def root_of(path: Expression) -> Variable:
+    """The variable that a path begins with."""
+    while isinstance(path, Navigation):
+        path = path.object
+    assert isinstance(path, Variable)
+    return path
+
+
+def is_gone(model: Model, node: object, cls: str | None) -> bool:
+    """Whether an object is deleted, or no longer of a class."""
+    if not isinstance(node, int) or not model.alive(node):
+        return True
+    return cls is not None and not model.metamodel.is_a(model.class_of(node), cls)
+
+
+# --- what is read, and after what
+
+
+def readings(behaviour: Behaviour) -> list[Reading]:
+    """Everything that observations and rewards read from parameters, agents and parameters of actions."""
+    shared = _callers(behaviour)
+    resets = tuple(Caller(reset.apply) for reset in behaviour.resets)
+    everywhere = (*resets, *shared, *(one for agent in behaviour.agents for one in _callers(agent)))
+    classes = {parameter.name: parameter.type or "" for parameter in behaviour.parameters}
+    ending = _ending(behaviour)
+    found: list[Reading] = []
+    owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
+    for owner in owners:
+        turn = (shared, _callers(owner)) if isinstance(owner, Agent) else (shared,)
+        early = tuple(one for callers in turn for one in callers if one.early)
+        own = {owner.variable: owner.cls} if isinstance(owner, Agent) else {}
+        scope = _Scope(classes, own, everywhere, early, ending)
+        found += scope.observed(owner)
+        for effect in owner.effects:
+            found += scope.rewarded_effect(effect)
+        steps = [effect for effect in (*behaviour.effects, *owner.effects) if isinstance(effect, EachStep)]
+        by_itself = tuple(Caller(branch.call, early=True) for step in steps for branch in step.apply)
+        for action in owner.actions:
+            found += scope.rewarded_action(action, by_itself)
+    return found
+
+
+def _callers(owner: Behaviour | Agent) -> tuple[Caller, ...]:
+    found = [Caller(branch.call, early=True) for action in owner.actions for branch in action.branches]
+    for effect in owner.effects:
+        if isinstance(effect, EachStep):
+            found += [Caller(branch.call, early=True) for branch in effect.apply]
+        elif effect.apply is not None:
+            found.append(Caller(effect.apply, ends=effect.terminate is not None))
+    return tuple(found)
+
+
+def _ending(behaviour: Behaviour) -> set[str]:
+    """The parameters without whose objects an episode ends: those of `on neg find p(x) terminate ..`."""
+    return {
+        name
+        for effect in behaviour.effects
+        if isinstance(effect, OnFind) and effect.terminate and isinstance(effect.condition, Negation)
+        for name in mentioned(effect.condition)
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Scope:
+    """What a block knows: parameters and their classes, its agent; all callers, and the early ones of its turn."""
+
+    classes: Mapping[str, str]
+    own: Mapping[str, str]
+    everywhere: Sequence[Caller]
+    early: Sequence[Caller]
+    ending: set[str]
+
+    def observed(self, owner: Behaviour | Agent) -> Iterator[Reading]:
+        """The paths of observations. An agent that is gone observes nothing, and `or none` has a value for that."""
+        for observation in owner.observations:
+            if isinstance(observation, ObserveFind):
+                continue
+            if isinstance(observation, ObserveObject) and observation.or_none:
+                continue
+            root = root_of(observation.path)
+            if root.name in self.classes:
+                callers = [c for c in self._going_on() if not (c.early and root.name in self.ending)]
+                yield self._reading(root, "observation", observation.path.span, callers)
+
+    def rewarded_effect(self, effect: Effect) -> Iterator[Reading]:
+        """The rewards of an effect. A match of a condition has all its objects."""
+        sure: Collection[str] = ()
+        if isinstance(effect, OnFind) and not isinstance(effect.condition, Negation):
+            sure = mentioned(effect.condition)
+        yield from self._reward(effect.reward, sure)
+
+    def rewarded_action(self, action: Action, by_itself: Sequence[Caller]) -> Iterator[Reading]:
+        """The rewards of an action: one that is paid when rules had a match, and one when they had none."""
+        calls = [branch.call for branch in action.branches]
+        narrow = (*(Caller(call, early=True) for call in calls), *by_itself)
+        given = [{a.name for a in call.arguments if isinstance(a, Variable)} for call in calls]
+        matched = set.intersection(*given) if given else set()
+        yield from self._reward(action.reward, (), matched, narrow)
+        yield from self._reward(action.else_reward, ())
+        domains = {name: domain.cls for name, domain in action.parameters if domain.cls}
+        for root in roots(action.reward) if action.reward is not None else ():
+            if root.name in domains:
+                yield Reading(root.name, domains[root.name], "reward", root.span, False, narrow)
+
+    def _reward(
+        self,
+        reward: Expression | None,
+        safe: Collection[str],
+        matched: Collection[str] = (),
+        narrow: Sequence[Caller] = (),
+    ) -> Iterator[Reading]:
+        for root in roots(reward) if reward is not None else ():
+            if root.name in safe:
+                continue
+            if root.name in matched and root.name in {**self.classes, **self.own}:
+                yield self._reading(root, "reward", root.span, narrow, always=False)
+            elif root.name in self.classes:
+                yield self._reading(root, "reward", root.span, self._going_on())
+            elif root.name in self.own:  # one that is gone has no turn
+                yield self._reading(root, "reward", root.span, self.early, always=False)
+
+    def _going_on(self) -> list[Caller]:
+        return [caller for caller in self.everywhere if not caller.ends]
+
+    def _reading(
+        self, root: Variable, what: str, span: Span | None, callers: Iterable[Caller], always: bool = True
+    ) -> Reading:
+        cls = {**self.classes, **self.own}[root.name]
+        return Reading(root.name, cls, what, span, always, tuple(callers))
+
+
+# --- before any model is known
+
+
+def loss_warnings(behaviour: Behaviour, engine: Engine) -> Iterator[Diagnostic]:
+    """A warning at each clause that may read from an object that a rule has taken away, with the rules.
+
+    Of several observations that read from one object it is the first one.
+    """
+    told: set[tuple[str, str, Span | None]] = set()
+    for reading in readings(behaviour):
+        key = reading.name, reading.what, None if reading.what == "observation" else reading.span
+        if key in told or reading.cls not in engine.model.metamodel.classes:
+            continue
+        calls = [caller.call for caller in reading.callers]
+        found = _losses(engine, behaviour, reading.name, reading.cls, calls)
+        if not found:
+            continue
+        told.add(key)
+        rules = _rules(found)
+        message = f"{rules} may take `{reading.name}` away, which this {reading.what} reads from"
+        yield Diagnostic(
+            "lost-object",
+            message,
+            reading.span,
+            _hint(behaviour, reading.name, reading.what),
+            Severity.WARNING,
+            tuple(Note(_deed(loss), loss.span) for loss in found[:MOST_NOTES]),
+        )
+
+
+def _losses(
+    engine: Engine, behaviour: Behaviour, name: str, cls: str | None, calls: Iterable[RuleCall]
+) -> tuple[Loss, ...]:
+    """What calls may do to the object that a name stands for, each action once."""
+    others = {parameter.name for parameter in behaviour.parameters} - {name}
+    found: dict[Loss, None] = {}
+    for call in calls:
+        signature = signature_of(engine, call.rule) if call.rule is not None else None
+        if call.rule is None or signature is None or len(signature.parameters) != len(call.arguments):
+            continue
+        known = {
+            taken.name: argument.name == name
+            for argument, taken in zip(call.arguments, signature.parameters, strict=True)
+            if isinstance(argument, Variable) and argument.name in {name, *others}
+        }
+        found |= dict.fromkeys(engine.losses(call.rule, cls, known))
+    return tuple(found)
+
+
+def _rules(found: Iterable[Loss]) -> str:
+    names = list(dict.fromkeys(loss.rule.rpartition(".")[2] for loss in found))
+    return f"rule{'s' if len(names) > 1 else ''} {listed(names)}"
+
+
+def _deed(loss: Loss) -> str:
+    return f"`{loss.rule.rpartition('.')[2]}` {HERE[loss.deed]} here"
+
+
+def _hint(behaviour: Behaviour, name: str, what: str) -> str:
+    known = {one.name for one in behaviour.parameters} | {one.variable for one in behaviour.agents}
+    if name not in known:
+        return "let the rule give the value in an `out` parameter, which is read before"
+    instead = f"keep `{name}` and set a flag"
+    if what == "observation":
+        return f"{instead}, or end the episode in the same step: `on neg find p({name}) terminate failure`"
+    return f"{instead}, or reward a match that has it: `on find p({name}) reward ..`"
+
+
+# --- in an episode
+
+
+def lost(
+    engine: Engine,
+    behaviour: Behaviour,
+    name: str,
+    cls: str | None,
+    what: str,
+    span: Span | None,
+    done: Sequence[RuleCall],
+) -> EvaluationError:
+    """The error of a clause that reads from an object that is gone, after the calls that were done in this step."""
+    found = _losses(engine, behaviour, name, cls, done)
+    if found:
+        deeds = " or ".join(dict.fromkeys(PAST[loss.deed] for loss in found))
+        who = " or ".join(dict.fromkeys(f"`{loss.rule.rpartition('.')[2]}`" for loss in found))
+        message = f"rule {who} has {deeds} `{name}`, which this {what} reads from"
+    else:
+        called = [f"`{call.rule}`" for call in done]
+        after = f" after {' and '.join(called)}" if called else ""
+        message = f"`{name}` is gone{after}, which this {what} reads from"
+    notes = tuple(Note(_deed(loss), loss.span) for loss in found[:MOST_NOTES])
+    return EvaluationError(message, span, _hint(behaviour, name, what), notes)
