@@ -361,7 +361,7 @@ class RunStore:
                 self._db.execute("ROLLBACK")
                 raise
             self._db.execute("COMMIT")
-        except sqlite3.DatabaseError as error:  # a full disk, another process, a file that was changed
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # a full disk, another process, damage
             raise InvalidArgument(f"{self.path} cannot be written: {error}") from error
 
 
@@ -375,7 +375,7 @@ def _connect(path: Path) -> sqlite3.Connection:
             connection.execute("PRAGMA synchronous = NORMAL")
             connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()
             return connection
-        except sqlite3.DatabaseError as error:
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # the second where names are damaged
             connection.close()
             reason = error
     if len(_addresses(path)) == 2:  # there is a log, which only who can write brings into the file

@@ -20,7 +20,7 @@ _WRITING: tuple[tuple[object, ...], ...] = (
     ("format", "street.query"),
 )
 _READING: tuple[tuple[object, ...], ...] = (
-    ("show", "m"), ("export", "m"), ("report", "m", "-o", "/dev/null"), ("check", "street.query"),
+    ("show", "m"), ("export", "m"), ("report", "m", "-o", "/dev/null"), ("check", "burning_forest"),
 )  # fmt: skip
 _QUERY = "pattern lit(lamp:int){lamp==1;}\n" * 200
 

@@ -87,7 +87,8 @@ def campaign(random: Random) -> str:
             (directory / "family.json").write_text("old")
         if kind == "train":
             if _killed(random, directory, *_TRAIN):
-                good(run(directory, *_TRAIN, "--resume"))
+                begun = (directory / "runs" / "m" / "training" / "unfinished.jsonl").exists()
+                good(run(directory, *(("train", "m", "--resume") if begun else _TRAIN)))
             assert _trained(directory) == {
                 key: text for key, text in expected.items() if key != "family.json"
             }

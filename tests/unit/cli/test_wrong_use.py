@@ -87,8 +87,9 @@ def test_a_run_stays_in_the_directory_of_runs(refused: Call, name: str) -> None:
 
 
 def test_a_directory_is_no_place_for_a_file(refused: Call) -> None:
-    message = refused("apply", MODEL, RULES, "spread", "--output", "forest")
-    assert message == "error: forest: is a directory\n"
+    Path("forest.json").mkdir()
+    message = refused("apply", MODEL, RULES, "spread", "--output", "forest.json")
+    assert message == "error: forest.json: is a directory\n"
 
 
 @pytest.fixture(scope="module")

@@ -229,7 +229,7 @@ def test_a_model_can_be_shown_in_a_notebook(monkeypatch):
     monkeypatch.setenv("PATH", "")
     model = forest(3)
     assert model._repr_svg_() == model.to_svg()
-    assert model.to_svg().count("<rect") == 11
+    assert model.to_svg().count("<rect") == 1 + 11  # the paper, and a box for each object
 
 
 def test_a_link_to_what_is_not_drawn_is_left_out():

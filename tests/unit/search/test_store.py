@@ -7,7 +7,7 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -174,3 +174,14 @@ def test_a_store_that_is_overwritten_forgets_the_log_of_the_old_one(tmp_path: Pa
         assert again.settings()["seed"] == 3
     with RunStore.open(path) as again:
         assert again.settings()["seed"] == 3
+
+
+def test_a_store_whose_tables_have_damaged_names_is_none(store: RunStore) -> None:
+    path = store.path
+    store.close()
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA journal_mode = DELETE")
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"CREATE TABLE individual", b"CREATE TABLE \xe7ndividua(", 1))
+    with pytest.raises(InvalidArgument, match="is no run store"):
+        RunStore.open(path)
