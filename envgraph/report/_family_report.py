@@ -64,16 +64,22 @@ def family_report(
     if trained:
         sections.append(_stages(family, trained))
     sections += [_training(family, one) for one in trained]
-    count, target = len(family.members), family.members[-1].name
+    count = len(family.members)
     return Report(
         title=f"{family.name}: a family of {count} environments",
-        summary=f"Ordered from the easiest to the hardest; {target}, the last, is the target. "
-        f"The family has {outcome}.",
+        summary=f"{_order(family.members[-1])} The family has {outcome}.",
         cards=tuple(_card(family, member) for member in family.members),
         legend=legend(scene for member in family.members if (scene := family.scene(member))),
         sections=tuple(sections),
         facts=facts or {},
     )
+
+
+def _order(target: Member) -> str:
+    """How the members follow each other; the initial model is the target even where others are harder."""
+    if target.initial:
+        return f"Ordered from the easiest to the hardest; the target {target.name}, the initial model, comes last."
+    return f"Ordered from the easiest to the hardest; {target.name}, the last, is the target."
 
 
 def stage_rows(family: Family, trained: Sequence[Trained] = ()) -> list[dict[str, Cell]]:

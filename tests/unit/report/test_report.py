@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -15,8 +17,19 @@ from envgraph.env import Key
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Glyph
 from envgraph.metamodel.picture import contrast, parse_colour
-from envgraph.report import Card, Report, Section, Series, Table, line_chart, render_html, ticks
+from envgraph.report import (
+    Card,
+    Report,
+    Section,
+    Series,
+    Table,
+    family_report,
+    line_chart,
+    render_html,
+    ticks,
+)
 from envgraph.report._charts import COLOURS, COLOURS_ON_DARK
+from envgraph.search import generate
 
 SVG = '<svg viewBox="0 0 1 1"></svg>'
 
@@ -126,3 +139,13 @@ def test_text_and_lines_of_the_page_can_be_seen_in_light_and_in_dark() -> None:
             for ink in (palette["ink"], palette["soft"], palette["mark"], *lines):
                 assert contrast(parse_colour(ink), parse_colour(ground)) >= 4.5, (ink, ground)
     assert [dark[f"line-{place}"] for place in range(len(COLOURS))] == list(COLOURS_ON_DARK)
+
+
+def test_the_target_comes_last_and_is_not_said_to_be_the_hardest(tmp_path: Path) -> None:
+    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    assert family.members[-1].initial
+    target = family.members[-1].name
+    said = f"Ordered from the easiest to the hardest; the target {target}, the initial model, comes last. "
+    assert family_report(family).summary.startswith(said)
+    others = replace(family, members=tuple(replace(one, initial=False) for one in family.members))
+    assert f"hardest; {target}, the last, is the target. " in family_report(others).summary
