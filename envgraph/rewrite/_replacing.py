@@ -31,20 +31,21 @@ class Replacing(Definitions):
         self._drop(gone)
 
     def replace(self, *definitions: Definition) -> None:
-        """Register definitions in the place of those that have their names, if there are such.
+        """Register definitions in the place of those that have their names.
 
         What uses a replaced one is checked and worked out again, too, and what `prepare` gave for any of these is of no
         more use. What was watched is watched again as soon as there is no state to go back to.
 
         Raises:
             ResolutionError: a definition has an error, or one that uses it has one then; all errors together.
-            InvalidArgument: something that is no definition, or a single rule of a derivation; or a Python rule, an
-                event rule or a listener uses what is replaced. Nothing is replaced then.
+            InvalidArgument: something that is no definition or whose name is not there, or a single rule of a
+                derivation; or a Python rule, an event rule or a listener uses what is replaced. Nothing is replaced
+                then.
         """
         self._check_given(definitions)
-        known = self._directory_with_patterns().signatures
         new = [one.qualified_name for one in definitions if not isinstance(one, FunctionDeclaration)]
-        replaced = dict.fromkeys(name for name in new if name in known)
+        replaced = dict.fromkeys(new)
+        self._check_there(replaced)
         affected = self._with_users(replaced)
         functions = [
             f"rule `{name}`"
@@ -111,6 +112,22 @@ class Replacing(Definitions):
         owner, matcher = self._owners(), self.matcher
         heard = matcher.listened if isinstance(matcher, ViewMatcher) else ()
         yield from (f"a listener of `{name}`" for name in heard if owner(name) in names)
+
+    def _check_there(self, names: Collection[str]) -> None:
+        """What has another package is most likely meant with that."""
+        known = self._directory_with_patterns()
+        texts = []
+        for name in names:
+            if name in known.signatures:
+                continue
+            found = known.candidates(name) or known.candidates(name.rpartition(".")[2])
+            packages = [known.signatures[one].package for one in found]
+            advice = [f'give it `package="{one}"`' if one else "leave its package out" for one in packages]
+            hint = " or ".join(advice) or known.hint(name)
+            texts.append(f"`{name}`" + (f" ({hint})" if hint else ""))
+        if texts:
+            verb = "is" if len(texts) == 1 else "are"
+            raise InvalidArgument(f"{', '.join(texts)} {verb} not there to be replaced; `add` adds new ones")
 
     def _check_free(self, names: Collection[str], users: Collection[str]) -> None:
         owner = self._owners()

@@ -153,11 +153,8 @@ def test_what_uses_a_replaced_definition_goes_by_the_new_one(
 
 def test_a_replaced_definition_may_be_of_another_kind_and_have_other_parameters() -> None:
     engine = made()
-    engine.replace(
-        Unit("mark", body="alap { relabel }"),
-        Rule("relabel", "a : Item", lhs="check a.n > 0", modify="set a.n = 0"),
-        Unit("everywhere", body="mark"),
-    )
+    engine.add(Rule("relabel", "a : Item", lhs="check a.n > 0", modify="set a.n = 0"))
+    engine.replace(Unit("mark", body="alap { relabel }"), Unit("everywhere", body="mark"))
     assert engine.run("twice").applications == 3
     engine.replace(Pattern("near", "a : Item, b : Item, n : int", "Item.next(a, b); Item.n(a, n)"))
     assert engine.first("near").n == 0  # type: ignore[union-attr]
@@ -176,6 +173,24 @@ def test_what_uses_a_replaced_definition_has_to_fit_it() -> None:
     with pytest.raises(InvalidArgument, match="a pattern, rule, unit or derivation is added, not 3"):
         engine.replace(3)  # type: ignore[arg-type]
     assert engine.definitions == before and engine.run("twice").applications == 4
+
+
+def test_what_is_not_there_is_not_replaced() -> None:
+    engine = made()
+    engine.add(Rule("treat", "a : Item", lhs="check a.n > 0", modify="set a.n -= 1", package="hospital"))
+    before = engine.definitions
+    treat = Rule("treat", "a : Item", modify="set a.n = 0")
+    with pytest.raises(InvalidArgument) as caught:
+        engine.replace(treat, Rule("smal", "a : Item"), SMALLER, Rule("treet", package="hospital"), ALL)
+    assert str(caught.value) == (
+        '`treat` (give it `package="hospital"`), `smal` (did you mean `small`?), '
+        "`hospital.treet` (did you mean `hospital.treat`?) are not there to be replaced; `add` adds new ones"
+    )
+    with pytest.raises(InvalidArgument, match=r"^`hospital.small` \(leave its package out\) is not there"):
+        engine.replace(Pattern("small", "a : Item", "Item(a)", package="hospital"))
+    assert engine.definitions == before
+    engine.replace(Rule("treat", "a : Item", modify="set a.n = 0", package="hospital"))
+    assert len(engine.definitions) == len(before) and engine.count("treat") == 4
 
 
 def test_definitions_are_replaced_while_versions_are_held() -> None:
@@ -204,10 +219,9 @@ def test_a_file_is_loaded_again() -> None:
         *definitions("rule r { lhs { find p(a); } modify { set a.n = 9; } }"),
     )
     engine.apply("r")
-    engine.replace(
-        *patterns("pattern p(a : Item) { Item(a); check(a.n < 9); } pattern q(a : Item) { find p(a); }")
-    )
-    assert engine.patterns == ("p", "q") and engine.count("r") == 2
+    engine.add(*patterns("pattern q(a : Item) { Item(a); check(a.n < 9); }"))
+    engine.replace(*patterns("pattern p(a : Item) { find q(a); }"))
+    assert engine.patterns == ("q", "p") and engine.count("r") == 2
     copy = engine.copy()
     assert copy.run("r") and copy.count("q") == 1
 
