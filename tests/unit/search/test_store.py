@@ -182,6 +182,6 @@ def test_a_store_whose_tables_have_damaged_names_is_none(store: RunStore) -> Non
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("PRAGMA journal_mode = DELETE")
     data = path.read_bytes()
-    path.write_bytes(data.replace(b"CREATE TABLE individual", b"CREATE TABLE \xe7ndividua(", 1))
+    path.write_bytes(data.replace(b"tableindividual", b"tableindi\xe7idual", 1))
     with pytest.raises(InvalidArgument, match="is no run store"):
         RunStore.open(path)
