@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from envgraph.env._behaviour import (
     DrawGraph,
     DrawGrid,
@@ -46,6 +48,16 @@ class ViewChecking(Checking):
             case ObserveAttribute():
                 return self._observe_attribute(observation, scope)
 
+    def _observed(self, path: Expression, scope: Scope) -> StaticType | None:
+        """See `path`; where many values are, `observe` takes none of the constraints that help elsewhere."""
+        known = len(self.problems)
+        type_ = self.path(path, scope)
+        hint = "ask a pattern for them: `observe find p(..)`, or `observe count find p(..) up to n`"
+        self.problems[known:] = [
+            replace(one, hint=hint) if one.code == "many-valued" else one for one in self.problems[known:]
+        ]
+        return type_
+
     def _observe_find(self, observation: ObserveFind, scope: Scope) -> int:
         names = type_names(scope)
         if observation.up_to is None:
@@ -60,7 +72,7 @@ class ViewChecking(Checking):
 
     def _observe_object(self, observation: ObserveObject, scope: Scope) -> None:
         among = self.known_class(observation.among, observation.among_span or observation.span)
-        type_ = self.path(observation.path, scope)
+        type_ = self._observed(observation.path, scope)
         if type_ is None or among is None:
             return
         if not isinstance(type_, ObjectType):
@@ -86,7 +98,7 @@ class ViewChecking(Checking):
         return earlier or (feature if isinstance(feature, Reference) and feature.lower == 0 else None)
 
     def _observe_range(self, observation: ObserveRange, scope: Scope) -> int:
-        type_ = self.path(observation.path, scope)
+        type_ = self._observed(observation.path, scope)
         if type_ is not None and type_ is not Scalar.INT:
             message = f"only an `int` can be observed in a range, not {a_type(type_)}"
             hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else None
@@ -99,7 +111,7 @@ class ViewChecking(Checking):
         return max(1, high - low + 1)
 
     def _observe_attribute(self, observation: ObserveAttribute, scope: Scope) -> int:
-        type_ = self.path(observation.path, scope)
+        type_ = self._observed(observation.path, scope)
         if type_ is None or isinstance(type_, EnumType) or type_ is Scalar.BOOL:
             return 2 if type_ is Scalar.BOOL else len(type_.literals) if isinstance(type_, EnumType) else 1
         hint = f"write `among {type_.cls}`" if isinstance(type_, ObjectType) else _data_hint(type_)

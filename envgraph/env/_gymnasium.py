@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from envgraph.env._pixels import scene_rgb
 from envgraph.env._sampling import cumulative
-from envgraph.env._scene import Scene
+from envgraph.env._scene import DRAW_HINT, Scene
 from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import Tabular
 from envgraph.env._text import scene_text
@@ -158,7 +158,9 @@ class EnvgraphEnv(_Environment):
             cell,
         )
         if render_mode is not None and len(pictures) != tabular.n_states:
-            raise InvalidArgument("this environment has no pictures: its behaviour has no `draw`")
+            raise InvalidArgument(
+                f"this environment has no pictures: its behaviour has no `draw`; {DRAW_HINT}"
+            )
         self.tabular = tabular
         self._pictures = pictures
         self._state = 0

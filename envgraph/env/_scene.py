@@ -24,6 +24,9 @@ Draw = DrawGrid | DrawGraph
 EMPTY = 255
 """In `GridScene.cells`: nothing is there."""
 
+DRAW_HINT = "write a clause such as `draw graph Class label name`"
+"""Where something is to be drawn and the behaviour does not say how."""
+
 MOST_CELLS = 1_000_000
 
 _PLAIN_NODE = Glyph("", "#a5d8ff")

@@ -16,7 +16,7 @@ from envgraph.env._losing import is_gone, readings
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
 from envgraph.env._sampling import Draw
-from envgraph.env._scene import Painter
+from envgraph.env._scene import DRAW_HINT, Painter
 from envgraph.errors import EvaluationError, InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Savepoint
 from envgraph.match import Row
@@ -146,7 +146,7 @@ class Simulator:
         """
         draw = self.behaviour.draw
         if draw is None:
-            raise InvalidArgument(f"environment `{self.behaviour.name}` has no `draw`")
+            raise InvalidArgument(f"environment `{self.behaviour.name}` has no `draw`; {DRAW_HINT}")
         return Painter(self._model, draw, self.behaviour.parameters)
 
     # --- all outcomes

@@ -70,7 +70,9 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         self.num_envs = len(tables) if num_envs is None else num_envs
         _check(tables, self.num_envs, max_episode_steps)
         if render_mode is not None and (render_mode != "rgb_array" or len(pictures) != len(tables)):
-            raise InvalidArgument("rendering needs `rgb_array` and the pictures of every table")
+            raise InvalidArgument(
+                "rendering needs `rgb_array` and the pictures of every table, which a `draw` clause gives"
+            )
         first = tables[0]
         self.autoreset_mode = autoreset_of(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}

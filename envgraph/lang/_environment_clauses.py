@@ -253,7 +253,9 @@ def observation_of(reading: Reading, tree: Tree[Token]) -> Observation:
 
 def _observe_find(reading: Reading, tree: Tree[Token], each: list[Tree[Token]], span: Span) -> ObserveFind:
     for part in each:
-        hint = "write one `observe` for each, with its object as argument"
+        parameter = _each(reading, part)
+        path = f"`observe {parameter.name}.attribute for {parameter.name} : {parameter.type}`"
+        hint = f"keep it in an attribute and write {path}, or write `observe count find p(..) up to n`"
         reading.error("misplaced-part", "`for` goes with a path, not with `find`", part, hint)
     bounds = tokens(tree.children, "INT")
     return ObserveFind(

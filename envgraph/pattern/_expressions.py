@@ -131,7 +131,7 @@ class ExpressionChecker:
         """The type, or None where it is unknown; then the reason has been reported, unless it is `none`."""
         match node:
             case Variable():
-                return self._variable(node)
+                return self._variable(node, expected)
             case Constant():
                 return None if node.value is None else value_type(node.value)
             case EnumLiteral():
@@ -147,12 +147,15 @@ class ExpressionChecker:
             case FunctionCall():
                 return self._call(node)
 
-    def _variable(self, node: Variable) -> StaticType | None:
+    def _variable(self, node: Variable, expected: StaticType | None) -> StaticType | None:
         if node.anonymous:
             self._report("unknown-variable", "`_` has no value", node, "give the variable a name")
             return None
         if node.name not in self.scope:
-            hint = name_hint(node.name, self.scope) or "no variable is known here"
+            if isinstance(expected, EnumType) and node.name in expected.literals:
+                hint = f"write `::{node.name}` for the literal"
+            else:
+                hint = name_hint(node.name, self.scope) or "no variable is known here"
             self._report("unknown-variable", f"unknown variable `{node.name}`", node, hint)
             return None
         type_ = self.scope[node.name]
@@ -354,7 +357,7 @@ class ExpressionChecker:
         other = self.type_of(left)
         if _is_bare_literal(right):
             return other, self.type_of(right, other) if other else None
-        return other, self.type_of(right)
+        return other, self.type_of(right, other if isinstance(right, Variable) else None)
 
     def _none_test(self, node: Binary) -> None:
         path = none_test(node)

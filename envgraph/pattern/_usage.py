@@ -182,7 +182,7 @@ class UsageCheck:
 
     def _literal_hint(self, name: str, type_: StaticType | None) -> str | None:
         """For the literal of an enum that was written without its enum."""
-        if name in self._parameters:
+        if name in self._parameters and self._parameters[name].type is not None:
             return None
         enums = self._types.metamodel.enum_types if type_ is None else (type_,)
         owners = [enum.name for enum in enums if isinstance(enum, EnumType) and name in enum.literals]

@@ -195,9 +195,9 @@ class BlockBuilder:
     def _retype(self, action: Retype) -> None:
         name, cls = action.node.name, action.type
         where = action.type_span or action.span
-        if not self.sight.knows(name, action.node.span or action.span) or not self.sight.instantiable(
-            cls, where
-        ):
+        if not self.sight.knows(
+            name, action.node.span or action.span, matched=True
+        ) or not self.sight.instantiable(cls, where):
             return
         if name in self.sight.created:
             message = f"`{name}` is created by this rule"
@@ -211,7 +211,7 @@ class BlockBuilder:
             self._own_retyped.append(name)
 
     def _delete(self, name: str, span: Span | None) -> None:
-        if not self.sight.knows(name, span) or not self.sight.was_object(name, span):
+        if not self.sight.knows(name, span, matched=True) or not self.sight.was_object(name, span):
             return
         if name in self.sight.created:
             self.sight.error(
@@ -246,7 +246,12 @@ class BlockBuilder:
         elif absorbed in self.sight.created:
             message = f"`{absorbed}` is created by this rule, so that there is nothing to merge"
             self.sight.error("duplicate-action", message, action.absorbed.span or span, "leave it out")
-        elif all([self.sight.is_object(v.name, v.span or span) for v in (action.kept, action.absorbed)]):
+        elif all(
+            [
+                self.sight.is_object(v.name, v.span or span, matched=True)
+                for v in (action.kept, action.absorbed)
+            ]
+        ):
             places = self.sight.slot(kept), self.sight.slot(absorbed), self.sight.add("")
             self._absorbs.append(Absorb(*places, span))
             self._kept[kept] = span

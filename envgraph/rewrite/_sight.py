@@ -105,8 +105,8 @@ class Sight:
         """Whether a name stands for something here."""
         return name in self.types or name in self.created
 
-    def knows(self, name: str, span: Span | None) -> bool:
-        """Like `sees`; an unknown name is reported, once."""
+    def knows(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
+        """Like `sees`; an unknown name is reported, once. `matched`: a new object would not do."""
         if self.sees(name):
             return True
         if name not in self._reported:
@@ -122,17 +122,18 @@ class Sight:
                 hint = f"{with_article(kind)} block has `{name}` for itself: {advice}"
             if name.startswith("_"):
                 hint = "a name that starts with `_` stands for anything, once; give the variable another name"
+            typed = f"`{name} : Class`"
             self.error(
                 "unknown-variable",
                 f"`{name}` is neither matched by the left side nor created",
                 span,
-                hint or f"write `{name} : Class` to create it",
+                hint or (f"write {typed} in the left side" if matched else f"write {typed} to create it"),
             )
         return False
 
-    def is_object(self, name: str, span: Span | None) -> bool:
+    def is_object(self, name: str, span: Span | None, *, matched: bool = False) -> bool:
         """Whether a name stands for an object that is there after the rule; if not, that is reported."""
-        if not self.knows(name, span):
+        if not self.knows(name, span, matched=matched):
             return False
         if name in self.deleted:
             self.error(
@@ -146,7 +147,7 @@ class Sight:
 
     def had_links(self, name: str, span: Span | None) -> bool:
         """Whether a name stands for an object that is there before the rule; if not, that is reported."""
-        if not self.knows(name, span):
+        if not self.knows(name, span, matched=True):
             return False
         if name in self.created:
             self.error(

@@ -184,7 +184,7 @@ def test_rendering_without_a_mode_gives_nothing_and_without_pictures_is_refused(
     env = EnvgraphEnv(TARGET.tabular)
     env.reset()
     assert env.render() is None
-    with pytest.raises(InvalidArgument, match="no pictures"):
+    with pytest.raises(InvalidArgument, match=r"no pictures: .*; write a clause such as `draw graph"):
         EnvgraphEnv(TARGET.tabular, render_mode="ansi")
     with pytest.raises(InvalidArgument, match="unknown render mode"):
         EnvgraphEnv(TARGET.tabular, render_mode="human")
@@ -194,7 +194,7 @@ def test_rendering_without_a_mode_gives_nothing_and_without_pictures_is_refused(
 
 def test_a_live_environment_without_a_drawing_cannot_render() -> None:
     simulator = Simulator(*loaded("action wait = nothing()"))
-    with pytest.raises(InvalidArgument, match="no `draw`"):
+    with pytest.raises(InvalidArgument, match="no `draw`; write a clause such as `draw graph"):
         EnvgraphLiveEnv(simulator, render_mode="ansi")
     assert EnvgraphLiveEnv(simulator).reset()[0] == 0
 
