@@ -345,6 +345,8 @@ def stroll(seed: int, size: int = 1, naive: bool = True) -> None:
     walk.check()
     for _ in range(dice.number(3, 15)):
         step(walk, dice, size)
+        if dice.chance(30):  # an index that a question makes has to follow the next steps
+            walk.ask(dice)
         if dice.chance(80):  # else several steps come between two looks
             walk.check()
     walk.close()
