@@ -111,14 +111,9 @@ class Agents:
         return max(turn, 0)
 
     def observation(self, turn: int) -> int:
-        """What an agent sees of the present state, as an index; 0 for one that is gone."""
+        """What an agent sees of the present state, as an index; of itself, when it is gone, nothing."""
         seat = self.seats[turn]
-        if self._alone:
-            index = 0
-        elif self.present(seat):
-            index = seat.block if len(self._classes) > 1 else 0
-        else:
-            return 0
+        index = seat.block if len(self._classes) > 1 else 0
         for read, weight in seat.components:
             index += read() * weight
         return index

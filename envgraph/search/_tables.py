@@ -23,7 +23,7 @@ from envgraph.graph import Model, model_to_json
 from envgraph.search._domain import Domain
 from envgraph.search._store import dump_json
 
-FORMAT = 2
+FORMAT = 3
 """Raised when the same texts give another table, or another file, than before."""
 
 MOST_BYTES = 2**30

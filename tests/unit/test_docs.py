@@ -19,6 +19,7 @@ import re
 import shlex
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ import pytest
 import envgraph
 from envgraph.cli import main
 from envgraph.cli._new import write_domain
+from envgraph.env import Simulator
 from envgraph.errors import Diagnostic
 from envgraph.graph import check_conformance
 from envgraph.lang import LANGUAGES, TextFiles, load_workspace
@@ -195,6 +197,18 @@ def test_rules_and_units_of_the_reference_apply_wherever_they_match() -> None:
         taken = engine.signature(unit).parameters
         assert engine.run(unit, **{one.name: engine.model["hedgehog"] for one in taken})
         engine.checkout(start, discard=True)
+
+
+@pytest.mark.usefixtures("garden_directory")
+def test_each_bed_of_the_reference_has_its_own_chance_of_rain() -> None:
+    workspace = load_workspace(["garden.model", "garden.weather.environment"])
+    simulator = Simulator(workspace.engine(), workspace.behaviour())
+    found: Counter[int] = Counter()
+    for probability, _ in simulator.outcomes(simulator.action_names.index("go(north)")):
+        dry = simulator.engine.count("dry")
+        assert probability == pytest.approx(0.9**dry * 0.1 ** (3 - dry))
+        found[dry] += 1
+    assert found == {3: 1, 2: 3, 1: 3, 0: 1}
 
 
 def test_family_of_the_reference_is_diverse_and_its_agent_gets_home(garden_directory: Path) -> None:

@@ -324,6 +324,32 @@ def test_an_agent_that_is_gone_is_passed_over() -> None:
     assert live.observe() == 0  # nobody is left
 
 
+def test_when_all_agents_are_gone_what_is_shared_goes_on() -> None:
+    text = """
+        agent coin : Coin {
+            action lose = lose(coin)
+            observe coin.side
+            observe coin.over among Coin or none
+            observe find up(coin)
+        }
+        action count = count(hand, 1)
+        each step reward -0.5
+        on neg find any(_) terminate failure
+        observe hand.moves in 0..3
+        observe other.value in -1..4 for other : Coin
+    """
+    live = EnvgraphLiveEnv(simulator(text), observation="multi")
+    rows = EnvgraphEnv(table(text), observation="multi")
+    for env in (live, rows):
+        seen, _ = env.reset(seed=0)
+        assert seen.tolist() == [0, 3, 1, 0, 2, 3, 5]
+        for action in (0, 0, 0, 0, 1, 1):
+            seen, reward, over, _, info = env.step(action)
+            assert (reward, over) == (-0.5, False)
+        assert seen.tolist() == [0, 3, 0, 2, 0, 0, 0]
+        assert info["agent"] == "c"
+
+
 def test_a_member_may_lack_an_agent() -> None:
     engine, behaviour = loaded("agent coin : Coin { action flip = turnOver(coin) observe coin.side }")
     live = Simulator(engine, behaviour)
