@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any, Final
 
+from envgraph.code import define
 from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, limit
 from envgraph.graph import Model
 from envgraph.match import Matcher
@@ -167,9 +168,7 @@ def _function(
     lines = lines or [Line("pass")]
     source = "\n".join([f"def {name}({parameters}):", *(line.inside.source for line in lines)])
     namespace.setdefault(OPERATIONS, {})[name] = table(lines)
-    # The source holds names of ours and operators; nothing that anybody wrote.
-    exec(compile(source, f"<rule {name}>", "exec"), namespace)
-    function: Callable[..., Any] = namespace[name]
+    function: Callable[..., Any] = define(source, f"<rule {name}>", namespace)[name]
     return function
 
 

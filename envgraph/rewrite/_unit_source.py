@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from envgraph.code import define
 from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model
 from envgraph.match import Matcher, ViewMatcher
@@ -189,7 +190,7 @@ class UnitSource:
                     function.add(f"e[{self._constant(parameter.name)}] = {scope.names[parameter.name]}")
             function.add(f"return {_outcome(function)}")
         self._finish("def unit(run, e):", function)
-        exec(compile("\n".join(self._done), f"<unit {len(self._done)}>", "exec"), self.namespace)
+        define("\n".join(self._done), f"<unit {len(self._done)}>", self.namespace)
         compiled: Callable[..., bool | None] = self.namespace["unit"]
         return compiled
 

@@ -5,3 +5,4 @@ import pytest
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="write the .expected files anew")
+    parser.addoption("--generated", metavar="DIRECTORY", help="write all generated functions to a directory")

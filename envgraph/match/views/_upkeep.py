@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from types import CodeType
 from typing import TYPE_CHECKING, Any
 
+from envgraph.code import define
 from envgraph.graph import IN, OUT, SET
 from envgraph.match.views import _sets
 
@@ -37,8 +36,7 @@ def changes(
         shape, counts is not None, rows.listed, rows.added is not None, rows.removing is not None, arity
     )
     text = _text(form)
-    namespace: dict[str, Any] = {}
-    exec(_code(text), namespace)
+    build = define(text, "<view of envgraph>", {})["build"]
     values = {
         "rows": rows.rows,
         "store": rows.store,
@@ -50,12 +48,7 @@ def changes(
         "drops": [each.drop for each in groups],
         "queue": getattr(rows, "queue", None),
     }
-    return namespace["build"](**values)  # type: ignore[no-any-return]
-
-
-@lru_cache(maxsize=512)
-def _code(text: str) -> CodeType:
-    return compile(text, "<view of envgraph>", "exec")
+    return build(**values)  # type: ignore[no-any-return]
 
 
 Shape = tuple[tuple[tuple[int, ...], int | None], ...]

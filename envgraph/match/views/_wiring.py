@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import groupby
-from types import CodeType
-from typing import Any
 
+from envgraph.code import define
 from envgraph.graph import Store
 from envgraph.match._options import Unplannable
 from envgraph.match._plan import Conjunction
@@ -301,24 +299,20 @@ def _class(place: Occurrence) -> InstanceAtom:
     return place.relation
 
 
-@lru_cache(maxsize=1024)
-def _fan_code(hooks: int, arity: int) -> CodeType:
+def _fan_text(hooks: int, arity: int) -> str:
     """A function of some values that calls several others with them."""
     names = ", ".join(f"h{number}" for number in range(hooks))
     values = ", ".join(f"a{number}" for number in range(arity))
     calls = "".join(f"        h{number}({values})\n" for number in range(hooks))
-    return compile(
-        f"def build({names}):\n    def fan({values}):\n{calls}    return fan\n", "<fan of envgraph>", "exec"
-    )
+    return f"def build({names}):\n    def fan({values}):\n{calls}    return fan\n"
 
 
 def _fan(hooks: Sequence[Hook], arity: int) -> Hook:
     """One function that calls several with its values."""
     if len(hooks) == 1:
         return hooks[0]
-    namespace: dict[str, Any] = {}
-    exec(_fan_code(len(hooks), arity), namespace)
-    return namespace["build"](*hooks)  # type: ignore[no-any-return]
+    build = define(_fan_text(len(hooks), arity), "<fan of envgraph>", {})["build"]
+    return build(*hooks)  # type: ignore[no-any-return]
 
 
 def _crossed(hook: Hook) -> Hook:
