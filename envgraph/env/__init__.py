@@ -12,7 +12,7 @@ Importing the package registers the bundled environments (`envgraph/BurningFores
 
 from gymnasium.envs.registration import EnvSpec
 
-from envgraph.env._behaviour import (
+from envgraph.behaviour import (
     Action,
     Agent,
     Behaviour,
@@ -32,8 +32,8 @@ from envgraph.env._behaviour import (
     OnReset,
     RuleCall,
     Token,
+    check_behaviour,
 )
-from envgraph.env._check import check_behaviour
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv
 from envgraph.env._keys import KeyIndex, indexed_classes

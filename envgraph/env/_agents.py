@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from math import prod
 
-from envgraph.env._behaviour import Agent, Behaviour
-from envgraph.env._domains import MOST_VALUES
+from envgraph.behaviour import MOST_VALUES, Agent, Behaviour
 from envgraph.env._keys import KeyIndex, key_attributes
 from envgraph.env._prepared import Alternatives, PreparedAction
 from envgraph.env._program import Program

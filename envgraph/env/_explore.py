@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env._behaviour import Behaviour
+from envgraph.behaviour import Behaviour
 from envgraph.env._keys import KeyIndex
 from envgraph.env._scene import Painter, Scene
 from envgraph.env._simulator import Outcome, Simulator

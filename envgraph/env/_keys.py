@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from envgraph.env._behaviour import Agent, Behaviour, ObserveFind, ObserveObject
-from envgraph.env._domains import domain_type
+from envgraph.behaviour import Agent, Behaviour, ObserveFind, ObserveObject, domain_type
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Value, accepts

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from envgraph.graph import Model
-from envgraph.metamodel import Attribute, EnumType, Glyph, Metamodel, Reference
+from envgraph.metamodel import Attribute, EnumType, Glyph, Metamodel
 
 _NAMED: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -99,13 +99,3 @@ def _marked(metamodel: Metamodel, cls: str) -> list[tuple[Attribute, Glyph | Non
 def _colour_of(enum: EnumType, literal: str) -> str:
     """That which the literal names, else one by its place."""
     return _NAMED.get(literal.lower()) or token_colour(enum.literals.index(literal))
-
-
-def edge_ends(metamodel: Metamodel, cls: str, end: str) -> tuple[Reference, ...]:
-    """The first two single references to nodes, of a class whose objects are drawn as edges; else ()."""
-    found = tuple(
-        feature
-        for feature in metamodel.features(cls).values()
-        if isinstance(feature, Reference) and not feature.many and metamodel.is_a(feature.target, end)
-    )
-    return found[:2] if len(found) > 1 else ()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from envgraph.env._behaviour import RuleCall
+from envgraph.behaviour import RuleCall
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import Value

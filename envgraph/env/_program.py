@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import TypeVar
 
-from envgraph.env._behaviour import (
+from envgraph.behaviour import (
     Action,
     Agent,
     Behaviour,
@@ -20,13 +20,18 @@ from envgraph.env._behaviour import (
     ObserveObject,
     ObserveRange,
     OnFind,
+    Question,
     RuleCall,
+    condition_question,
+    count_question,
+    domain_type,
+    is_gone,
+    lost,
+    root_of,
+    roots,
 )
 from envgraph.env._binding import Reader, bind_parameters, reader
-from envgraph.env._clauses import Question, condition_question, count_question
-from envgraph.env._domains import domain_type
 from envgraph.env._keys import KeyIndex
-from envgraph.env._losing import is_gone, lost, root_of, roots
 from envgraph.env._observing import KeyedObjects, literal_index, object_index, observer, range_index
 from envgraph.env._prepared import (
     Alternatives,

@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from heapq import heappop, heappush
 
-from envgraph.env._behaviour import Behaviour
+from envgraph.behaviour import Behaviour
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import Simulator
 from envgraph.graph import Savepoint, Shelf

@@ -6,34 +6,9 @@ from collections.abc import Sequence
 from math import fsum
 
 from envgraph.env._prepared import Choices, Perform
-from envgraph.errors import InvalidArgument
 from envgraph.graph import Model, Node
 from envgraph.metamodel import Value
-from envgraph.pattern import type_text
-from envgraph.rewrite import Branches, Engine, RuleRunner, Signature
-
-
-def signature_of(engine: Engine, name: str) -> Signature | None:
-    """What a rule, unit or group is called with; None if the name means nothing, or several things."""
-    try:
-        return engine.signature(name)
-    except InvalidArgument:
-        return None
-
-
-def callable_names(engine: Engine) -> list[str]:
-    """Qualified and simple names of everything that can be called, for hints."""
-    names = [*engine.rules, *engine.units, *engine.groups]
-    return list(dict.fromkeys([*names, *(engine.signature(name).simple for name in names)]))
-
-
-def written(signature: Signature) -> str:
-    """How a call is written: `forward(packet, hop, latency)`."""
-    parts = []
-    for parameter in signature.parameters:
-        type_ = f" : {type_text(parameter.type)}" if parameter.type else ""
-        parts.append(f"{'out ' if parameter.output else ''}{parameter.name}{type_}")
-    return f"{signature.simple}({', '.join(parts)})"
+from envgraph.rewrite import Branches, Engine, RuleRunner
 
 
 def applying(engine: Engine, name: str, bound: Sequence[str], outputs: Sequence[str]) -> Perform:

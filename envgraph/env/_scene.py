@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from envgraph.env._behaviour import DrawGraph, DrawGrid, Token
+from envgraph.behaviour import DrawGraph, DrawGrid, Token, edge_ends
 from envgraph.env._binding import Reader, bind_parameter, follow, reader
 from envgraph.env._keys import ordered_objects
-from envgraph.env._looks import Looks, edge_ends, glyph_of, token_colour
+from envgraph.env._looks import Looks, glyph_of, token_colour
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, Glyph

@@ -8,11 +8,9 @@ from math import fsum, prod
 
 import numpy as np
 
+from envgraph.behaviour import Behaviour, check_behaviour, is_gone, readings
 from envgraph.env._agents import Agents
-from envgraph.env._behaviour import Behaviour
-from envgraph.env._check import check_behaviour
 from envgraph.env._keys import KeyIndex, indexed_classes
-from envgraph.env._losing import is_gone, readings
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
 from envgraph.env._sampling import Draw

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from xml.sax.saxutils import escape, quoteattr
 
 from envgraph.errors import InvalidArgument
 from envgraph.graph._journal import IndexedSet
@@ -20,12 +19,12 @@ from envgraph.metamodel import (
     Value,
     default_of,
     simple_name,
+    xml_text,
     xml_value,
 )
 
 _XMI = "http://www.omg.org/XMI"
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
-_ESCAPES = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _ID = re.compile(r"[^\W\d][\w.-]*")
 _VALUE = re.compile(r"[\w.-]+")
@@ -73,10 +72,10 @@ class _Writer:
         yield '<?xml version="1.0" encoding="UTF-8"?>'
         head = f'xmi:version="2.0" xmlns:xmi="{_XMI}" xmlns:xsi="{_XSI}"'
         for path, uri in self._uris.items():
-            head += f" xmlns:{self._prefixes[path]}={quoteattr(uri)}"
+            head += f' xmlns:{self._prefixes[path]}="{xml_text(uri)}"'
         if self._schema:
             locations = " ".join(f"{uri} {self._schema}" for uri in self._uris.values())
-            head += f" xsi:schemaLocation={quoteattr(locations)}"
+            head += f' xsi:schemaLocation="{xml_text(locations)}"'
         if len(self._roots) == 1:
             yield from self._tree(self._roots[0], head, 0)
             return
@@ -119,7 +118,7 @@ class _Writer:
         for attribute in self._attributes(node):
             for value in self.model.values(node, attribute) if attribute.many else ():
                 text = self._checked(xml_value(attribute, value), node)
-                yield attribute.name, escape(text, {"\r": "&#13;"})
+                yield attribute.name, xml_text(text)
 
     def _inside(self, node: int) -> Iterator[tuple[Reference, int]]:
         for feature in self._features[self.model.class_of(node)]:
@@ -202,7 +201,7 @@ class _Writer:
         return f"{self._prefixes[cls.package]}:{simple_name(name)}"
 
     def _quoted(self, text: str, node: int) -> str:
-        return quoteattr(self._checked(text, node), _ESCAPES)
+        return f'"{xml_text(self._checked(text, node))}"'
 
     def _checked(self, text: str, node: int) -> str:
         if _FORBIDDEN.search(text):

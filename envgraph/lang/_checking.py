@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from envgraph.env import Behaviour, check_behaviour
+from envgraph.behaviour import Behaviour, check_behaviour
 from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors
 from envgraph.graph import Model, Violation, check_conformance
 from envgraph.lang._formats import HEAD, format_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from lark import Token, Tree
 
-from envgraph.env import Action, Agent, Behaviour, Domain, Effect, Observation, OnReset
+from envgraph.behaviour import Action, Agent, Behaviour, Domain, Effect, Observation, OnReset
 from envgraph.errors import Diagnostic
 from envgraph.lang._environment_clauses import (
     action_of,

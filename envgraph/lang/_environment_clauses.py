@@ -9,7 +9,7 @@ from typing import Literal, cast
 
 from lark import Token, Tree
 
-from envgraph.env import (
+from envgraph.behaviour import (
     Action,
     Branch,
     Domain,
@@ -26,7 +26,7 @@ from envgraph.env import (
     OnReset,
     RuleCall,
 )
-from envgraph.env import Token as DrawnToken
+from envgraph.behaviour import Token as DrawnToken
 from envgraph.errors import Span
 from envgraph.lang._expressions import (
     Reading,

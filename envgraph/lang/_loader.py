@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from os import PathLike, fspath
 from typing import NoReturn
 
-from envgraph.env import Behaviour
+from envgraph.behaviour import Behaviour
 from envgraph.errors import (
     RAISE_LIMIT,
     Diagnostic,

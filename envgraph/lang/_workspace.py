@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from envgraph.env import Behaviour
+from envgraph.behaviour import Behaviour
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, did_you_mean, has_errors
 from envgraph.graph import Model
 from envgraph.lang._family import FamilySpec

@@ -1,7 +1,7 @@
 """Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
 
 from envgraph.errors import shorten
-from envgraph.metamodel._ecore import metamodel_to_ecore, xml_value
+from envgraph.metamodel._ecore import metamodel_to_ecore, xml_text, xml_value
 from envgraph.metamodel._features import (
     LARGEST_INT,
     SUPPRESS,
@@ -49,6 +49,7 @@ __all__ = [
     "place",
     "simple_name",
     "type_name",
+    "xml_text",
     "xml_value",
 ]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from xml.sax.saxutils import quoteattr
 
 from envgraph.metamodel._features import (
     Attribute,
@@ -29,7 +28,9 @@ _TYPES: Mapping[Scalar, str] = {
     Scalar.BOOL: "EBoolean",
     Scalar.STRING: "EString",
 }
-_ESCAPES = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+_ESCAPES = str.maketrans(
+    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+)
 
 Parts = Mapping[str, str | None]
 
@@ -182,9 +183,18 @@ def _tag(name: str, parts: Parts, inside: list[str], indent: str) -> Iterator[st
 
 
 def _written(parts: Parts) -> str:
-    return " ".join(
-        f"{key}={quoteattr(value, _ESCAPES)}" for key, value in parts.items() if value is not None
-    )
+    return " ".join(f'{key}="{xml_text(value)}"' for key, value in parts.items() if value is not None)
+
+
+def xml_text(text: str) -> str:
+    """A text as XML has it, in a tag or between double quotes.
+
+    Not by `xml.sax.saxutils`, which imports all that it takes to speak HTTP.
+
+    >>> xml_text('a < "b"')
+    'a &lt; &quot;b&quot;'
+    """
+    return text.translate(_ESCAPES)
 
 
 def xml_value(attribute: Attribute, value: Value) -> str:

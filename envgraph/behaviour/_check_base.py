@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from envgraph.env._clauses import Question
+from envgraph.behaviour._clauses import Question
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import (

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import isfinite
 
-from envgraph.env._behaviour import Action, Branch, RuleCall
-from envgraph.env._check_base import Checking, Scope
-from envgraph.env._rulebook import callable_names, signature_of, written
+from envgraph.behaviour._check_base import Checking, Scope
+from envgraph.behaviour._data import Action, Branch, RuleCall
+from envgraph.behaviour._signatures import callable_names, signature_of, written
 from envgraph.errors import listed, name_hint, with_article
 from envgraph.metamodel import Scalar
 from envgraph.pattern import (

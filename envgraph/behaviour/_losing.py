@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from envgraph.env._behaviour import (
+from envgraph.behaviour._clauses import mentioned
+from envgraph.behaviour._data import (
     Action,
     Agent,
     Behaviour,
@@ -20,8 +21,7 @@ from envgraph.env._behaviour import (
     OnFind,
     RuleCall,
 )
-from envgraph.env._clauses import mentioned
-from envgraph.env._rulebook import signature_of
+from envgraph.behaviour._signatures import signature_of
 from envgraph.errors import Diagnostic, EvaluationError, Note, Severity, Span, listed
 from envgraph.graph import Model
 from envgraph.pattern import Expression, Navigation, Negation, Variable, children

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from envgraph.env._behaviour import Domain
+from envgraph.behaviour._data import Domain
 from envgraph.metamodel import EnumType, Metamodel, Scalar
 from envgraph.pattern import ObjectType, StaticType
 

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import prod
 
-from envgraph.env._behaviour import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
-from envgraph.env._check_base import Scope, type_names
-from envgraph.env._check_calls import CallChecking
-from envgraph.env._check_views import ViewChecking
-from envgraph.env._clauses import condition_question, is_asked
-from envgraph.env._domains import MOST_VALUES, domain_count, domain_type
-from envgraph.env._losing import loss_warnings
+from envgraph.behaviour._check_base import Scope, type_names
+from envgraph.behaviour._check_calls import CallChecking
+from envgraph.behaviour._check_views import ViewChecking
+from envgraph.behaviour._clauses import condition_question, is_asked
+from envgraph.behaviour._data import Action, Agent, Behaviour, Domain, EachStep, Effect, OnFind
+from envgraph.behaviour._domains import MOST_VALUES, domain_count, domain_type
+from envgraph.behaviour._losing import loss_warnings
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, sort_diagnostics
 from envgraph.metamodel import Scalar
 from envgraph.pattern import Negation, Parameter, PatternCall, StaticType, Variable, static_type

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from envgraph.env._behaviour import (
+from envgraph.behaviour._check_base import Checking, Scope, a_type, type_names
+from envgraph.behaviour._clauses import condition_question, count_question
+from envgraph.behaviour._data import (
     DrawGraph,
     DrawGrid,
     DrawnLink,
@@ -15,9 +17,7 @@ from envgraph.env._behaviour import (
     ObserveRange,
     Token,
 )
-from envgraph.env._check_base import Checking, Scope, a_type, type_names
-from envgraph.env._clauses import condition_question, count_question
-from envgraph.env._looks import edge_ends
+from envgraph.behaviour._edges import edge_ends
 from envgraph.errors import Severity, Span, did_you_mean, name_hint
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar
 from envgraph.pattern import Expression, Navigation, ObjectType, StaticType, check_expression
