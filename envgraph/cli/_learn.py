@@ -13,7 +13,7 @@ from typing import Any
 
 from envgraph import __version__
 from envgraph.cli._family import REPORT, TRAINING, run_directory
-from envgraph.cli._output import Advance, OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.learn import (
@@ -198,15 +198,11 @@ def _members(family: Family) -> list[FamilyMember]:
     order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
     with progress_bar("environments", len(family.members)) as advance:
         members = []
-        for place, member in enumerate(family.members, start=1):
-            states = family.explored(member, progress=partial(_count, advance, place - 1, member.name))
-            members.append(FamilyMember(member.name, states.tabular, member.measures[order]))
+        for place, member in enumerate(family.members):
             advance(place, member.name)
+            states = family.explored(member)
+            members.append(FamilyMember(member.name, states.tabular, member.measures[order]))
     return members
-
-
-def _count(advance: Advance, done: int, name: str, states: int) -> None:
-    advance(done, f"{name}, {states:,} states")
 
 
 def _settings(family: Family, steps: int | None, seeds: int | None) -> TrainingSettings:

@@ -28,6 +28,7 @@ from rich.table import Table
 from rich.text import Text
 
 from envgraph.errors import Diagnostic, EnvgraphError, Severity, visible
+from envgraph.files import telling
 
 _MOST_STYLED: Final = 2000
 """Rows above which a table is printed as plain text."""
@@ -175,7 +176,10 @@ def _message(error: EnvgraphError | OSError) -> str:
 
 @contextmanager
 def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
-    """A progress bar on standard error, gone when it is done; call it with the amount done and a remark."""
+    """A progress bar on standard error, gone when it is done; call it with the amount done and a remark.
+
+    Where there is no terminal it is a few lines, as `telling` has them.
+    """
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -185,10 +189,17 @@ def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
         TextColumn("{task.fields[remark]}", markup=False),
     )
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    if not console.is_terminal:
+        end = "" if total is None else f" of {total}"
+        with telling() as tell:
+            yield lambda done, remark="": tell(f"{label}: {done}{end}" + (remark and f", {remark}"))
+        return
+    with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(visible(label), total=total, remark="")
 
         def advance(done: int, remark: str = "") -> None:
-            progress.update(task, completed=done, remark=visible(remark))
+            progress.update(task, completed=done)
+            tell(remark)
 
-        yield advance
+        with telling(lambda text: progress.update(task, remark=text)) as tell:
+            yield advance

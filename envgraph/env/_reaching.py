@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 
 from envgraph.behaviour import Behaviour
+from envgraph.env._explore import Progress
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import Simulator
 from envgraph.graph import Savepoint, Shelf
@@ -23,6 +24,7 @@ def can_end(
     keys: KeyIndex | None = None,
     *,
     limit: int = REACH_LIMIT,
+    progress: Progress | None = None,
 ) -> bool:
     """Whether some episode ends in success (1) or in failure (2).
 
@@ -39,6 +41,7 @@ def can_end(
         outcome: 1 or 2.
         keys: indices of objects over a family; those of the engine's model alone if None.
         limit: how many states are looked at; when none of them is the end, the answer is False.
+        progress: called with the number of states that were met, now and then.
 
     Raises:
         ResolutionError: the behaviour has errors.
@@ -46,7 +49,7 @@ def can_end(
         EvaluationError: a reward has no value, or an observed object no index.
     """
     simulator = Simulator(engine, behaviour, keys)
-    return _Search(simulator, outcome, limit).run()
+    return _Search(simulator, outcome, limit, progress).run()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +65,9 @@ class _State:
 class _Search:
     """One start after the other. The model is at the last state of the path; each but the first has a savepoint."""
 
-    def __init__(self, simulator: Simulator, outcome: int, limit: int) -> None:
+    def __init__(self, simulator: Simulator, outcome: int, limit: int, progress: Progress | None) -> None:
         self._simulator, self._outcome, self._limit = simulator, outcome, limit
+        self._progress = progress
         self._model = simulator.engine.model
         self._in_the_way = simulator.in_the_way(outcome)
         self._known: set[tuple[int, int]] = set()
@@ -120,6 +124,8 @@ class _Search:
         if key in self._known:
             return None
         self._known.add(key)
+        if self._progress is not None and not len(self._known) % 100:
+            self._progress(len(self._known))
         look = self._simulator.look()
         seen = look in self._looks
         self._looks.add(look)

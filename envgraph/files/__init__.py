@@ -1,7 +1,19 @@
-"""Files on the disk: opened where they are files, and replaced as a whole, so that no failure costs what was there."""
+"""Files on the disk: opened where they are files, and replaced as a whole, so that no failure costs what was there.
+
+Also the one that people read meanwhile: standard error, where long work says how far it has come.
+"""
 
 from envgraph.files._cache import CACHE_VARIABLE, cache_directory
 from envgraph.files._open import open_input
+from envgraph.files._progress import counting, telling
 from envgraph.files._replace import replace_file, replacing
 
-__all__ = ["CACHE_VARIABLE", "cache_directory", "open_input", "replace_file", "replacing"]
+__all__ = [
+    "CACHE_VARIABLE",
+    "cache_directory",
+    "counting",
+    "open_input",
+    "replace_file",
+    "replacing",
+    "telling",
+]

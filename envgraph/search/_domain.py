@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes
 from envgraph.errors import Diagnostic, LoadError, Note, Severity, Source, has_errors, sort_diagnostics
+from envgraph.files import counting
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
     Bundle,
@@ -60,7 +61,8 @@ class Reachable:
         end = {"success": 1, "failure": 2}[self.outcome]
         if self.plan is not None:
             return isfinite(self.plan.steps(engine, end))
-        return can_end(engine, self.behaviour, end)
+        with counting(f"states of {self.behaviour.name}") as progress:
+            return can_end(engine, self.behaviour, end, progress=progress)
 
     def __str__(self) -> str:
         return f"reachable {self.outcome}"

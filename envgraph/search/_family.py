@@ -15,7 +15,7 @@ from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._shown import family_html, member_html, member_svg, member_text
 from envgraph.search._store import RunStore, dump_json
-from envgraph.search._tables import Progress, Tables
+from envgraph.search._tables import Tables
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,15 +108,12 @@ class Family:
         """A fresh copy of a member's model."""
         return model_from_json(member.model, self.domain.metamodel, file=f"{self.name}/{member.name}")
 
-    def explored(
-        self, member: Member, *, pictures: bool = False, progress: Progress | None = None
-    ) -> Explored:
+    def explored(self, member: Member, *, pictures: bool = False) -> Explored:
         """The table of a member's reachable states, enumerated when it is first asked for and then kept in `tables`.
 
         Args:
             member: of this family.
             pictures: whether there is to be a scene of every state, if the behaviour says how to draw it.
-            progress: called with the number of states found so far, now and then; not if the table is known.
 
         Raises:
             InvalidArgument: the family has no environment.
@@ -127,7 +124,7 @@ class Family:
         if known is None:
             behaviour = self.behaviour  # raises where there is none
             known = self._explored[name, pictures] = self.tables.explored(
-                self.domain, behaviour, self.model(member), self.keys, pictures=pictures, progress=progress
+                self.domain, behaviour, self.model(member), self.keys, pictures=pictures
             )
         return known
 

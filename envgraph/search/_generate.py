@@ -8,6 +8,7 @@ from typing import Any
 
 from envgraph.env import DrawGrid
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
+from envgraph.files import telling
 from envgraph.graph import model_to_json
 from envgraph.search._components import Components
 from envgraph.search._domain import Domain
@@ -72,10 +73,11 @@ def evolve(
 ) -> Family:
     """`generate` of a domain that has been read, in place of another run if that is to be overwritten."""
     problem = domain.problem(domain.engine())
-    warn(domain.check_initial(problem))
     texts = domain.workspace.bundle().texts
-    with RunStore.create(store_path, _stored(domain), texts, overwrite=overwrite) as store:
-        return _evolve(domain, problem, store, progress)
+    with telling():  # the individuals whose states are visited are pieces of one work
+        warn(domain.check_initial(problem))
+        with RunStore.create(store_path, _stored(domain), texts, overwrite=overwrite) as store:
+            return _evolve(domain, problem, store, progress)
 
 
 def _stored(domain: Domain) -> dict[str, Any]:
@@ -112,7 +114,8 @@ def resume(
         domain = domain_of(store.bundle(), [*store.overrides, *changed], str(store.path), components)
         if changed:
             store.set("overrides", list(domain.overrides))
-        return _evolve(domain, domain.problem(domain.engine()), store, progress)
+        with telling():
+            return _evolve(domain, domain.problem(domain.engine()), store, progress)
 
 
 def _evolve(domain: Domain, problem: Problem, store: RunStore, progress: Progress) -> Family:

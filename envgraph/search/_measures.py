@@ -9,7 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from envgraph.env import Behaviour, KeyIndex, Tabular, enumerate_states, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Tabular, explore, indexed_classes
+from envgraph.files import counting
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
 
@@ -116,7 +117,8 @@ class ShortestPlan:
         state = model.state_hash()
         if self._known is None or self._known[0] != state:
             keys = KeyIndex.of(model, indexed_classes(behaviour, model.metamodel))
-            self._known = state, enumerate_states(engine, behaviour, keys)
+            with counting(f"states of {behaviour.name}") as progress:
+                self._known = state, explore(engine, behaviour, keys, progress=progress).tabular
         return steps_to(self._known[1], outcome)
 
 

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -18,7 +16,7 @@ from pathlib import Path
 from envgraph import __version__
 from envgraph.env import Behaviour, Explored, KeyIndex, explore, read_explored, write_explored
 from envgraph.errors import InvalidArgument
-from envgraph.files import CACHE_VARIABLE, cache_directory, replacing
+from envgraph.files import CACHE_VARIABLE, cache_directory, counting, replacing
 from envgraph.graph import Model, model_to_json
 from envgraph.search._domain import Domain
 from envgraph.search._store import dump_json
@@ -28,8 +26,6 @@ FORMAT = 3
 
 MOST_BYTES = 2**30
 """Of the files of one place; the ones that nobody has used for longest make room."""
-
-Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +58,17 @@ class Tables:
         keys: KeyIndex,
         *,
         pictures: bool = False,
-        progress: Progress | None = None,
     ) -> Explored:
         """The table of a model, with a picture of every state where they are asked for and can be drawn.
 
-        It is not kept where expressions call functions of Python: no hash says what those do.
+        Standard error is told how many states there are so far. The table is not kept where expressions call functions
+        of Python: no hash says what those do.
 
         Args:
             domain: of the model.
             behaviour: of the domain.
             model: the initial state; it is used up.
             keys: the indices of its objects over the family.
-            progress: called with the number of states now and then; by default a line tells a person at a terminal.
         """
         name = f"{_key(domain, behaviour, model, keys)}.npz"
         drawn = pictures and behaviour.draw is not None
@@ -81,8 +76,8 @@ class Tables:
         known = self._read(name) if lasting else None
         if known is not None and (known.pictures or not drawn):
             return known
-        with _told(f"states of {behaviour.name}") as told:
-            found = explore(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress or told)
+        with counting(f"states of {behaviour.name}") as progress:
+            found = explore(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress)
         if lasting:
             self._write(name, found)
         return found
@@ -134,22 +129,3 @@ def _tidy(place: Path) -> None:
         total += stat.st_size
         if total > MOST_BYTES:
             file.unlink(missing_ok=True)
-
-
-@contextmanager
-def _told(what: str) -> Iterator[Progress]:
-    """A line on standard error that counts, gone at the end; nothing where nobody looks."""
-    terminal = sys.stderr
-    if terminal is None or not terminal.isatty():
-        yield lambda count: None
-        return
-
-    def told(count: int) -> None:
-        terminal.write(f"\r{what}: {count:,}")
-        terminal.flush()
-
-    try:
-        yield told
-    finally:
-        terminal.write("\r\033[K")
-        terminal.flush()

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, nan
+from typing import Any
 
 import pytest
 from numpy import float32
 from numpy.random import default_rng
 
-from envgraph.env import Tabular, enumerate_states
+from envgraph.env import Explored, explore
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.rewrite import Engine
 from envgraph.search import Constraint, CountWithin, Domain, Forbid, NoValue, Problem, Require
@@ -81,11 +82,11 @@ def test_problems_on_one_engine_share_the_query(domain: Domain) -> None:
 def test_a_constraint_and_a_measure_visit_the_states_of_a_model_once(monkeypatch: pytest.MonkeyPatch) -> None:
     visits: list[int] = []
 
-    def counted(engine: Engine, *rest: object) -> Tabular:
+    def counted(engine: Engine, *rest: Any, **options: Any) -> Explored:
         visits.append(engine.model.state_hash())
-        return enumerate_states(engine, *rest)  # type: ignore[arg-type]
+        return explore(engine, *rest, **options)
 
-    monkeypatch.setattr("envgraph.search._measures.enumerate_states", counted)
+    monkeypatch.setattr("envgraph.search._measures.explore", counted)
     monkeypatch.delattr("envgraph.search._domain.can_end")
     domain = Domain.load("keydoor")
     problem = domain.problem(domain.engine())

@@ -232,4 +232,4 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     make_environment("burning_forest")
-    assert "\rstates of BurningForest: 100\r" in capsys.readouterr().err
+    assert "\rstates of BurningForest: 100\x1b[K\r" in capsys.readouterr().err

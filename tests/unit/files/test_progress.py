@@ -1,0 +1,74 @@
+"""What long work says of itself on standard error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from envgraph.cli._output import progress_bar
+from envgraph.files import counting, telling
+from envgraph.search import Domain, evolve
+
+Captured = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
+    """The time, which tests set."""
+    now = [1000.0]
+    monkeypatch.setattr("envgraph.files._progress.monotonic", lambda: now[0])
+    yield now
+
+
+def test_a_pipe_gets_a_line_after_five_seconds_and_then_ever_fewer(
+    clock: list[float], capsys: Captured
+) -> None:
+    with counting("states of A") as told:
+        for second in range(100):
+            clock[0] = 1000.0 + second
+            told(1000 * second)
+    assert capsys.readouterr().err.splitlines() == [
+        "states of A: 5,000 (0:00:05)",
+        "states of A: 10,000 (0:00:10)",
+        "states of A: 20,000 (0:00:20)",
+        "states of A: 40,000 (0:00:40)",
+        "states of A: 80,000 (0:01:20)",
+    ]
+
+
+def test_work_inside_of_work_is_told_behind_it_and_by_its_clock(clock: list[float], capsys: Captured) -> None:
+    with progress_bar("environments", 6) as advance:
+        for done in range(6):
+            advance(done, f"E{done + 1}")
+            with counting("states of A") as told:
+                clock[0] += 4
+                told(400)
+    assert capsys.readouterr().err.splitlines() == [
+        "environments: 1 of 6, E2; states of A: 400 (0:00:08)",
+        "environments: 3 of 6, E4; states of A: 400 (0:00:16)",
+    ]
+
+
+def test_a_terminal_has_one_line_that_is_gone_at_the_end(
+    monkeypatch: pytest.MonkeyPatch, capsys: Captured
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    with telling() as tell, counting("states\x1b of A") as told:
+        tell("E1")
+        told(100)
+    assert capsys.readouterr().err == "\rE1\x1b[K\rE1; states\\x1b of A: 100\x1b[K\r\x1b[K"
+
+
+def test_a_search_tells_of_the_states_that_it_visits_for_measures(
+    tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("envgraph.files._progress.monotonic", count(0, 10).__next__)
+    domain = Domain.load(
+        "burning_forest", overrides=["search.generations=0", "measures.plan.kind=shortest_plan"]
+    )
+    with progress_bar("generations", 0):
+        evolve(domain, tmp_path / "run.sqlite")
+    assert capsys.readouterr().err.startswith("states of BurningForest: 100 (0:00:10)\n")
