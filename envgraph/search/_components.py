@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from envgraph.env import Behaviour
+from envgraph.env import Behaviour, Tabular
 from envgraph.metamodel import Metamodel
+from envgraph.rewrite import Engine
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Variance
 from envgraph.search._measures import MatchCount, ShortestPath, ShortestPlan
 from envgraph.search._options import Options
@@ -41,12 +42,14 @@ class Context:
         spec: the family file.
         behaviour: what the agent can do, if the family has an environment.
         measured: the measure that the diversity reads, for the diversity.
+        known: the table of states of the model at which an engine stands, if it is kept.
     """
 
     metamodel: Metamodel
     spec: FamilySpec
     behaviour: Behaviour | None
     measured: IndividualMeasure | None = None
+    known: Callable[[Engine], Tabular | None] = lambda engine: None
 
 
 MeasureFactory = Callable[[Options, Context], IndividualMeasure]
@@ -79,7 +82,7 @@ def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
 def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
     del options
     assert context.behaviour is not None, "check_family demands an environment for this measure"
-    return ShortestPlan(context.behaviour)
+    return ShortestPlan(context.behaviour, context.known)
 
 
 def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import TypeVar
 
-from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Tabular, can_end, indexed_classes
 from envgraph.errors import Diagnostic, LoadError, Note, Severity, Source, has_errors, sort_diagnostics
 from envgraph.files import counting
 from envgraph.graph import Model, model_from_json, model_to_json
@@ -40,6 +40,7 @@ from envgraph.search._problem import (
     Problem,
     Require,
 )
+from envgraph.search._tables import Tables
 
 Placed = TypeVar("Placed", ModelText, Behaviour)
 
@@ -299,7 +300,14 @@ class Domain:
         return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
 
     def _context(self) -> Context:
-        return Context(self.metamodel, self.spec, self.behaviour)
+        return Context(self.metamodel, self.spec, self.behaviour, known=self._table)
+
+    def _table(self, engine: Engine) -> Tabular | None:
+        """That of the initial model, which every check asks about, is kept among those of the user."""
+        behaviour, initial = self.behaviour, self._model()
+        if behaviour is None or engine.model.state_hash() != initial.state_hash():
+            return None
+        return Tables.of_user().explored(self, behaviour, self.initial(), self.keys()).tabular
 
     def _constraints(self, engine: Engine, measures: Iterable[IndividualMeasure]) -> tuple[Constraint, ...]:
         """Conformance first, then as in the file; what enumerates states comes last."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import inf
 from typing import ClassVar
@@ -101,11 +101,15 @@ class ShortestPlan:
 
     A stochastic outcome counts as possible. Infinite where success is out of reach. The table of the last state of the
     model is kept: constraints ask about the state that is then measured.
+
+    Attributes:
+        known: the table of the model at which an engine stands, if one is kept somewhere.
     """
 
     behaviour: Behaviour
+    known: Callable[[Engine], Tabular | None] = lambda engine: None
     whole: ClassVar = True
-    _known: tuple[int, Tabular] | None = field(default=None, init=False, repr=False, compare=False)
+    _last: tuple[int, Tabular] | None = field(default=None, init=False, repr=False, compare=False)
 
     def evaluate(self, engine: Engine) -> float:
         """The number of steps from a start state of the model at which the engine stands."""
@@ -113,13 +117,15 @@ class ShortestPlan:
 
     def steps(self, engine: Engine, outcome: int) -> float:
         """`steps_to` an outcome; objects are numbered among themselves alone."""
-        model, behaviour = engine.model, self.behaviour
-        state = model.state_hash()
-        if self._known is None or self._known[0] != state:
-            keys = KeyIndex.of(model, indexed_classes(behaviour, model.metamodel))
-            with counting(f"states of {behaviour.name}") as progress:
-                self._known = state, explore(engine, behaviour, keys, progress=progress).tabular
-        return steps_to(self._known[1], outcome)
+        state = engine.model.state_hash()
+        if self._last is None or self._last[0] != state:
+            self._last = state, self.known(engine) or self._visited(engine)
+        return steps_to(self._last[1], outcome)
+
+    def _visited(self, engine: Engine) -> Tabular:
+        keys = KeyIndex.of(engine.model, indexed_classes(self.behaviour, engine.model.metamodel))
+        with counting(f"states of {self.behaviour.name}") as progress:
+            return explore(engine, self.behaviour, keys, progress=progress).tabular
 
 
 def steps_to(tabular: Tabular, outcome: int) -> float:

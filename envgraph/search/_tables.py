@@ -12,14 +12,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from envgraph import __version__
 from envgraph.env import Behaviour, Explored, KeyIndex, explore, read_explored, write_explored
 from envgraph.errors import InvalidArgument
 from envgraph.files import CACHE_VARIABLE, cache_directory, counting, replacing
 from envgraph.graph import Model, model_to_json
-from envgraph.search._domain import Domain
 from envgraph.search._store import dump_json
+
+if TYPE_CHECKING:
+    from envgraph.search._domain import Domain
 
 FORMAT = 3
 """Raised when the same texts give another table, or another file, than before."""

@@ -65,6 +65,7 @@ def test_a_terminal_has_one_line_that_is_gone_at_the_end(
 def test_a_search_tells_of_the_states_that_it_visits_for_measures(
     tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("ENVGRAPH_CACHE", "off")
     monkeypatch.setattr("envgraph.files._progress.monotonic", count(0, 10).__next__)
     domain = Domain.load(
         "burning_forest", overrides=["search.generations=0", "measures.plan.kind=shortest_plan"]

@@ -80,6 +80,7 @@ def test_problems_on_one_engine_share_the_query(domain: Domain) -> None:
 
 
 def test_a_constraint_and_a_measure_visit_the_states_of_a_model_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ENVGRAPH_CACHE", "off")
     visits: list[int] = []
 
     def counted(engine: Engine, *rest: Any, **options: Any) -> Explored:
@@ -87,6 +88,7 @@ def test_a_constraint_and_a_measure_visit_the_states_of_a_model_once(monkeypatch
         return explore(engine, *rest, **options)
 
     monkeypatch.setattr("envgraph.search._measures.explore", counted)
+    monkeypatch.setattr("envgraph.search._tables.explore", counted)
     monkeypatch.delattr("envgraph.search._domain.can_end")
     domain = Domain.load("keydoor")
     problem = domain.problem(domain.engine())

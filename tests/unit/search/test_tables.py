@@ -19,7 +19,9 @@ from envgraph.env import Explored
 from envgraph.lang import bundled_domain
 from envgraph.search import (
     Components,
+    Domain,
     Family,
+    domain_problems,
     generate,
     make_environment,
     make_vector_environment,
@@ -233,3 +235,15 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     make_environment("burning_forest")
     assert "\rstates of BurningForest: 100\x1b[K\r" in capsys.readouterr().err
+
+
+def test_check_generate_and_make_visit_the_states_of_the_initial_model_once(
+    cache: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("envgraph.search._measures.explore", None)  # what would visit them each time
+    for _ in range(2):
+        domain = Domain.load("keydoor")
+        assert domain_problems(domain.spec, domain.workspace) == []
+    assert domain.problem(domain.engine()).measure()["plan"] == 9.0
+    make_environment("keydoor")
+    assert visited == [False] and [path.suffix for path in kept(cache)] == [".npz"]
