@@ -593,6 +593,13 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a training that was interrupted.")
     ] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            help="Replace results of as many steps, or a training that was interrupted, if there are any.",
+        ),
+    ] = False,
     directory: Directory = RUNS,
     format: Format = OutputFormat.TEXT,
 ) -> None:
@@ -607,6 +614,7 @@ def train(
         curricula=curricula,
         workers=workers,
         resume=resume,
+        force=force,
         format=format,
     )
 

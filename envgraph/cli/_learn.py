@@ -14,7 +14,7 @@ from typing import Any
 from envgraph import __version__
 from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
-from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.errors import InvalidArgument, did_you_mean, listed
 from envgraph.files import replace_file
 from envgraph.learn import (
     Curriculum,
@@ -50,16 +50,20 @@ def train_agents(
     curricula: str | None,
     workers: int,
     resume: bool,
+    force: bool,
     format: OutputFormat,
 ) -> None:
-    """Train with each budget, evaluate, write CSV files, and print a summary."""
+    """Train with each budget, evaluate, write CSV files, and print a summary.
+
+    Results of the same budgets, and a training that was interrupted, make room only by `force`.
+    """
     family = open_family(run, directory)
     base = run_directory(run, directory) / TRAINING
     again = f"envgraph train {run} --directory {directory} --resume"
     wanted: dict[str, Any] = {"steps": steps, "seeds": seeds, "curricula": curricula}
     journal = None
     if resume:
-        if any(value is not None for value in wanted.values()):
+        if force or any(value is not None for value in wanted.values()):
             raise InvalidArgument(
                 "a resumed training keeps its steps, seeds and curricula: leave the options out"
             )
@@ -67,20 +71,22 @@ def train_agents(
             raise InvalidArgument(f"no training of `{run}` was interrupted: there is nothing to go on with")
         journal = Journal.open(base / UNFINISHED)
         wanted = _begun(journal)
-    elif (base / UNFINISHED).exists():
+    elif (base / UNFINISHED).exists() and not force:
         raise InvalidArgument(
             f"{base / UNFINISHED} holds the {len(Journal.open(base / UNFINISHED))} agents of a training that was "
-            f"interrupted: `{again}` goes on with it; remove the file to train anew"
+            "interrupted: go on with --resume, or replace it with --force"
         )
     chosen = _curricula(family, wanted["curricula"])
     budgets = [_settings(family, budget, wanted["seeds"]) for budget in _budgets(wanted["steps"])]
+    if not resume and not force:
+        _refuse_results(base, budgets)
     members = _members(family)
     made_of = fingerprint({member.name: member.tabular for member in members}, __version__, *budgets)
     if journal is None:
         journal = Journal.create(base / UNFINISHED, {**wanted, "made_of": made_of})
     elif journal.about.get("made_of") != made_of:
         raise InvalidArgument(
-            f"the environments or settings are not those with which {journal.path} was begun; remove it to train anew"
+            f"the environments or settings are not those with which {journal.path} was begun: train anew with --force"
         )
     try:
         trained = [_train(members, settings, chosen, workers, journal, base) for settings in budgets]
@@ -89,6 +95,16 @@ def train_agents(
         raise
     journal.path.unlink()
     _print_summary(family, trained, base, format)
+
+
+def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
+    """Finished results are not replaced by mistake."""
+    steps = [str(one.steps_per_environment) for one in budgets]
+    there = [str(base / one) for one in steps if (base / one / "runs.csv").exists()]
+    if there:
+        verb, them = ("exists", "it") if len(there) == 1 else ("exist", "them")
+        hint = f"replace {them} with --force, or choose other --steps"
+        raise InvalidArgument(f"{listed(there)} {verb} already: {hint}")
 
 
 def _begun(journal: Journal) -> dict[str, Any]:

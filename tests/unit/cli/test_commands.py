@@ -300,12 +300,13 @@ def test_training_follows_the_sequences_of_the_family_file(envgraph: Envgraph, t
     ok(envgraph("generate", "maze", "--generations", 30, "--name", "m"))
 
     def labels(*options: object) -> list[str]:
-        results = ok(envgraph("train", "m", "--steps", 50, "--seeds", 1, *options, "--format", "json")).json
+        train = ("train", "m", "--steps", 50, "--seeds", 1, *options)
+        results = ok(envgraph(*train, "--format", "json")).json
         return [f"{one['kind']} {one['label']}" for one in results["results"]]  # type: ignore[index]
 
     assert labels() == ["curriculum E1-E5", *(f"baseline E{place}" for place in range(1, 6))]
     assert (tmp_path / "runs" / "m" / "training" / "50" / "stages").is_dir()
-    assert labels("--curricula", "direct") == ["baseline E5"]
+    assert labels("--curricula", "direct", "--force") == ["baseline E5"]
     assert not (tmp_path / "runs" / "m" / "training" / "50" / "stages").exists()
     assert "E5 alone" in ok(envgraph("report", "m")).out
 
@@ -395,7 +396,7 @@ def test_training_is_the_same_for_any_number_of_workers(envgraph: Envgraph, tmp_
     ok(envgraph("import", DATA / "environment-config.json", "--name", "p"))
     files = []
     for workers in (1, 2):
-        ok(envgraph("train", "p", "--steps", 500, "--seeds", 3, "--workers", workers))
+        ok(envgraph("train", "p", "--steps", 500, "--seeds", 3, "--workers", workers, "--force"))
         files.append({p.name: p.read_bytes() for p in (tmp_path / "runs" / "p" / "training").rglob("*.csv")})
     assert files[0] == files[1] and len(files[0]) == 3
 
@@ -578,7 +579,7 @@ def test_a_wrong_argument_is_answered_with_what_to_write(
         ("out.trace", ("apply", "maze/maze.model", "maze/maze.rules", "terrain", "--trace", "out.trace")),
         ("family.json", ("export", "m", "-o", "family.json")),
         ("page.html", ("report", "m", "-o", "page.html")),
-        ("runs/m/training/100/runs.csv", ("train", "m", "--steps", "100", "--seeds", "1")),
+        ("runs/m/training/100/runs.csv", ("train", "m", "--steps", "100", "--seeds", "1", "--force")),
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -94,7 +95,8 @@ def test_an_interrupted_training_is_not_lost_by_beginning_another(
     command(*TRAIN)  # type: ignore[operator]
     before = results(run)
     code, _, messages = command(*TRAIN)  # type: ignore[operator]
-    assert code == 1 and "holds the 3 agents of a training that was interrupted" in messages
+    assert code == 1 and "interrupted: go on with --resume, or replace it with --force" in messages
+    assert "holds the 3 agents of a training" in messages
     code, _, messages = command("train", "forest", "--resume", "--seeds", "3")  # type: ignore[operator]
     assert code == 1 and "leave the options out" in messages
     assert results(run) == before
@@ -107,6 +109,28 @@ def test_an_interrupted_training_is_not_lost_by_beginning_another(
     file.unlink()
     code, _, messages = command("train", "forest", "--resume")  # type: ignore[operator]
     assert code == 1 and "nothing to go on with" in messages
+
+
+def test_results_are_replaced_only_by_force(
+    run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, both = ("train", "forest", "--seeds", "1", "--steps", "50"), ("train", "forest", "--steps", "50,60")
+    assert command(*one)[0] == 0
+    before = results(run)
+    code, _, messages = command(*both, "--seeds", "2")
+    place = Path("runs", "forest", "training", "50")
+    assert code == 1
+    assert messages == f"error: `{place}` exists already: replace it with --force, or choose other --steps\n"
+    code, _, messages = command("train", "forest", "--resume", "--force")
+    assert code == 1 and "leave the options out" in messages
+    assert results(run) == before
+    with monkeypatch.context() as patch:
+        interrupted_after(1, patch)
+        command(*both, "--seeds", "2", "--force")
+    assert (run / "training" / "unfinished.jsonl").exists()
+    assert command(*both, "--seeds", "2", "--force")[0] == 0
+    after = results(run)
+    assert len(after) == 12 and all(after[name] != before[name] for name in before)
 
 
 def test_steps_are_all_that_an_agent_was_trained(run: Path, command: object) -> None:
