@@ -307,8 +307,12 @@ class _Section:
         return tuple(found.values())
 
     def table(self, key: str) -> _Section:
-        """A table inside; empty if it is not there."""
+        """A table inside, also under a mistyped name, which is unknown then; empty if it is not there."""
         value = self.take(key)
+        if value is None:
+            tables = (one for one, found in self.data.items() if isinstance(found, dict))
+            key = next((one for one in tables if did_you_mean(one, [key])), key)
+            value = self.data.get(key)
         if value is not None and not isinstance(value, dict):
             self.wrong(key, "a table", hint=f"write `[{'.'.join((*self.path, key))}]` or `{key} = {{ ... }}`")
             value = None
@@ -363,7 +367,7 @@ class _Reader:
             constraints=self._constraints(top.table("constraints")),
             measures=measures,
             diversity=self._diversity(top, measures),
-            mutation=self._mutation(top, top.table("mutation")),
+            mutation=self._mutation(top.table("mutation")),
             search=self._search(top.table("search")),
             curriculum=self._curriculum(top.table("curriculum"), measures),
             training=self._training(top.table("training")),
@@ -371,10 +375,10 @@ class _Reader:
             path=self._name,
             source=self._text.source,
         )
-        known = len(self.diagnostics)
         top.finish()
-        # An unknown key at the top may be what was meant to name a file.
-        self.complete = self.complete and len(self.diagnostics) == known
+        # An unknown key at the top may be what was meant to name a file; no table is.
+        unknown = [value for key, value in top.data.items() if key not in top.asked]
+        self.complete = self.complete and all(isinstance(value, dict) for value in unknown)
         return spec
 
     def _path(self, name: Name | None) -> Name | None:
@@ -433,7 +437,7 @@ class _Reader:
             component = self._component(table, name, None)
             if component is not None:
                 found.append(component)
-        if not section.data and not self._misnamed(top, "measures"):
+        if not section.data:
             hint = 'add `[measures.complexity]` with `kind = "path_complexity"` or another kind'
             section.error("missing-key", "the family has no measure", self._text.value("measures"), hint)
         return tuple(found)
@@ -470,7 +474,7 @@ class _Reader:
     def _diversity(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> ComponentSpec:
         component = self._component(top.table("diversity"), "diversity", "binned_entropy")
         component = component or ComponentSpec("diversity", "binned_entropy")
-        names = list(top.data["measures"]) if measures else []
+        names = list(top.table("measures").data) if measures else []
         of = component.options.get("of")
         if of is None:
             if len(names) > 1:
@@ -510,9 +514,9 @@ class _Reader:
 
     # --- sections ---
 
-    def _mutation(self, top: _Section, section: _Section) -> MutationSpec:
+    def _mutation(self, section: _Section) -> MutationSpec:
         rules = section.names("rules")
-        if not rules and not self._misnamed(top, "mutation") and not self._has_error("rules"):
+        if not rules and not self._has_error("rules"):
             hint = 'write `rules = ["..."]` in `[mutation]`: names of rules, units and derived groups'
             section.error(
                 "missing-key", "the family has no mutation rules", self._text.value("mutation"), hint
@@ -526,10 +530,6 @@ class _Reader:
         )
         section.finish()
         return spec
-
-    def _misnamed(self, top: _Section, section: str) -> bool:
-        """Whether a section seems to be there under a mistyped name, which is reported as unknown."""
-        return section not in top and any(did_you_mean(key, [section]) for key in top.data)
 
     def _has_error(self, key: str) -> bool:
         return any(f"`{key}`" in one.message for one in self.diagnostics)

@@ -88,7 +88,7 @@ def campaign(random: Random) -> str:
         if kind == "train":
             if _killed(random, directory, *_TRAIN):
                 begun = (directory / "runs" / "m" / "training" / "unfinished.jsonl").exists()
-                good(run(directory, *(("train", "m", "--resume") if begun else _TRAIN)))
+                good(run(directory, *(("train", "m", "--resume") if begun else (*_TRAIN, "--force"))))
             assert _trained(directory) == {
                 key: text for key, text in expected.items() if key != "family.json"
             }
