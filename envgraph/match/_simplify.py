@@ -97,8 +97,7 @@ class Simplifier:
         )
 
     def _simplify(self, body: LoweredBody, parameters: int) -> Conjunction:
-        aliases = dict(body.aliases)
-        heads = tuple(aliases.get(position, position) for position in range(parameters))
+        heads = _heads(body, parameters)
         draft = _Draft(list(body.types), list(body.constants))
         for atom in _without_closures(body.atoms, {*heads, *(number for number, _ in body.constants)}):
             draft.goals.extend(self._goals(atom, body.names, draft))
@@ -106,21 +105,15 @@ class Simplifier:
         return Conjunction(tuple(draft.types), tuple(draft.constants), heads, self._without_implied(goals))
 
     def _goals(self, atom: Atom, names: tuple[str, ...], draft: _Draft) -> Sequence[Goal]:
-        match atom:
-            case CheckAtom(expression, numbers):
-                return [Condition(expression, tuple((names[n], n) for n in numbers))]
-            case EvaluationAtom(expression, numbers, result):
-                return [Valuation(expression, tuple((names[n], n) for n in numbers), result)]
-            case NegationAtom(relation, local):
-                outer = tuple(dict.fromkeys(v for v in arguments(relation) if v not in local))
-                return [Absence(self._alternatives(relation, draft), outer)]
-            case CallAtom(pattern, called):
+        goal = _goal(atom, names)
+        match atom, goal:
+            case NegationAtom(relation), Absence():
+                return [replace(goal, alternatives=self._alternatives(relation, draft))]
+            case CallAtom(pattern, called), _:
                 bodies = self._inlinable(pattern)
                 if bodies is not None and len(bodies) == 1 and len(draft.goals) < MOST_GOALS:
                     return draft.inlined(bodies[0], called)
-                return [atom]
-            case _:
-                return [atom]
+        return [goal]
 
     def _alternatives(self, relation: RelationAtom, draft: _Draft) -> tuple[tuple[Goal, ...], ...]:
         bodies = self._inlinable(relation.pattern) if isinstance(relation, CallAtom) else None
@@ -188,6 +181,31 @@ class Simplifier:
                 return zip((source, target), self._library.lowered(step).types, strict=True)
             case _:
                 return []
+
+
+def as_written(body: LoweredBody, parameters: int) -> Conjunction:
+    """The conjunction with one goal for each atom, in their order: nothing is inlined, and nothing left out."""
+    goals = tuple(_goal(atom, body.names) for atom in body.atoms)
+    return Conjunction(body.types, body.constants, _heads(body, parameters), goals)
+
+
+def _heads(body: LoweredBody, parameters: int) -> tuple[int, ...]:
+    """The variables that stand for the parameters."""
+    aliases = dict(body.aliases)
+    return tuple(aliases.get(position, position) for position in range(parameters))
+
+
+def _goal(atom: Atom, names: tuple[str, ...]) -> Goal:
+    match atom:
+        case CheckAtom(expression, numbers):
+            return Condition(expression, tuple((names[n], n) for n in numbers))
+        case EvaluationAtom(expression, numbers, result):
+            return Valuation(expression, tuple((names[n], n) for n in numbers), result)
+        case NegationAtom(relation, local):
+            outer = tuple(dict.fromkeys(v for v in arguments(relation) if v not in local))
+            return Absence(((relation,),), outer)
+        case _:
+            return atom
 
 
 @dataclass(slots=True)

@@ -9,7 +9,7 @@ from typing import Any
 from envgraph.errors import limit
 from envgraph.match._generate import Translation
 from envgraph.match._limits import MOST_MATCHES
-from envgraph.match._plan import BodyPlan, Plan, Step
+from envgraph.match._plan import BodyPlan, Step
 from envgraph.match._planner import Planner
 from envgraph.match._sinks import Sink
 from envgraph.match._symbols import Held, Source
@@ -98,13 +98,3 @@ def _source(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> Source:
     translation.body(body.plan, results)
     module.function("traced", list(given.values()), block)
     return module.source("traced")
-
-
-def whole(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> BodyPlan:
-    """The body with a plan that gives every variable a value, so that each constraint is a step of its own.
-
-    Raises:
-        Unplannable: some variable cannot be enumerated.
-    """
-    plan: Plan = planner.whole(body.conjunction, bound)
-    return BodyPlan(body.conjunction, plan, body.repeats)

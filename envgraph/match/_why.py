@@ -7,40 +7,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import PurePath
 from typing import Any, Literal
 
 from envgraph.errors import EnvgraphError, Span
-from envgraph.match._explain import Names, goal_text, relation_text
-from envgraph.match._options import Unplannable
-from envgraph.match._plan import (
-    Absence,
-    BodyPlan,
-    Condition,
-    Conjunction,
-    Kind,
-    Step,
-    Valuation,
-    ViewKey,
-    arguments,
-)
+from envgraph.match._explain import Names, goal_text
+from envgraph.match._plan import BodyPlan, Conjunction, arguments
 from envgraph.match._planner import Planner
-from envgraph.match._trace import Build, trace, whole
+from envgraph.match._simplify import as_written
+from envgraph.match._trace import Build, trace
 from envgraph.metamodel import Reference, Value
 from envgraph.metamodel.picture import markup
 from envgraph.pattern import (
     VALUES,
-    AggregateAtom,
-    AttributeAtom,
     CallAtom,
-    ClosureAtom,
-    InstanceAtom,
     LinkAtom,
+    LoweredBody,
     NegationAtom,
     ObjectType,
-    RelationAtom,
-    UnequalAtom,
 )
 
 MOST_LEVELS = 6
@@ -83,12 +68,12 @@ class Failure:
     Attributes:
         body: its number, from 1; 0 for the step of a unit that fails, and for a rule of a group.
         found: values of the variables of the deepest partial match, by name; objects as ids.
-        constraint: what this partial match fails; "" if the given values contradict the body from the start. Of a
-            unit, the step and why it fails.
+        constraint: what this partial match fails, as it is written; "" if the given values contradict the body from
+            the start. Of a unit, the step and why it fails.
         objects: the variables that stand for objects.
         inner: of a called pattern that has no match, why not; of a group, why one of its rules has none.
         witness: where the constraint is a `not` or `neg`, what it finds.
-        span: where the constraint is written, if it was read from a text; of a `not` block, the block.
+        span: where the constraint is written, if it was read from a text; of a block of a rule, the block.
     """
 
     body: int
@@ -102,7 +87,7 @@ class Failure:
     def lines(self, show: Callable[[int], str], indent: str) -> list[str]:
         """As people read it."""
         reason = "the given values contradict it"
-        where = f", line {self.span.line}" if self.span else ""
+        where = f" ({_place(self.span)})" if self.span else ""
         if self.constraint:
             found = _listed(self.found, self.objects, show) or "nothing"
             reason = f"finds {found}; then fails {self.constraint}{where}"
@@ -149,7 +134,7 @@ class WhyNot:
     def lines(self, show: Callable[[int], str], indent: str) -> list[str]:
         """As people read it."""
         given = _listed(self.given, self.objects, show)
-        title = f"`{self.pattern}`" + (f" for {given}" if given else "")
+        title = (_block(self.pattern) or f"`{self.pattern}`") + (f" for {given}" if given else "")
         if self.match is not None:
             found = _listed(self.match, self.objects, show)
             refused = str(self.refusal).splitlines() if self.refusal else []
@@ -203,8 +188,7 @@ def why_not(
     if row is not None:
         return WhyNot(pattern, named, dict(zip(parameters, row, strict=True)), (), objects)
     found: list[tuple[int, Failure]] = []
-    view = planner.view(ViewKey(pattern, tuple(sorted(given)), ()))
-    for number, body in enumerate(view.bodies):
+    for number, body in enumerate(planner.library.lowered(pattern).bodies):
         found.append(
             _failure(planner, build, first, pattern, number, body, given, (*asked, (pattern, given)))
         )
@@ -218,103 +202,90 @@ def _failure(
     first: Callable[[str, dict[int, Value]], tuple[Value, ...] | None],
     pattern: str,
     number: int,
-    body: BodyPlan,
+    lowered: LoweredBody,
     given: dict[int, Value],
     asked: Asked,
 ) -> tuple[int, Failure]:
-    """How many steps a body takes, and what it fails then."""
-    if _contradicted(body.conjunction, given):
+    """How many steps a body takes, and what it fails then.
+
+    Each atom is a step of its own: what it comes from is what was written, though a plan for matching inlines it.
+    """
+    conjunction = as_written(lowered, len(planner.library.get(pattern).parameters))
+    if _contradicted(conjunction, given):
         return 0, Failure(number + 1, {}, "")
-    with suppress(Unplannable):  # else the plan as it is, which leaves some constraints together
-        body = whole(planner, body, tuple(sorted(given)))
+    body = BodyPlan(conjunction, planner.whole(conjunction, tuple(sorted(given))), True)
     names = Names(planner.library, pattern, number, body)
     names.anonymous = True
     run = trace(planner, body, given, build)
     depth = sum(1 for count in run.counts if count)
-    start = {body.conjunction.parameters[position]: value for position, value in given.items()}
+    start = {conjunction.parameters[position]: value for position, value in given.items()}
     partial = (run.first[depth - 1] or {}) if depth else start
     shown = {names(variable): value for variable, value in partial.items() if names.spoken(variable)}
-    types = body.conjunction.types
+    types = lowered.types
     objects = tuple(names(variable) for variable in partial if isinstance(types[variable], ObjectType))
     if depth == len(run.counts):
         return depth, Failure(number + 1, shown, "", objects)
     step = body.plan.steps[depth]
-    inner = None
-    if isinstance(step.goal, CallAtom) and _has_text(step.goal.pattern) and len(asked) <= MOST_LEVELS:
-        values: dict[int, Any] = {**dict(body.conjunction.constants), **partial}
-        known = {p: values[v] for p, v in enumerate(step.goal.arguments) if v in values}
-        if (step.goal.pattern, known) not in asked:
-            inner = why_not(planner, build, first, step.goal.pattern, known, asked)
-    negation = _violated(planner, build, pattern, number, partial) if step.kind is Kind.ABSENT else None
-    constraint, span, witness = negation or (
-        goal_text(step, names),
-        _place(planner, pattern, number, step, names),
-        None,
-    )
+    position = next(n for n, goal in enumerate(conjunction.goals) if goal is step.goal)
+    atom, span = lowered.atoms[position], lowered.spans[position]
+    relation = atom.relation if isinstance(atom, NegationAtom) else atom
+    constraint = _block(relation.pattern) if isinstance(relation, CallAtom) else None
+    constraint = constraint or (" ".join(span.text.rstrip(";").split()) if span else goal_text(step, names))
+    values: dict[int, Any] = {**dict(lowered.constants), **partial}
+    inner = witness = None
+    if isinstance(atom, NegationAtom):
+        witness = _witness(planner, build, names, lowered, atom, values)
+    elif isinstance(atom, CallAtom) and _has_text(atom.pattern) and len(asked) <= MOST_LEVELS:
+        known = {p: values[v] for p, v in enumerate(atom.arguments) if v in values}
+        if (atom.pattern, known) not in asked:
+            inner = why_not(planner, build, first, atom.pattern, known, asked)
     return depth, Failure(number + 1, shown, constraint, objects, inner, witness, span)
 
 
-def _violated(
-    planner: Planner, build: Build, pattern: str, number: int, partial: Mapping[int, Value]
-) -> tuple[str, Span | None, Witness] | None:
-    """The first `neg` or `not` of a body that finds something: how it reads, where it stands, and what it finds."""
-    lowered = planner.library.lowered(pattern).bodies[number]
-    values: dict[int, Any] = {**dict(lowered.constants), **partial}
-    for atom in lowered.atoms:
-        if not isinstance(atom, NegationAtom):
-            continue
-        relation = atom.relation
-        outer = tuple(sorted({v for v in arguments(relation) if v not in atom.local}))
-        if not all(variable in values for variable in outer):
-            continue
-        body = Conjunction(lowered.types, (), outer, (relation,))
-        found = _solution(planner, build, body, {p: values[v] for p, v in enumerate(outer)})
-        if found is None:
-            continue
-        names = Names(planner.library, pattern, number, body)
-        names.anonymous = True
-        if isinstance(relation, CallAtom):
-            given = {position: found[variable] for position, variable in enumerate(relation.arguments)}
-            witness = _inside(planner, build, relation.pattern, given)
-            called = planner.library.get(relation.pattern)
-            if "#" in called.name:  # a block of a rule
-                return "the `not` block", called.span, witness
-        else:
-            spoken = [variable for variable in arguments(relation) if names.spoken(variable)]
-            objects = tuple(
-                names(variable) for variable in spoken if isinstance(lowered.types[variable], ObjectType)
-            )
-            named = {names(variable): found[variable] for variable in spoken}
-            witness = Witness(named, tuple(_links((relation,), found)), objects)
-        text = f"neg {relation_text(relation, names)}"
-        return text, _written(planner, pattern, number, relation, names), witness
-    return None
+def _witness(
+    planner: Planner,
+    build: Build,
+    names: Names,
+    lowered: LoweredBody,
+    atom: NegationAtom,
+    values: Mapping[int, Any],
+) -> Witness:
+    """What a `neg` or `not` that fails finds."""
+    relation = atom.relation
+    outer = tuple(sorted({v for v in arguments(relation) if v not in atom.local}))
+    body = Conjunction(lowered.types, (), outer, (relation,))
+    found = _solution(planner, build, body, {p: values[v] for p, v in enumerate(outer)})
+    assert found is not None, "it has failed because of this"
+    if isinstance(relation, CallAtom):
+        given = {position: found[variable] for position, variable in enumerate(relation.arguments)}
+        return _inside(planner, build, relation.pattern, given)
+    spoken = [variable for variable in arguments(relation) if names.spoken(variable)]
+    objects = tuple(names(v) for v in spoken if isinstance(lowered.types[v], ObjectType))
+    named = {names(variable): found[variable] for variable in spoken}
+    return Witness(named, tuple(_links((relation,), found)), objects)
 
 
 def _solution(
     planner: Planner, build: Build, conjunction: Conjunction, given: dict[int, Value]
 ) -> dict[int, Any] | None:
     """Values for all variables of a conjunction, or None where there are none."""
-    try:
-        plan = planner.whole(conjunction, tuple(sorted(given)))
-    except Unplannable:
-        return None
+    plan = planner.whole(conjunction, tuple(sorted(given)))
     run = trace(planner, BodyPlan(conjunction, plan, True), given, build)
     return run.first[-1] if run.first else {}
 
 
 def _inside(planner: Planner, build: Build, pattern: str, given: dict[int, Value]) -> Witness:
     """What a pattern that matches finds inside."""
-    for number, body in enumerate(planner.view(ViewKey(pattern, tuple(sorted(given)), ())).bodies):
-        if _contradicted(body.conjunction, given):
+    for number, lowered in enumerate(planner.library.lowered(pattern).bodies):
+        body = as_written(lowered, len(planner.library.get(pattern).parameters))
+        if _contradicted(body, given):
             continue
-        found = _solution(planner, build, body.conjunction, given)
+        found = _solution(planner, build, body, given)
         if found is not None:
             names = Names(planner.library, pattern, number, body)
             spoken = [variable for variable in found if names.spoken(variable)]
-            types = body.conjunction.types
-            objects = tuple(names(variable) for variable in spoken if isinstance(types[variable], ObjectType))
-            links = tuple(_links(body.conjunction.goals, {**dict(body.conjunction.constants), **found}))
+            objects = tuple(names(v) for v in spoken if isinstance(body.types[v], ObjectType))
+            links = tuple(_links(body.goals, {**dict(body.constants), **found}))
             return Witness({names(variable): found[variable] for variable in spoken}, links, objects)
     return Witness({})
 
@@ -327,35 +298,15 @@ def _links(goals: Iterable[object], values: Mapping[int, Any]) -> Iterator[tuple
             yield values[goal.source], goal.reference.name, values[goal.target]
 
 
-def _place(planner: Planner, pattern: str, number: int, step: Step, names: Names) -> Span | None:
-    """Where the constraint of a step is written."""
-    goal = step.goal
-    if isinstance(goal, Condition | Valuation):
-        return goal.expression.span
-    if isinstance(goal, UnequalAtom | Absence):
-        return None
-    return _written(
-        planner, pattern, number, goal.relation if isinstance(goal, AggregateAtom) else goal, names
-    )
+def _place(span: Span) -> str:
+    """Where a text stands, without the directory: `forest.query:12:5`."""
+    return PurePath(str(span)).name
 
 
-def _written(
-    planner: Planner, pattern: str, number: int, relation: RelationAtom, names: Names
-) -> Span | None:
-    """The constraint of the text that names the relation, and of several the one with most of its variables."""
-    match relation:
-        case CallAtom(name) | ClosureAtom(name):
-            word = name.rpartition(".")[2]
-        case InstanceAtom(cls):
-            word = cls
-        case AttributeAtom(feature) | LinkAtom(feature):
-            word = feature.name
-    variables = {names(variable) for variable in arguments(relation)}
-    source = planner.library.get(pattern).bodies[number]
-    written = [constraint.span for constraint in source.constraints if constraint.span is not None]
-    words = [(span, set(re.findall(r"\w+", span.text))) for span in written]
-    asked = [(len(said & variables), span) for span, said in words if word in said]
-    return max(asked, key=lambda each: each[0])[1] if asked else None
+def _block(pattern: str) -> str | None:
+    """The block of a rule that a pattern was made of, for `drive#not1` the `not` block; None of any other."""
+    kind = re.search(r"#(not|require|forall|optional)\d+$", pattern)
+    return f"the `{kind[1]}` block" if kind else None
 
 
 def _has_text(pattern: str) -> bool:

@@ -7,9 +7,10 @@ every class and feature is resolved, and every parameter type is an atom.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from envgraph.errors import Span
 from envgraph.metamodel import Attribute, AttributeType, Reference, Value
 from envgraph.pattern._queries import Closure
 from envgraph.pattern._terms import Expression
@@ -144,6 +145,7 @@ class LoweredBody:
         constants: value of every variable that is fixed, in the order of the numbers.
         aliases: parameter number -> number of the variable that stands for it, for parameters united with others.
         atoms: in the order of the text.
+        spans: of each atom the constraint that it comes from, if that was read from a text.
     """
 
     names: tuple[str, ...]
@@ -151,6 +153,7 @@ class LoweredBody:
     constants: tuple[tuple[int, Value], ...]
     aliases: tuple[tuple[int, int], ...]
     atoms: tuple[Atom, ...]
+    spans: tuple[Span | None, ...] = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from envgraph.errors import Span
 from envgraph.metamodel import Attribute, AttributeType, Feature, Metamodel, Scalar
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import base_of, children, none_test, terms_of, with_children
@@ -66,7 +67,7 @@ class BodyLowering:
 
     Attributes:
         slots: the variables.
-        atoms: over slot numbers; expressions name a slot by its number.
+        atoms: over slot numbers, each with the span of its constraint; expressions name a slot by its number.
     """
 
     def __init__(self, parameters: Sequence[Parameter], body_types: BodyTypes, generate: Generate) -> None:
@@ -80,9 +81,9 @@ class BodyLowering:
             self.slots.fresh(body_types.of(parameter.name), parameter.name)
         self.atoms = self._lower(body_types.reading.body.constraints)
         for name, type_ in bound_by_type(body_types, parameters):
-            self.atoms.append(CallAtom(generate(type_), (self.slots.named(name, type_),)))
+            self.atoms.append((CallAtom(generate(type_), (self.slots.named(name, type_),)), None))
 
-    def _lower(self, constraints: Sequence[Constraint]) -> list[Atom]:
+    def _lower(self, constraints: Sequence[Constraint]) -> list[tuple[Atom, Span | None]]:
         buckets: list[list[Atom]] = []
         later: list[tuple[list[Atom], Evaluation | Check, int]] = []
         self._later = later
@@ -97,7 +98,11 @@ class BodyLowering:
                 self._check(item.expression)
             else:
                 self._evaluation(item.expression, result)
-        return [atom for bucket in buckets for atom in bucket]
+        return [
+            (atom, constraint.span)
+            for constraint, bucket in zip(constraints, buckets, strict=True)
+            for atom in bucket
+        ]
 
     def _constraint(self, constraint: Constraint) -> None:
         match constraint:

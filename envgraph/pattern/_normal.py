@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from envgraph.errors import spelling
+from envgraph.errors import Span, spelling
 from envgraph.metamodel import Metamodel, Value
 from envgraph.pattern._bodies import children, with_children
 from envgraph.pattern._inference import BodyTypes
@@ -60,11 +60,16 @@ class _Normaliser:
         self._roots = {slot: slots.root(slot) for slot in range(len(slots))}
         self._root_names = {slot: str(root) for slot, root in self._roots.items()}
 
-    def body(self, raw: Sequence[Atom]) -> LoweredBody:
-        atoms = [*self._declared(), *(kept for atom in raw for kept in self._resolved(atom))]
+    def body(self, raw: Sequence[tuple[Atom, Span | None]]) -> LoweredBody:
+        written = [
+            *self._declared(),
+            *((kept, span) for atom, span in raw for kept in self._resolved(atom)),
+        ]
         # As they are spelled: as constants 1 and 1.0 are equal, but 1 / 2 and 1.0 / 2 are not.
-        atoms = list({spelling(atom): atom for atom in atoms}.values())
-        atoms = list(self._without_implied(atoms))
+        written = list({spelling(atom): (atom, span) for atom, span in written}.values())
+        is_implied = self._implied([atom for atom, _ in written])
+        written = [(atom, span) for atom, span in written if not is_implied(atom)]
+        atoms = [atom for atom, _ in written]
         order = self._order(atoms)
         numbers = {slot: number for number, slot in enumerate(order)}
         names = tuple(self._slots.name(slot) or f"#{number}" for slot, number in numbers.items())
@@ -78,6 +83,7 @@ class _Normaliser:
                 if self._slots.root(number) != number
             ),
             tuple(renumbered(atom, numbers, names) for atom in atoms),
+            tuple(span for _, span in written),
         )
 
     def _type(self, slot: int) -> StaticType:
@@ -88,11 +94,11 @@ class _Normaliser:
     def _fixed(self, slot: int) -> Value | None:
         return self._slots.value(slot) if self._slots.root(slot) == slot else None
 
-    def _declared(self) -> Iterator[Atom]:
+    def _declared(self) -> Iterator[tuple[Atom, Span | None]]:
         for number, parameter in enumerate(self._parameters):
             if parameter.type in self._metamodel.classes:
                 assert parameter.type is not None
-                yield InstanceAtom(parameter.type, self._slots.root(number))
+                yield InstanceAtom(parameter.type, self._slots.root(number)), parameter.span
 
     def _resolved(self, atom: Atom) -> Iterator[Atom]:
         """The atom over the variables that stand for united ones; an inequality that is decided goes."""
@@ -111,21 +117,24 @@ class _Normaliser:
         mentioned = {slot for atom in atoms for slot in variables_of(atom)}
         return [*range(count), *sorted(slot for slot in mentioned if slot >= count)]
 
-    def _without_implied(self, atoms: Sequence[Atom]) -> Iterator[Atom]:
-        """Leave out class tests that another atom of the body makes, too."""
+    def _implied(self, atoms: Sequence[Atom]) -> Callable[[Atom], bool]:
+        """Whether an atom is a class test that another atom of the body makes, too."""
         implied: dict[int, list[str]] = {}
         for atom in atoms:
             for slot, type_ in self._implications(atom):
                 if isinstance(type_, ObjectType):
                     implied.setdefault(slot, []).append(type_.cls)
         tests = [atom for atom in atoms if isinstance(atom, InstanceAtom)]
-        for atom in atoms:
-            if isinstance(atom, InstanceAtom) and not atom.exact:
-                if any(self._metamodel.is_a(cls, atom.cls) for cls in implied.get(atom.variable, ())):
-                    continue
-                if any(self._stronger(other, atom) for other in tests):
-                    continue
-            yield atom
+
+        def is_implied(atom: Atom) -> bool:
+            if not isinstance(atom, InstanceAtom) or atom.exact:
+                return False
+            classes = implied.get(atom.variable, ())
+            return any(self._metamodel.is_a(cls, atom.cls) for cls in classes) or any(
+                self._stronger(other, atom) for other in tests
+            )
+
+        return is_implied
 
     def _stronger(self, other: InstanceAtom, atom: InstanceAtom) -> bool:
         return other != atom and other.variable == atom.variable and self._metamodel.is_a(other.cls, atom.cls)

@@ -20,6 +20,12 @@ def hall() -> Engine:
     return open_engine(*FILES)
 
 
+def hall_with(name: str, text: str) -> Engine:
+    files = {path.name: path.read_text() for path in HALL.iterdir() if path.suffix != ".toml"}
+    files[name] = text
+    return load_workspace(["small_hall.model", name], files=TextFiles(files)).engine()
+
+
 def only(why: WhyNot) -> Failure:
     (failure,) = why.failures
     return failure
@@ -38,7 +44,7 @@ def test_a_not_block_names_the_object_and_the_link_in_the_way() -> None:
     assert failure.witness.links == ((right, "at", 6),)
     assert str(why).splitlines()[1:] == [
         "  body 1: finds robot = `left`, way = 'east', here = `Aisle#5`, there = `Aisle#6`; "
-        "then fails the `not` block, line 10",
+        "then fails the `not` block (warehouse.rules:10:5)",
         "    which finds other = `right`; `right` -at-> `Aisle#6`",
     ]
 
@@ -55,7 +61,7 @@ def test_of_several_not_blocks_the_one_that_fails_is_named() -> None:
 def test_a_neg_find_names_the_match_that_there_is() -> None:
     engine = hall()
     failure = only(engine.why_not("stranded"))
-    assert failure.constraint == "neg find warehouse.fetchable(parcel, _)"
+    assert failure.constraint == "neg find fetchable(parcel, _)"
     assert failure.span is not None and failure.span.text == "neg find fetchable(parcel, _)"
     assert failure.witness is not None
     parcel, dock = failure.witness.found["parcel"], failure.witness.found["dock"]
@@ -67,6 +73,41 @@ def test_a_neg_of_a_class_names_the_object() -> None:
     failure = only(engine.why_not("drivable", bound={"from": 7, "to": 8}))
     assert failure.constraint == "neg Shelf(to)"
     assert failure.witness is not None and failure.witness.found == {"to": 8}
+
+
+CORNERS = """
+import "warehouse.metamodel"
+pattern walled(cell : Cell) { Cell.west(cell, side); Shelf(side); }
+pattern clear(cell : Cell) { neg Shelf(cell); }
+pattern corner(cell : Cell) {
+    find walled(cell);
+    Cell.north.north(cell, _);
+}
+pattern between(cell : Cell) { Cell.west(cell, left); find clear(left); Cell.east(cell, right); Shelf(right); }
+"""
+
+
+def test_a_small_pattern_that_is_called_is_told_as_it_is_written() -> None:
+    engine = hall_with("corners.query", CORNERS)
+    lines = str(engine.why_not("corner", cell=5)).splitlines()
+    assert lines[1].endswith("then fails find walled(cell) (corners.query:6:5)")
+    assert lines[2].startswith("    `walled` for cell = ") and lines[2].endswith("has no match")
+    assert lines[3].endswith("then fails Shelf(side) (corners.query:3:54)")
+    for shelf in engine.model.nodes("Shelf"):
+        shelf.retype("Aisle")
+    engine.model.node(4).retype("Shelf")
+    assert only(engine.why_not("corner", cell=5)).constraint == "Cell.north.north(cell, _)"
+    failure = only(engine.why_not("between", cell=5))
+    assert failure.constraint == "find clear(left)"
+    assert failure.inner is not None and only(failure.inner).constraint == "neg Shelf(cell)"
+
+
+def test_a_require_block_is_told_as_a_block() -> None:
+    text = "rule stay { lhs { robot : Robot -at-> here : Cell; } require { here : Shelf; } modify { } }"
+    engine = hall_with("stay.rules", f'import "warehouse.metamodel" {text}')
+    why = engine.why_not("stay")
+    assert only(why).constraint == "the `require` block"
+    assert "the `require` block for here = " in str(why) and "#require" not in str(why)
 
 
 def test_every_constraint_that_fails_has_its_place() -> None:
@@ -93,9 +134,7 @@ unit turn { try { lift; } }
 
 
 def units() -> Engine:
-    files = {path.name: path.read_text() for path in HALL.iterdir() if path.suffix != ".toml"}
-    files["units.rules"] = UNITS
-    return load_workspace(["small_hall.model", "units.rules"], files=TextFiles(files)).engine()
+    return hall_with("units.rules", UNITS)
 
 
 def test_the_step_of_a_unit_that_fails_is_named_and_nothing_changes() -> None:
