@@ -267,12 +267,10 @@ def _objects(engine: Engine, text: str, cls: str) -> str:
 
 
 def _shown(value: Node | Value) -> str:
-    """An object by its class and name, or by its key or id; a value as in the languages."""
+    """An object as in messages, with its class; a value as in the languages."""
     if isinstance(value, Node):
-        attributes = value.model.metamodel.key(value.cls)
-        key = ", ".join(f"{name} = {value[name]}" for name in attributes)
-        name = value.model.object_name(value.id)
-        return f"{value.cls} {name or (key and '{' + key + '}') or value.id}"
+        title = value.model.title(value.id)
+        return f"{value.cls} {title}" if title else value.model.describe(value.id).strip("`")
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

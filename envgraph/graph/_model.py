@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any, Literal, Unpack
 
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, visible
 from envgraph.graph import _refusals as refusals
 from envgraph.graph._canonical import canonical_hash
 from envgraph.graph._ensured import as_context, ensured
@@ -52,6 +52,7 @@ class Model:
         self.metamodel = metamodel
         self.name = name
         self.places: dict[str, int] = {}
+        self._titles: dict[int, str] = {}  # the same the other way round, made when it is asked for
         self.store = Store(metamodel)
         self._history = History(self, self.store)
         self._layout = Layout(metamodel, self.store)
@@ -363,11 +364,21 @@ class Model:
             self._check_free(object_name)
         self.store.rename(node, object_name)
 
+    def title(self, node: int) -> str | None:
+        """What a file calls an object, for `find_object`: its name, else its place in a grid, `tile[3, 1]`; or None."""
+        if len(self._titles) != len(self.places):
+            self._titles = {there: place.replace(",", ", ") for place, there in self.places.items()}
+        return self.store.names[node] or self._titles.get(node)
+
     def describe(self, node: int) -> str:
-        """An object for messages: its name, or class and id."""
+        """An object for messages: what a file calls it, else its class with its key, `Box {label = a}`, or its id."""
         if not self.alive(node):
             return f"object {node!r}"
-        return f"`{self.store.names[node] or f'{self.class_of(node)}#{node}'}`"
+        key = ", ".join(
+            f"{name} = {self.node(node)[name]}" for name in self.metamodel.key(self.class_of(node))
+        )
+        known = f" {{{visible(key)}}}" if key else f"#{node}"
+        return f"`{self.title(node) or self.class_of(node) + known}`"
 
     # --- attributes
 

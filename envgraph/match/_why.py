@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from envgraph.errors import EnvgraphError, Span
 from envgraph.match._explain import Names, goal_text
-from envgraph.match._plan import BodyPlan, Conjunction, arguments
+from envgraph.match._plan import BodyPlan, Conjunction, Goal, arguments, variables
 from envgraph.match._planner import Planner
 from envgraph.match._simplify import as_written
 from envgraph.match._trace import Build, trace
@@ -230,7 +230,7 @@ def _failure(
     atom, span = lowered.atoms[position], lowered.spans[position]
     relation = atom.relation if isinstance(atom, NegationAtom) else atom
     constraint = _block(relation.pattern) if isinstance(relation, CallAtom) else None
-    constraint = constraint or (" ".join(span.text.rstrip(";").split()) if span else goal_text(step, names))
+    constraint = constraint or (_written(span, lowered, step.goal) if span else goal_text(step, names))
     values: dict[int, Any] = {**dict(lowered.constants), **partial}
     inner = witness = None
     if isinstance(atom, NegationAtom):
@@ -301,6 +301,13 @@ def _links(goals: Iterable[object], values: Mapping[int, Any]) -> Iterator[tuple
 def _place(span: Span) -> str:
     """Where a text stands, without the directory: `forest.query:12:5`."""
     return PurePath(str(span)).name
+
+
+def _written(span: Span, lowered: LoweredBody, goal: Goal) -> str:
+    """A constraint as it is written, with the values that other constraints, `x == 0`, give its variables."""
+    fixed = {v: value for v, value in lowered.constants if not lowered.names[v].startswith("#")}
+    equal = [f"{lowered.names[v]} == {fixed[v]!r}" for v in dict.fromkeys(variables(goal)) if v in fixed]
+    return " ".join(span.text.rstrip(";").split()) + (f" where {', '.join(equal)}" if equal else "")
 
 
 def _block(pattern: str) -> str | None:

@@ -43,9 +43,9 @@ def test_a_not_block_names_the_object_and_the_link_in_the_way() -> None:
     assert failure.witness.found == {"robot": left, "there": 6, "other": right}
     assert failure.witness.links == ((right, "at", 6),)
     assert str(why).splitlines()[1:] == [
-        "  body 1: finds robot = `left`, way = 'east', here = `Aisle#5`, there = `Aisle#6`; "
+        "  body 1: finds robot = `left`, way = 'east', here = `cell[4, 0]`, there = `cell[5, 0]`; "
         "then fails the `not` block (warehouse.rules:10:5)",
-        "    which finds other = `right`; `right` -at-> `Aisle#6`",
+        "    which finds other = `right`; `right` -at-> `cell[5, 0]`",
     ]
 
 
@@ -105,7 +105,7 @@ def test_a_small_pattern_that_is_called_is_told_as_it_is_written() -> None:
 def test_a_require_block_is_told_as_a_block() -> None:
     text = "rule stay { lhs { robot : Robot -at-> here : Cell; } require { here : Shelf; } modify { } }"
     engine = hall_with("stay.rules", f'import "warehouse.metamodel" {text}')
-    why = engine.why_not("stay")
+    why = engine.why_not("stay", robot=engine.model.find_object("left"))
     assert only(why).constraint == "the `require` block"
     assert "the `require` block for here = " in str(why) and "#require" not in str(why)
 
