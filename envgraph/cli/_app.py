@@ -8,95 +8,50 @@ import signal
 import sys
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Final, NoReturn
+from typing import Any, Final, NoReturn
 
-import typer
+import click
 
 from envgraph import __version__
 from envgraph.cli._output import OutputFormat, ShowFormat, error_to_dict, print_error, print_json, print_line
 from envgraph.errors import EnvgraphError, InvalidArgument
 
-app = typer.Typer(
-    name="envgraph",
-    help="Graph rewriting in Python, and families of reinforcement-learning environments made with it.",
-    epilog="Begin with `envgraph new my_domain`, or with `envgraph generate burning_forest`.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-def _noted(context: typer.Context, format: OutputFormat | ShowFormat) -> OutputFormat | ShowFormat:
-    """Tells `main` what errors are printed as."""
-    context.find_root().obj.append(format.value)
-    return format
-
-
-Format = Annotated[
-    OutputFormat,
-    typer.Option(
-        "--format",
-        callback=_noted,
-        help="How to print the result, and errors: for people, or as one JSON document.",
-    ),
-]
-Run = Annotated[
-    str,
-    typer.Argument(
-        help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json).",
-        show_default=False,
-    ),
-]
-Directory = Annotated[Path, typer.Option("--directory", "-d", help="Where runs are kept.")]
-Seed = Annotated[
-    int | None,
-    typer.Option(
-        min=0, help="The one source of randomness; instead of the one in the file.", show_default=False
-    ),
-]
-
-Model = Annotated[
-    str,
-    typer.Argument(help="A .model or .xmi file, any model of EMF, or one as JSON.", show_default=False),
-]
-Metamodel = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--metamodel",
-        "-m",
-        help="A .ecore or .metamodel file; the other files may import it by its uri, or not at all. "
-        "Several .ecore files, each with this option before it, become one metamodel.",
-        show_default=False,
-    ),
-]
-Unresolved = Annotated[
-    bool,
-    typer.Option(
-        "--allow-unresolved",
-        help="Leave links of EMF models to files and objects that are nowhere out, with a warning.",
-    ),
-]
-
-Definitions = Annotated[
-    str, typer.Argument(metavar="FILE", help="A .query, .vql or .rules file.", show_default=False)
-]
-Where = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
-    ),
-]
-Force = Annotated[
-    bool,
-    typer.Option(
-        "--force", help="Replace the run of that name, with its training and report, if there is one."
-    ),
-]
-
 RUNS = Path("runs")
 
 _INTERRUPTED: Final = 128 + signal.SIGINT
-"""The exit code that Typer makes of KeyboardInterrupt."""
+_PATH: Final = click.Path(path_type=Path)
+
+
+class _Commands(click.Group):
+    """The commands in the order of this file; what they return is the exit code."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """See `Group`."""
+        return list(self.commands)
+
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        """See `Group`; the list of commands shows whole first paragraphs."""
+        cmd.short_help = (cmd.help or "").partition("\n\n")[0]
+        super().add_command(cmd, name)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """See `Group`; an interruption is an exit code, too."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            return _INTERRUPTED
+
+
+@click.group(
+    name="envgraph",
+    cls=_Commands,
+    help="Graph rewriting in Python, and families of reinforcement-learning environments made with it.",
+    epilog="Begin with `envgraph new my_domain`, or with `envgraph generate burning_forest`.",
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
+)
+@click.version_option(__version__, message="envgraph %(version)s", help="Print the version and stop.")
+def app() -> None:
+    """See `help`."""
 
 
 def main() -> int:
@@ -117,7 +72,7 @@ def main() -> int:
 
     usual = signal.signal(signal.SIGTERM, end)
     try:
-        app(prog_name="envgraph", obj=formats)
+        code = app.main(prog_name="envgraph", obj=formats, standalone_mode=False) or 0
     except (EnvgraphError, OSError) as error:
         if isinstance(error, BrokenPipeError):
             # The reader has what it wanted (`envgraph ... | head`); Python must not complain at shutdown either.
@@ -128,45 +83,77 @@ def main() -> int:
         else:
             print_error(error)
         return 1
-    except SystemExit as stop:
-        if stop.code != _INTERRUPTED:
-            raise
-        sys.stderr.write("terminated\n" if ended else "interrupted\n")
-        return 128 + ended[0] if ended else _INTERRUPTED
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.Abort:  # interrupted before the command began
+        code = _INTERRUPTED
     finally:
         signal.signal(signal.SIGTERM, usual)
-    return 0
+    if code == _INTERRUPTED:
+        sys.stderr.write("terminated\n" if ended else "interrupted\n")
+        return 128 + ended[0] if ended else _INTERRUPTED
+    assert isinstance(code, int)
+    return code
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
-        print_line(f"envgraph {__version__}")
-        raise typer.Exit
+def _noted(
+    context: click.Context, parameter: click.Parameter, format: OutputFormat | ShowFormat
+) -> OutputFormat | ShowFormat:
+    """Tells `main` what errors are printed as."""
+    context.find_root().obj.append(format.value)
+    return format
 
 
-@app.callback()
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
-    ] = False,
-) -> None:
-    del version  # the callback has done its work
+_format = click.option(
+    "--format",
+    type=click.Choice(OutputFormat, case_sensitive=False),
+    default=OutputFormat.TEXT.value,
+    callback=_noted,
+    help="How to print the result, and errors: for people, or as one JSON document.",
+)
+_run = click.argument(
+    "run", help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json)."
+)
+_directory = click.option("--directory", "-d", type=_PATH, default=RUNS, help="Where runs are kept.")
+_seed = click.option(
+    "--seed", type=click.IntRange(min=0), help="The one source of randomness; instead of the one in the file."
+)
+_model = click.argument("model", help="A .model or .xmi file, any model of EMF, or one as JSON.")
+_metamodel = click.option(
+    "--metamodel",
+    "-m",
+    multiple=True,
+    help="A .ecore or .metamodel file; the other files may import it by its uri, or not at all. "
+    "Several .ecore files, each with this option before it, become one metamodel.",
+)
+_unresolved = click.option(
+    "--allow-unresolved",
+    is_flag=True,
+    help="Leave links of EMF models to files and objects that are nowhere out, with a warning.",
+)
+_definitions = click.argument("definitions", metavar="FILE", help="A .query, .vql or .rules file.")
+_where = click.option(
+    "--where",
+    "-w",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Fix a parameter: an object by its name, or a value.",
+)
+_force = click.option(
+    "--force",
+    is_flag=True,
+    help="Replace the run of that name, with its training and report, if there is one.",
+)
 
 
 @app.command()
-def new(
-    name: Annotated[
-        str, typer.Argument(help="Name of the domain: small letters, digits and `_`.", show_default=False)
-    ],
-    directory: Annotated[
-        Path | None,
-        typer.Option("--directory", "-d", help="Where to put it.", show_default="a directory of that name"),
-    ] = None,
-    domain: Annotated[
-        str | None,
-        typer.Option(help="Copy the files of this bundled domain instead.", show_default=False),
-    ] = None,
-) -> None:
+@click.argument("name", help="Name of the domain: small letters, digits and `_`.")
+@click.option(
+    "--directory", "-d", type=_PATH, show_default="a directory of that name", help="Where to put it."
+)
+@click.option("--domain", help="Copy the files of this bundled domain instead.")
+def new(name: str, directory: Path | None, domain: str | None) -> None:
     """Write a small domain to start from: a grid, a robot, rules, rewards, a family of mazes. Or copy a bundled one."""
     from envgraph.cli._new import copy_domain, write_domain
 
@@ -179,167 +166,170 @@ def new(
 
 
 @app.command()
+@click.argument(
+    "files",
+    nargs=-1,
+    required=True,
+    help="Files of any of the languages, family files, directories, or bundled domains.",
+)
+@_metamodel
+@_unresolved
+@click.option(
+    "--ignore", metavar="CODE", multiple=True, help="Leave out warnings of this code; may be repeated."
+)
+@_format
 def check(
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            help="Files of any of the languages, family files, directories, or bundled domains.",
-            show_default=False,
-        ),
-    ],
-    metamodel: Metamodel = None,
-    allow_unresolved: Unresolved = False,
-    ignore: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="CODE", help="Leave out warnings of this code; may be repeated.", show_default=False
-        ),
-    ] = None,
-    format: Format = OutputFormat.TEXT,
-) -> None:
+    files: tuple[str, ...],
+    metamodel: tuple[str, ...],
+    allow_unresolved: bool,
+    ignore: tuple[str, ...],
+    format: OutputFormat,
+) -> int:
     """Read files and everything they import, and print all problems: position, line, hint. Exit code 1 on errors."""
     from envgraph.cli._check import check_files
     from envgraph.cli._inputs import Inputs
 
-    raise typer.Exit(check_files(files, Inputs(metamodel or (), allow_unresolved), format, ignore or ()))
+    return check_files(files, Inputs(metamodel, allow_unresolved), format, ignore)
 
 
 @app.command("format")
-def format_(
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            help="Files of any of the five languages, or directories of them; `-` is standard input.",
-            show_default=False,
-        ),
-    ],
-    check: Annotated[
-        bool,
-        typer.Option("--check", help="Write nothing; list what would change, exit code 1 if anything would."),
-    ] = False,
-    stdout: Annotated[
-        bool, typer.Option("--stdout", help="Print the texts and leave the files alone.")
-    ] = False,
-    language: Annotated[
-        str | None,
-        typer.Option("--language", help="What standard input is: query, rules ...", show_default=False),
-    ] = None,
-    derived: Annotated[
-        bool,
-        typer.Option("--derived", help="Print the rules that `derive` stands for in .rules files instead."),
-    ] = False,
-) -> None:
+@click.argument(
+    "files",
+    nargs=-1,
+    required=True,
+    help="Files of any of the five languages, or directories of them; `-` is standard input.",
+)
+@click.option(
+    "--check", is_flag=True, help="Write nothing; list what would change, exit code 1 if anything would."
+)
+@click.option("--stdout", is_flag=True, help="Print the texts and leave the files alone.")
+@click.option("--language", help="What standard input is: query, rules ...")
+@click.option(
+    "--derived", is_flag=True, help="Print the rules that `derive` stands for in .rules files instead."
+)
+def format_(files: tuple[str, ...], check: bool, stdout: bool, language: str | None, derived: bool) -> int:
     """Write files in the one style: indentation, blanks, line ends; comments stay. Files with errors are left alone."""
     from envgraph.cli._format import format_files, print_derived
 
     if derived:
         print_derived(files)
-        return
-    raise typer.Exit(format_files(files, check=check, stdout=stdout, language=language))
+        return 0
+    return format_files(files, check=check, stdout=stdout, language=language)
 
 
 @app.command()
+@_model
+@click.argument("queries", metavar="QUERYFILE", help="A .query or .vql file.")
+@click.argument("pattern", help="Name of a pattern, simple or qualified.")
+@click.option(
+    "--where",
+    "-w",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Fix a parameter: an object by its name, or a value.",
+)
+@_metamodel
+@_unresolved
+@_format
 def match(
-    model: Model,
-    queries: Annotated[
-        str, typer.Argument(metavar="QUERYFILE", help="A .query or .vql file.", show_default=False)
-    ],
-    pattern: Annotated[
-        str, typer.Argument(help="Name of a pattern, simple or qualified.", show_default=False)
-    ],
-    where: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--where", "-w", metavar="NAME=VALUE", help="Fix a parameter: an object by its name, or a value."
-        ),
-    ] = None,
-    metamodel: Metamodel = None,
-    allow_unresolved: Unresolved = False,
-    format: Format = OutputFormat.TEXT,
+    model: str,
+    queries: str,
+    pattern: str,
+    where: tuple[str, ...],
+    metamodel: tuple[str, ...],
+    allow_unresolved: bool,
+    format: OutputFormat,
 ) -> None:
     """Print the matches of a pattern in a model."""
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._query import print_matches
 
-    print_matches(model, queries, pattern, where or [], Inputs(metamodel or (), allow_unresolved), format)
+    print_matches(model, queries, pattern, where, Inputs(metamodel, allow_unresolved), format)
 
 
 @app.command()
+@_model
+@_definitions
+@click.argument("name", help="Name of a pattern or rule.")
+@_where
+@_metamodel
+@_unresolved
+@_format
 def explain(
-    model: Model,
-    definitions: Definitions,
-    name: Annotated[str, typer.Argument(help="Name of a pattern or rule.", show_default=False)],
-    where: Where = None,
-    metamodel: Metamodel = None,
-    allow_unresolved: Unresolved = False,
-    format: Format = OutputFormat.TEXT,
+    model: str,
+    definitions: str,
+    name: str,
+    where: tuple[str, ...],
+    metamodel: tuple[str, ...],
+    allow_unresolved: bool,
+    format: OutputFormat,
 ) -> None:
     """Print how the matches of a pattern or rule are found: the plan, with the rows of each step, and its source."""
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._reasons import print_plan
 
-    print_plan(model, definitions, name, where or [], Inputs(metamodel or (), allow_unresolved), format)
+    print_plan(model, definitions, name, where, Inputs(metamodel, allow_unresolved), format)
 
 
 @app.command("why-not")
+@_model
+@_definitions
+@click.argument("name", help="Name of a pattern, rule, unit or derived group.")
+@_where
+@_metamodel
+@_unresolved
+@_format
 def why_not(
-    model: Model,
-    definitions: Definitions,
-    name: Annotated[
-        str, typer.Argument(help="Name of a pattern, rule, unit or derived group.", show_default=False)
-    ],
-    where: Where = None,
-    metamodel: Metamodel = None,
-    allow_unresolved: Unresolved = False,
-    format: Format = OutputFormat.TEXT,
+    model: str,
+    definitions: str,
+    name: str,
+    where: tuple[str, ...],
+    metamodel: tuple[str, ...],
+    allow_unresolved: bool,
+    format: OutputFormat,
 ) -> None:
     """Print why a pattern or rule has no match, or a unit fails: how far it comes, and what is in the way."""
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._reasons import print_reasons
 
-    print_reasons(model, definitions, name, where or [], Inputs(metamodel or (), allow_unresolved), format)
+    print_reasons(model, definitions, name, where, Inputs(metamodel, allow_unresolved), format)
 
 
 @app.command()
+@_model
+@click.argument("rules", metavar="RULESFILE", help="A .rules file.")
+@click.argument("rule", help="Name of a rule, unit or derived group.")
+@click.option(
+    "--where",
+    "-w",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Fix a variable of the match, or a parameter: an object by its name, or a value.",
+)
+@_metamodel
+@_unresolved
+@click.option(
+    "--times", type=click.IntRange(min=1), default=1, help="How often; ends early when nothing matches."
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Chooses among the matches.")
+@click.option("--output", "-o", type=_PATH, help="Write the resulting model here: .model, .xmi or .json.")
+@click.option("--trace", type=_PATH, help="Write what was applied here, for `envgraph replay`: JSON lines.")
+@click.option("--allow-none", is_flag=True, help="Exit code 0 also when nothing matches or a unit fails.")
+@_format
 def apply(
-    model: Model,
-    rules: Annotated[str, typer.Argument(metavar="RULESFILE", help="A .rules file.", show_default=False)],
-    rule: Annotated[str, typer.Argument(help="Name of a rule, unit or derived group.", show_default=False)],
-    where: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--where",
-            "-w",
-            metavar="NAME=VALUE",
-            help="Fix a variable of the match, or a parameter: an object by its name, or a value.",
-        ),
-    ] = None,
-    metamodel: Metamodel = None,
-    allow_unresolved: Unresolved = False,
-    times: Annotated[int, typer.Option(min=1, help="How often; ends early when nothing matches.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Chooses among the matches.")] = 0,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Write the resulting model here: .model, .xmi or .json.",
-            show_default=False,
-        ),
-    ] = None,
-    trace: Annotated[
-        Path | None,
-        typer.Option(
-            "--trace",
-            help="Write what was applied here, for `envgraph replay`: JSON lines.",
-            show_default=False,
-        ),
-    ] = None,
-    allow_none: Annotated[
-        bool, typer.Option("--allow-none", help="Exit code 0 also when nothing matches or a unit fails.")
-    ] = False,
-    format: Format = OutputFormat.TEXT,
-) -> None:
+    model: str,
+    rules: str,
+    rule: str,
+    where: tuple[str, ...],
+    metamodel: tuple[str, ...],
+    allow_unresolved: bool,
+    times: int,
+    seed: int,
+    output: Path | None,
+    trace: Path | None,
+    allow_none: bool,
+    format: OutputFormat,
+) -> int:
     """Apply a rule to a model, at matches drawn at random, and print what was done. Exit code 1 if that is nothing."""
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._query import apply_rule
@@ -348,65 +338,51 @@ def apply(
         model,
         rules,
         rule,
-        where or [],
-        inputs=Inputs(metamodel or (), allow_unresolved),
+        where,
+        inputs=Inputs(metamodel, allow_unresolved),
         times=times,
         seed=seed,
         output=output,
         trace=trace,
         format=format,
     )
-    raise typer.Exit(0 if applied or allow_none else 1)
+    return 0 if applied or allow_none else 1
 
 
 @app.command()
+@_model
+@click.argument("rules", metavar="RULESFILE", help="A .rules file.")
+@click.argument("trace", type=_PATH, help="What `envgraph apply --trace` wrote.")
+@_metamodel
+@_unresolved
+@click.option("--output", "-o", type=_PATH, help="Write the resulting model here: .model, .xmi or .json.")
+@_format
 def replay(
-    model: Model,
-    rules: Annotated[str, typer.Argument(metavar="RULESFILE", help="A .rules file.", show_default=False)],
-    trace: Annotated[Path, typer.Argument(help="What `envgraph apply --trace` wrote.", show_default=False)],
-    metamodel: Metamodel = None,
-    allow_unresolved: Unresolved = False,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Write the resulting model here: .model, .xmi or .json.",
-            show_default=False,
-        ),
-    ] = None,
-    format: Format = OutputFormat.TEXT,
+    model: str,
+    rules: str,
+    trace: Path,
+    metamodel: tuple[str, ...],
+    allow_unresolved: bool,
+    output: Path | None,
+    format: OutputFormat,
 ) -> None:
     """Do again what a trace says, and compare each state with the recorded one. Exit code 1 where they differ."""
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._replay import replay_trace
 
-    inputs = Inputs(metamodel or (), allow_unresolved)
+    inputs = Inputs(metamodel, allow_unresolved)
     replay_trace(model, rules, trace, inputs=inputs, output=output, format=format)
 
 
 @app.command()
-def convert(
-    file: Annotated[
-        str,
-        typer.Argument(
-            help="A .metamodel or .ecore file; or a .model or .xmi file, or a model as JSON.",
-            show_default=False,
-        ),
-    ],
-    output: Annotated[
-        Path,
-        typer.Argument(
-            help="Where to: a metamodel as .ecore; a model as .model, .xmi or .json.",
-            show_default=False,
-        ),
-    ],
-    metamodel: Metamodel = None,
-    allow_unresolved: Unresolved = False,
-    lossy: Annotated[
-        bool, typer.Option("--lossy", help="Write what can be kept, although warnings say what is lost.")
-    ] = False,
-) -> None:
+@click.argument("file", help="A .metamodel or .ecore file; or a .model or .xmi file, or a model as JSON.")
+@click.argument(
+    "output", type=_PATH, help="Where to: a metamodel as .ecore; a model as .model, .xmi or .json."
+)
+@_metamodel
+@_unresolved
+@click.option("--lossy", is_flag=True, help="Write what can be kept, although warnings say what is lost.")
+def convert(file: str, output: Path, metamodel: tuple[str, ...], allow_unresolved: bool, lossy: bool) -> None:
     """Write a metamodel or a model in a format of other tools: Ecore, XMI, JSON.
 
     Exit code 1 if something of it cannot be kept, which warnings say; then nothing is written.
@@ -414,46 +390,41 @@ def convert(
     from envgraph.cli._convert import convert_file
     from envgraph.cli._inputs import Inputs
 
-    convert_file(file, output, Inputs(metamodel or (), allow_unresolved), lossy=lossy)
+    convert_file(file, output, Inputs(metamodel, allow_unresolved), lossy=lossy)
 
 
 @app.command()
+@click.argument("family", help="A family.toml, a directory with one, or the name of a bundled domain.")
+@click.option("--name", show_default="that of the family", help="Name of the run.")
+@_seed
+@click.option("--generations", type=click.IntRange(min=0), help="Instead of the number in the file.")
+@click.option("--population", type=click.IntRange(min=2), help="Instead of the size in the file.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Instead of what the file says: any key of it, such as search.population=10.",
+)
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on with a run that was interrupted, or, with a larger --generations, one that has ended.",
+)
+@_force
+@_directory
+@_format
 def generate(
-    family: Annotated[
-        str,
-        typer.Argument(
-            help="A family.toml, a directory with one, or the name of a bundled domain.", show_default=False
-        ),
-    ],
-    name: Annotated[
-        str | None, typer.Option(help="Name of the run.", show_default="that of the family")
-    ] = None,
-    seed: Seed = None,
-    generations: Annotated[
-        int | None, typer.Option(min=0, help="Instead of the number in the file.", show_default=False)
-    ] = None,
-    population: Annotated[
-        int | None, typer.Option(min=2, help="Instead of the size in the file.", show_default=False)
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Instead of what the file says: any key of it, such as search.population=10.",
-            show_default=False,
-        ),
-    ] = None,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume",
-            help="Go on with a run that was interrupted, or, with a larger --generations, one that has ended.",
-        ),
-    ] = False,
-    force: Force = False,
-    directory: Directory = RUNS,
-    format: Format = OutputFormat.TEXT,
+    family: str,
+    name: str | None,
+    seed: int | None,
+    generations: int | None,
+    population: int | None,
+    overrides: tuple[str, ...],
+    resume: bool,
+    force: bool,
+    directory: Path,
+    format: OutputFormat,
 ) -> None:
     """Evolve a family of environments from one model."""
     from envgraph.cli._family import generate_family
@@ -465,13 +436,15 @@ def generate(
     given = {"seed": seed, "search.generations": generations, "search.population": population}
     short = [] if resume else [f"{key}={value}" for key, value in given.items() if value is not None]
     generate_family(
-        family, name=name, overrides=[*short, *(overrides or ())], generations=generations,
+        family, name=name, overrides=[*short, *overrides], generations=generations,
         resume=resume, force=force, directory=directory, format=format,
     )  # fmt: skip
 
 
 @app.command("runs")
-def runs_(directory: Directory = RUNS, format: Format = OutputFormat.TEXT) -> None:
+@_directory
+@_format
+def runs_(directory: Path, format: OutputFormat) -> None:
     """List the runs that there are."""
     from envgraph.cli._runs import list_runs
 
@@ -479,29 +452,29 @@ def runs_(directory: Directory = RUNS, format: Format = OutputFormat.TEXT) -> No
 
 
 @app.command()
+@click.argument(
+    "run",
+    help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json), a model "
+    "(.model, .xmi) or a metamodel (.metamodel, .ecore).",
+)
+@click.option("--variant", help="Only this environment: its name (E6) or number.")
+@_directory
+@_metamodel
+@_unresolved
+@click.option(
+    "--format",
+    type=click.Choice(ShowFormat, case_sensitive=False),
+    default=ShowFormat.TEXT.value,
+    callback=_noted,
+    help="text or json; models and metamodels also as a picture: dot or svg.",
+)
 def show(
-    run: Annotated[
-        str,
-        typer.Argument(
-            help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json), a model "
-            "(.model, .xmi) or a metamodel (.metamodel, .ecore).",
-            show_default=False,
-        ),
-    ],
-    variant: Annotated[
-        str | None, typer.Option(help="Only this environment: its name (E6) or number.", show_default=False)
-    ] = None,
-    directory: Directory = RUNS,
-    metamodel: Metamodel = None,
-    allow_unresolved: Unresolved = False,
-    format: Annotated[
-        ShowFormat,
-        typer.Option(
-            "--format",
-            callback=_noted,
-            help="text or json; models and metamodels also as a picture: dot or svg.",
-        ),
-    ] = ShowFormat.TEXT,
+    run: str,
+    variant: str | None,
+    directory: Path,
+    metamodel: tuple[str, ...],
+    allow_unresolved: bool,
+    format: ShowFormat,
 ) -> None:
     """Print a family: its measures and its maps. Or a model or a metamodel: what is in it, or a picture of it."""
     from envgraph.cli._inputs import DEFINITIONS, METAMODELS, MODELS, Inputs
@@ -510,7 +483,7 @@ def show(
 
     shown = file_format(DiskFiles(), run)
     if shown in (*MODELS, *METAMODELS):
-        show_file(run, variant, Inputs(metamodel or (), allow_unresolved), format)
+        show_file(run, variant, Inputs(metamodel, allow_unresolved), format)
         return
     if shown in DEFINITIONS:
         raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
@@ -524,19 +497,15 @@ def show(
 
 
 @app.command()
-def export(
-    run: Run,
-    format: Annotated[
-        str,
-        typer.Option(
-            "--format", help="family (all there is, as JSON), ga4cl (maps of letters) or svg (a picture)."
-        ),
-    ] = "family",
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Where to.", show_default="standard output")
-    ] = None,
-    directory: Directory = RUNS,
-) -> None:
+@_run
+@click.option(
+    "--format",
+    default="family",
+    help="family (all there is, as JSON), ga4cl (maps of letters) or svg (a picture).",
+)
+@click.option("--output", "-o", type=_PATH, show_default="standard output", help="Where to.")
+@_directory
+def export(run: str, format: str, output: Path | None, directory: Path) -> None:
     """Write a family in another format."""
     from envgraph.cli._family import export_family
 
@@ -544,18 +513,18 @@ def export(
 
 
 @app.command("import")
+@click.argument("file", type=_PATH, help="A ga4cl file: maps as rows of letters.")
+@click.option(
+    "--domain",
+    default="burning_forest",
+    help="What else an environment is: a family.toml, its directory, or a bundled domain.",
+)
+@click.option("--name", show_default="that of the file", help="Name of the run.")
+@_force
+@_directory
+@_format
 def import_(
-    file: Annotated[Path, typer.Argument(help="A ga4cl file: maps as rows of letters.", show_default=False)],
-    domain: Annotated[
-        str,
-        typer.Option(help="What else an environment is: a family.toml, its directory, or a bundled domain."),
-    ] = "burning_forest",
-    name: Annotated[
-        str | None, typer.Option(help="Name of the run.", show_default="that of the file")
-    ] = None,
-    force: Force = False,
-    directory: Directory = RUNS,
-    format: Format = OutputFormat.TEXT,
+    file: Path, domain: str, name: str | None, force: bool, directory: Path, format: OutputFormat
 ) -> None:
     """Read a published family, measure it, and keep it as a run."""
     from envgraph.cli._family import import_family
@@ -564,44 +533,50 @@ def import_(
 
 
 @app.command()
+@_run
+@click.option(
+    "--steps",
+    show_default="as in family.toml",
+    help="Training steps for each environment; several budgets are separated by commas. "
+    "A baseline gets as many steps as the whole family together.",
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=1),
+    show_default="as in family.toml",
+    help="How many agents for each curriculum.",
+)
+@click.option(
+    "--curricula",
+    show_default="as in family.toml, and the baselines",
+    help="Some of suffixes (E1-E6, E2-E6 ...), full (E1-E6), baselines (each environment alone) and direct "
+    "(the target alone), separated by commas. With a curriculum among them, agents are also trained on the "
+    "family up to each environment, and evaluated there.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    help="How many agents learn at a time; changes no result.",
+)
+@click.option("--resume", is_flag=True, help="Go on with a training that was interrupted.")
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Replace results of as many steps, or a training that was interrupted, if there are any.",
+)
+@_directory
+@_format
 def train(
-    run: Run,
-    steps: Annotated[
-        str | None,
-        typer.Option(
-            help="Training steps for each environment; several budgets are separated by commas. "
-            "A baseline gets as many steps as the whole family together.",
-            show_default="as in family.toml",
-        ),
-    ] = None,
-    seeds: Annotated[
-        int | None,
-        typer.Option(min=1, help="How many agents for each curriculum.", show_default="as in family.toml"),
-    ] = None,
-    curricula: Annotated[
-        str | None,
-        typer.Option(
-            help="Some of suffixes (E1-E6, E2-E6 ...), full (E1-E6), baselines (each environment alone) and direct "
-            "(the target alone), separated by commas. With a curriculum among them, agents are also trained on the "
-            "family up to each environment, and evaluated there.",
-            show_default="as in family.toml, and the baselines",
-        ),
-    ] = None,
-    workers: Annotated[
-        int, typer.Option(min=1, help="How many agents learn at a time; changes no result.")
-    ] = 1,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with a training that was interrupted.")
-    ] = False,
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force",
-            help="Replace results of as many steps, or a training that was interrupted, if there are any.",
-        ),
-    ] = False,
-    directory: Directory = RUNS,
-    format: Format = OutputFormat.TEXT,
+    run: str,
+    steps: str | None,
+    seeds: int | None,
+    curricula: str | None,
+    workers: int,
+    resume: bool,
+    force: bool,
+    directory: Path,
+    format: OutputFormat,
 ) -> None:
     """Train agents on curricula and on single environments, and evaluate them on the target."""
     from envgraph.cli._learn import train_agents
@@ -620,14 +595,11 @@ def train(
 
 
 @app.command()
-def report(
-    run: Run,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Where to.", show_default="report.html in the run")
-    ] = None,
-    directory: Directory = RUNS,
-    format: Format = OutputFormat.TEXT,
-) -> None:
+@_run
+@click.option("--output", "-o", type=_PATH, show_default="report.html in the run", help="Where to.")
+@_directory
+@_format
+def report(run: str, output: Path | None, directory: Path, format: OutputFormat) -> None:
     """Write one self-contained HTML page: the family, the search, the training; and print a short table."""
     from envgraph.cli._learn import write_report
 

@@ -10,7 +10,9 @@ from envgraph.cli._output import OutputFormat, print_diagnostics, print_json, pr
 from envgraph.errors import Diagnostic, LoadError, Severity, has_errors, sort_diagnostics
 
 
-def check_files(files: list[str], inputs: Inputs, format: OutputFormat, ignored: Sequence[str] = ()) -> int:
+def check_files(
+    files: Sequence[str], inputs: Inputs, format: OutputFormat, ignored: Sequence[str] = ()
+) -> int:
     """Print all problems of the files, each group of which is read with the metamodels; the exit code.
 
     Warnings with a code that is `ignored` are left out.
@@ -27,25 +29,27 @@ def check_files(files: list[str], inputs: Inputs, format: OutputFormat, ignored:
     return int(failed)
 
 
-def _groups(files: list[str]) -> list[list[str]]:
+def _groups(files: Sequence[str]) -> list[list[str]]:
     """What is read together: loose files; a directory or a family is a whole of its own."""
     loose = [name for name in files if "." in Path(name).name and not name.endswith(".toml")]
     loose = [name for name in loose if not Path(name).is_dir()]
     return [[name] for name in files if name not in loose] + ([loose] if loose else [])
 
 
-def _problems(files: list[str], inputs: Inputs) -> list[Diagnostic]:
+def _problems(files: Sequence[str], inputs: Inputs) -> list[Diagnostic]:
     """What is wrong with files that are read together; of families also what only a search would meet."""
     from envgraph.lang import load_workspace
-    from envgraph.search import domain_problems, option_problems
 
     try:
         workspace = load_workspace([*inputs.metamodels, *files], allow_unresolved=inputs.allow_unresolved)
     except LoadError as error:
         return list(error.diagnostics)
     found = list(workspace.diagnostics)
-    ask = option_problems if workspace.errors else domain_problems
-    found += [one for spec in workspace.families for one in ask(spec, workspace)]
+    if workspace.families:
+        from envgraph.search import domain_problems, option_problems
+
+        ask = option_problems if workspace.errors else domain_problems
+        found += [one for spec in workspace.families for one in ask(spec, workspace)]
     return sort_diagnostics(found)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from envgraph.cli._output import print_diagnostics, print_line
@@ -12,7 +13,7 @@ from envgraph.files import replace_file
 STDIN = "-"
 
 
-def format_files(files: list[str], *, check: bool, stdout: bool, language: str | None) -> int:
+def format_files(files: Sequence[str], *, check: bool, stdout: bool, language: str | None) -> int:
     """Bring files into the one style; the exit code: 1 if one has errors or, with `check`, another style.
 
     Raises:
@@ -44,7 +45,7 @@ def format_files(files: list[str], *, check: bool, stdout: bool, language: str |
     return int(failed or (check and changed > 0))
 
 
-def print_derived(files: list[str]) -> None:
+def print_derived(files: Sequence[str]) -> None:
     """Print what the derivations of files stand for, as a `.query` text and a `.rules` text for each.
 
     Raises:
@@ -68,7 +69,7 @@ def print_derived(files: list[str]) -> None:
                 _write(f"// --- {what} of `{one.qualified_name}` ---\n\n{text}\n")
 
 
-def _format_input(files: list[str], check: bool, language: str | None) -> int:
+def _format_input(files: Sequence[str], check: bool, language: str | None) -> int:
     from envgraph.lang import LANGUAGES, TextFiles, format_text, read_source
 
     class Input(TextFiles):
@@ -93,7 +94,7 @@ def _format_input(files: list[str], check: bool, language: str | None) -> int:
     return int(check and text != formatted)
 
 
-def _names(files: list[str]) -> list[str]:
+def _names(files: Sequence[str]) -> list[str]:
     """The files, and those of the directories."""
     from envgraph.lang import DiskFiles, language_of
 

@@ -14,19 +14,6 @@ from contextlib import contextmanager
 from enum import StrEnum
 from typing import Final, Protocol
 
-from rich.cells import cell_len
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
-from rich.text import Text
-
 from envgraph.errors import Diagnostic, EnvgraphError, Severity, visible
 from envgraph.files import telling
 
@@ -97,6 +84,10 @@ def print_table(
     if len(rows) > _MOST_STYLED:
         _print_plain(title, columns, rows, frozenset(right))
         return
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table(header_style="bold", box=None, pad_edge=False)
     for place, column in enumerate(columns):
         table.add_column(
@@ -118,6 +109,8 @@ def _print_plain(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], right: frozenset[int]
 ) -> None:
     """The same table without colours and line breaks: Rich takes a minute for a million rows."""
+    from rich.cells import cell_len
+
     lines = [columns, *rows]
     widths = [max(map(cell_len, column)) for column in zip(*lines, strict=True)]
     encoding = sys.stdout.encoding or "utf-8"
@@ -133,6 +126,12 @@ def _print_plain(
 
 def print_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
     """Diagnostics on standard error, a blank line between them; coloured on a terminal."""
+    diagnostics = list(diagnostics)
+    if not diagnostics:
+        return
+    from rich.console import Console
+    from rich.text import Text
+
     console = Console(stderr=True, soft_wrap=True, highlight=False)
     for number, diagnostic in enumerate(diagnostics):
         if number:
@@ -149,6 +148,9 @@ def print_error(error: EnvgraphError | OSError) -> None:
     if diagnostics:
         print_diagnostics(diagnostics)
         return
+    from rich.console import Console
+    from rich.text import Text
+
     console = Console(stderr=True, soft_wrap=True, highlight=False)
     head, *rest = _lines(_message(error))
     console.print(Text("error: ", "bold red") + Text(head))
@@ -180,6 +182,16 @@ def progress_bar(label: str, total: int | None) -> Iterator[Advance]:
 
     Where there is no terminal it is a few lines, as `telling` has them.
     """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +32,7 @@ def print_matches(
     model: str,
     queries: str,
     pattern: str,
-    where: list[str],
+    where: Sequence[str],
     inputs: Inputs,
     format: OutputFormat,
 ) -> None:
@@ -72,7 +72,7 @@ def apply_rule(
     model: str,
     rules: str,
     rule: str,
-    where: list[str],
+    where: Sequence[str],
     *,
     inputs: Inputs,
     times: int,
@@ -201,7 +201,9 @@ def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
     return {parameter.name: type_ for parameter, type_ in zip(found.parameters, types, strict=True)}
 
 
-def parse_values(engine: Engine, types: Mapping[str, StaticType | None], where: list[str]) -> dict[str, Any]:
+def parse_values(
+    engine: Engine, types: Mapping[str, StaticType | None], where: Sequence[str]
+) -> dict[str, Any]:
     """Values of `NAME=VALUE` arguments, by the types of the parameters."""
     bound: dict[str, Any] = {}
     for text in where:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from envgraph.cli._inputs import Inputs
@@ -16,7 +16,7 @@ from envgraph.rewrite import Engine
 
 
 def print_plan(
-    model: str, definitions: str, name: str, where: list[str], inputs: Inputs, format: OutputFormat
+    model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs, format: OutputFormat
 ) -> None:
     """Print how matches of a pattern or rule are found."""
     engine = open_engine(model, definitions, inputs)
@@ -28,7 +28,7 @@ def print_plan(
 
 
 def print_reasons(
-    model: str, definitions: str, name: str, where: list[str], inputs: Inputs, format: OutputFormat
+    model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs, format: OutputFormat
 ) -> None:
     """Print why there is no match, or which there is."""
     engine = open_engine(model, definitions, inputs)
