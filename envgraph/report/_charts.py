@@ -27,7 +27,7 @@ class Series:
         label: for the legend.
         x, y: coordinates of the points, of one length.
         low, high: the band's edges at the points, or ().
-        dashed: draw it broken, for a baseline.
+        dashed: draw it broken, for a baseline. So are, with longer dashes, lines for which no colour is left.
     """
 
     label: str
@@ -85,8 +85,9 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
     places = (place % len(COLOURS) for place in range(len(series)))
     colours = [f"var(--line-{place}, {COLOURS[place]})" for place in places]
     parts.extend(frame.band(one, colour) for one, colour in zip(series, colours, strict=True) if one.low)
-    parts.extend(frame.line(one, colour) for one, colour in zip(series, colours, strict=True))
-    parts.extend(_legend(series, colours))
+    dashes = [_dash(place, one) for place, one in enumerate(series)]
+    parts.extend(frame.line(*one) for one in zip(series, colours, dashes, strict=True))
+    parts.extend(_legend(series, colours, dashes))
     return "\n".join([*parts, "</svg>"])
 
 
@@ -130,11 +131,10 @@ class _Frame:
     def points(self, xs: Sequence[float], ys: Sequence[float]) -> str:
         return " ".join(f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in zip(xs, ys, strict=True))
 
-    def line(self, series: Series, colour: str) -> str:
+    def line(self, series: Series, colour: str, dash: str) -> str:
         if len(series.x) == 1:
             x, y = self.x(series.x[0]), self.y(series.y[0])
             return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" style="fill: {colour}"/>'
-        dash = ' stroke-dasharray="5 4"' if series.dashed else ""
         return f'<polyline class="line" points="{self.points(series.x, series.y)}" style="stroke: {colour}"{dash}/>'
 
     def band(self, series: Series, colour: str) -> str:
@@ -142,12 +142,18 @@ class _Frame:
         return f'<polygon class="band" points="{edge}" style="fill: {colour}"/>'
 
 
-def _legend(series: Sequence[Series], colours: Sequence[str]) -> list[str]:
+def _dash(place: int, series: Series) -> str:
+    """The attribute by which lines of one colour can be told apart."""
+    round_ = place // len(COLOURS)
+    dash = [5 + 9 * round_, 4] if series.dashed or round_ else []
+    return f' stroke-dasharray="{" ".join(map(str, dash))}"' if dash else ""
+
+
+def _legend(series: Sequence[Series], colours: Sequence[str], dashes: Sequence[str]) -> list[str]:
     column = (_WIDTH - _LEFT - _RIGHT) / 4
     parts = []
-    for place, (one, colour) in enumerate(zip(series, colours, strict=True)):
+    for place, (one, colour, dash) in enumerate(zip(series, colours, dashes, strict=True)):
         x, y = _LEFT + place % 4 * column, _HEIGHT + 10 + place // 4 * 20
-        dash = ' stroke-dasharray="5 4"' if one.dashed else ""
         parts.append(
             f'<line class="line" x1="{x}" x2="{x + 22}" y1="{y}" y2="{y}" style="stroke: {colour}"{dash}/>'
         )

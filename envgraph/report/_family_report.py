@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, pstdev
 from typing import TypeVar
@@ -180,18 +180,28 @@ def _search(family: Family, outcome: Outcome, history: History) -> Section:
 
 
 def _stages(family: Family, trained: Sequence[Trained]) -> Section:
-    charts = (_budgets(family, trained),) if len(trained) > 1 else ()
+    charts = _budgets(family, trained) if len(trained) > 1 else ()
     return Section("Learning along the curriculum", charts=charts, tables=(stage_table(family, trained),))
 
 
-def _budgets(family: Family, trained: Sequence[Trained]) -> str:
+def _panels(found: Iterable[tuple[str, str]], target: str) -> list[list[tuple[str, str]]]:
+    """What is drawn together, by kind and label: curricula beside the target alone; all that were alone."""
+    every = list(found)
+    alone = [one for one in every if one[0] == "baseline"]
+    control = [one for one in alone if one[1] == target]
+    if len(alone) in (len(every), len(control)):
+        return [every]
+    return [[*(one for one in every if one not in alone), *control], alone]
+
+
+def _budgets(family: Family, trained: Sequence[Trained]) -> tuple[str, ...]:
     """Success on the target over the budget: it need not rise with it."""
     lines: dict[tuple[str, str], list[tuple[int, Summary]]] = {}
     for budget in trained:
         for one in budget.experiment.summaries():
             lines.setdefault((one.kind, one.label), []).append((budget.steps, one))
-    series = [
-        Series(
+    series = {
+        (kind, label): Series(
             f"{kind} {label}",
             tuple(float(steps) for steps, _ in points),
             tuple(one.success_rate for _, one in points),
@@ -200,13 +210,16 @@ def _budgets(family: Family, trained: Sequence[Trained]) -> str:
             dashed=kind == "baseline",
         )
         for (kind, label), points in lines.items()
-    ]
+    }
     target = family.members[-1].name
-    return line_chart(
-        series,
-        x_label="training steps an environment",
-        y_label=f"success on {target}",
-        title=f"Success on {target} over the training budget, with Wilson intervals at 95 %",
+    return tuple(
+        line_chart(
+            [series[one] for one in panel],
+            x_label="training steps an environment",
+            y_label=f"success on {target}",
+            title=f"Success on {target} over the training budget, with Wilson intervals at 95 %",
+        )
+        for panel in _panels(series, target)
     )
 
 
@@ -229,15 +242,23 @@ def _training(family: Family, trained: Trained) -> Section:
         rows,
         frozenset({1, 2, 3, 4}),
     )
-    chart = line_chart(
-        [_curve(one, _runs_of(experiment, one)) for one in summaries],
-        x_label="training step",
-        y_label="cumulative reward",
-        title="Cumulative reward during training",
+    series: dict[tuple[str, str], Series] = {
+        (one.kind, one.label): _curve(one, _runs_of(experiment, one)) for one in summaries
+    }
+    charts = tuple(
+        line_chart(
+            [series[one] for one in panel],
+            x_label="training step",
+            y_label="cumulative reward",
+            title="Cumulative reward during training",
+        )
+        for panel in _panels(series, family.members[-1].name)
     )
     text = "Cumulative reward during training: mean over the seeds, and one standard deviation around it."
+    if len(charts) > 1:
+        text += " First the curricula beside the target alone, then every environment alone."
     title = f"Training for {family.members[-1].name}, {_thousands(trained.steps)} steps an environment"
-    return Section(title, (text,), (chart,), (table,))
+    return Section(title, (text,), charts, (table,))
 
 
 def _runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from envgraph.env import Key
 from envgraph.errors import InvalidArgument
+from envgraph.learn import FamilyMember, TrainingSettings, run_experiment, sequences
 from envgraph.metamodel import Glyph
 from envgraph.metamodel.picture import contrast, parse_colour
 from envgraph.report import (
@@ -23,6 +25,7 @@ from envgraph.report import (
     Section,
     Series,
     Table,
+    Trained,
     family_report,
     line_chart,
     render_html,
@@ -70,6 +73,12 @@ def test_a_band_has_its_edges_and_a_baseline_is_dashed() -> None:
     assert len(band.attrib["points"].split()) == 4
     (line,) = root.iter("polyline")
     assert "stroke-dasharray" in line.attrib
+
+
+def test_no_two_of_many_lines_look_the_same() -> None:
+    lines = list(chart(*(Series(f"s{place}", (0, 1), (place, 1)) for place in range(20))).iter("polyline"))
+    looks = {(one.attrib["style"], one.attrib.get("stroke-dasharray")) for one in lines}
+    assert len(looks) == len(lines) == 20
 
 
 def test_one_point_is_drawn_as_a_dot() -> None:
@@ -149,3 +158,26 @@ def test_the_target_comes_last_and_is_not_said_to_be_the_hardest(tmp_path: Path)
     assert family_report(family).summary.startswith(said)
     others = replace(family, members=tuple(replace(one, initial=False) for one in family.members))
     assert f"hardest; {target}, the last, is the target. " in family_report(others).summary
+
+
+@pytest.mark.parametrize(
+    ("kinds", "drawn"),
+    [
+        (("suffixes", "baselines"), ["E1-E3 E2-E3 E3", "E1 E2 E3"]),
+        (("full", "direct"), ["E1-E3 E3"]),
+        (("baselines",), ["E1 E2 E3"]),
+    ],
+)
+def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of_their_own(
+    tmp_path: Path, kinds: tuple[Literal["suffixes", "full", "baselines", "direct"], ...], drawn: list[str]
+) -> None:
+    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
+    names = [one.name for one in members]
+    settings = TrainingSettings(steps_per_environment=20, seeds=1)
+    chosen = [one for kind in kinds for one in sequences(names, kind)]
+    trained = [Trained(steps, run_experiment(members, settings, chosen)) for steps in (20, 30)]
+    learning, *training = family_report(family, trained=trained).sections
+    for section in (learning, *training):
+        labels = [re.findall(r">(?:curriculum|baseline) ([^<]*)<", one) for one in section.charts]
+        assert [" ".join(one) for one in labels] == drawn
