@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from envgraph.cli._convert import check_format, model_text
@@ -22,7 +23,7 @@ from envgraph.files import replace_file
 from envgraph.graph import Node, model_to_json
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
-from envgraph.rewrite import Application, Engine, Firing, RunResult, trace_to_text
+from envgraph.rewrite import Application, Engine, Firing, RunResult, Signature, trace_to_text
 
 _SAMPLES = {Scalar.INT: "3", Scalar.FLOAT: "2.5", Scalar.BOOL: "true"}
 """A value of a type, for messages."""
@@ -88,7 +89,7 @@ def apply_rule(
     signature = engine.signature(rule)
     taken = (*signature.parameters, *signature.variables)
     bound = parse_values(engine, {one.name: one.type for one in taken}, where)
-    _check_given(engine, rule, bound)
+    complete(engine, signature, bound)
     done: list[dict[str, Any]] = []
     lines: list[str] = []
     failed: RunResult | None = None
@@ -122,18 +123,30 @@ def apply_rule(
     return bool(done) and failed is None
 
 
-def _check_given(engine: Engine, rule: str, bound: Mapping[str, Any]) -> None:
-    """Whether a rule or unit has the values that it cannot do without."""
-    signature = engine.signature(rule)
+def complete(engine: Engine, signature: Signature, bound: dict[str, Any]) -> None:
+    """Give a rule or unit what it cannot do without where there is no choice: the only object of a class.
+
+    Raises:
+        InvalidArgument: a value is missing.
+    """
     needed: Iterable[str] = ()
     if signature.kind == "unit":
-        needed = (one.name for one in signature.parameters if one.required)
+        needed = [one.name for one in signature.parameters if one.required]
     elif signature.kind == "rule":
-        needed = engine.prepare(rule).inputs
-    missing = [name for name in needed if name not in bound]
+        needed = engine.prepare(signature.name).inputs
+    model, types = engine.model, {one.name: one.type for one in signature.parameters}
+    missing: dict[str, str] = {}
+    for name in needed:
+        if name not in bound:
+            type_ = types.get(name)
+            objects = model.extent(type_.cls) if isinstance(type_, ObjectType) else ()
+            if len(objects) == 1:
+                bound[name] = model.node(objects[0])
+            else:
+                missing[name] = model.title(objects[0]) or str(objects[0]) if objects else ".."
     if missing:
-        options = " ".join(f"--where {name}=.." for name in missing)
-        raise InvalidArgument(f"`{rule}` needs a value for {listed(missing)}; write `{options}`")
+        options = " ".join(f"--where {quote(f'{name}={value}')}" for name, value in missing.items())
+        raise InvalidArgument(f"`{signature.simple}` needs a value for {listed(missing)}; write `{options}`")
 
 
 @dataclass(frozen=True, slots=True)

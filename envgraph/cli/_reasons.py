@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from envgraph.cli._inputs import Inputs
 from envgraph.cli._output import OutputFormat, print_json, print_lines
-from envgraph.cli._query import open_engine, parse_values, pattern_types
-from envgraph.errors import Span
+from envgraph.cli._query import complete, open_engine, parse_values, pattern_types
+from envgraph.errors import InvalidArgument, Span
 from envgraph.match import WhyNot
 from envgraph.metamodel import Value
 from envgraph.pattern import StaticType
@@ -32,7 +33,14 @@ def print_reasons(
 ) -> None:
     """Print why there is no match, or which there is."""
     engine = open_engine(model, definitions, inputs)
-    why = engine.why_not(name, bound=parse_values(engine, _types(engine, name, bool(where)), where))
+    bound = parse_values(engine, _types(engine, name, bool(where)), where)
+    if engine.library.resolve(name) is None:
+        signature = None
+        with suppress(InvalidArgument):  # the question itself says best that there is no such name
+            signature = engine.signature(name)
+        if signature is not None:
+            complete(engine, signature, bound)
+    why = engine.why_not(name, bound=bound)
     if format is OutputFormat.JSON:
         print_json(_data(why, engine))
         return

@@ -542,6 +542,23 @@ def test_what_fails_while_a_rule_is_applied_is_shown_in_its_text(envgraph: Envgr
     assert "hint: delete these links as well, or write `@semantics(spo)`" in result.err
 
 
+def test_the_only_object_of_a_class_need_not_be_given_to_a_unit(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    Path("more.rules").write_text(
+        'import "maze/maze.rules"\n'
+        "unit twice(robot : Robot) { moveRight(robot); moveDown(robot); }\n"
+        "unit put(robot : Robot, cell : Rock) { moveRight(robot); }\n"
+        "rule many(robot : Robot, in least : int) { lhs { robot -at-> here; check here.x > least; } modify { } }\n"
+    )
+    assert "moveDown(robot=Robot robot" in ok(envgraph("apply", "maze/maze.model", "more.rules", "twice")).out
+    assert "`twice` for robot = `robot` succeeds" in ok(envgraph("why-not", "maze/maze.model", "more.rules", "twice")).out
+    for command in ("apply", "why-not"):
+        result = envgraph(command, "maze/maze.model", "more.rules", "put")
+        assert result.code == 1 and "write `--where 'cell=cell[2, 0]'`" in result.err
+        result = envgraph(command, "maze/maze.model", "more.rules", "many")
+        assert result.code == 1 and "`many` needs a value for `least`; write `--where least=..`" in result.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
