@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from envgraph.errors import Diagnostic, Source
+
 FORMATS: Mapping[str, str] = {
     **dict.fromkeys(("metamodel", "ecore"), "a metamodel"),
     **dict.fromkeys(("model", "xmi"), "a model"),
@@ -28,6 +30,48 @@ UNCLEAR = ("json", "model", "metamodel")
 _ECORE = "http://www.eclipse.org/emf/2002/Ecore"
 _ROOT = re.compile(r"(?:<[?!].*?>\s*)*<(?:[\w.-]+:)?([\w.-]+)([^>]*)", re.DOTALL)
 _OURS = re.compile(r'"format"\s*:\s*"envgraph-(model|family|trace)-')
+
+
+_BEFORE = re.compile(
+    r"""(?:[\s\ufeff]++|//[^\n]*+|\#[^\n]*+|/\*.*?\*/|@\w++(?:\([^)]*+\))?+
+    |package\b[^\n;]*+;?|import\b[^\n;"]*+(?:"[^"\n]*+")?+(?:\s++as\s++\w++)?+;?)*+""",
+    re.DOTALL | re.VERBOSE,
+)
+"""What may stand before the first definition of any language: comments, annotations, the package and imports."""
+
+_DEFINITIONS: Mapping[str, re.Pattern[str]] = {
+    language: re.compile(rf"^[ \t]*(?:{words})", re.MULTILINE)
+    for language, words in {
+        "metamodel": r"metamodel\s+[\w.]+\b(?!\s*:)|(?:abstract\s+)?class\s+\w|enum\s+\w+\s*\{",
+        "model": r"model\s+\w+\s*:",
+        "query": r"(?:(?:private|incremental|search)\s+)*pattern\s+\w+\s*\(|function\s+\w+\s*\(",
+        "rules": r"(?:rule|unit)\s+\w+\s*[({]|derive\s+\w+\s*=",
+        "environment": r"environment\s+\w+\s*\(",
+        "toml": r"\[{1,2}[\w.]+\]{1,2}\s*$|[\w.]+[ \t]*=[ \t]*[\w\"'\[{]",
+        "json": r"\{\s*[\"}]",
+        "xmi": r"<[?!\w]",
+    }.items()
+}
+"""How a definition of each format begins, on a line of its own."""
+
+
+def other_language(wanted: str, source: Source) -> Diagnostic | None:
+    """The one mistake of a text that has the definitions of another language, and none of the wanted one.
+
+    >>> print(other_language("rules", Source("a.rules", "pattern p(x : Box) { }")).message)
+    this seems to be a file of patterns, and a file of rules is wanted
+    """
+    text = source.text
+    start = _BEFORE.match(text).end()  # type: ignore[union-attr]  # it may be empty
+    held = next((one for one, words in _DEFINITIONS.items() if words.match(text[start:])), None)
+    if held in (None, wanted) or _DEFINITIONS[wanted].search(text):
+        return None
+    assert held is not None
+    word = re.compile(r"\S\w*").match(text, start)
+    span = source.span(start, word.end() if word else start + 1)
+    message = f"this seems to be {FORMATS[held]}, and {FORMATS[wanted]} is wanted"
+    hint = f"if it is, let its name end with `.{held}`"
+    return Diagnostic("other-language", message, span, hint)
 
 
 def suffix_of(name: str) -> str:

@@ -365,6 +365,7 @@ class _Loader:
     def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
         parsed, lexemes = parse_tokens(grammar(language), source)
         self.lost |= parsed.lost | unread_names(parsed)
+        self.incomplete |= any(one.code == "other-language" for one in parsed.diagnostics)
         suppressions, problems = suppressions_of(parsed)
         self.suppressions += suppressions
         self.diagnostics += problems

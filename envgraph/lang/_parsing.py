@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from lark import Token, Tree
 
 from envgraph.errors import Diagnostic, Source, Span
+from envgraph.lang._formats import other_language
 from envgraph.lang._grammar import Grammar, grammar
 from envgraph.lang._lexer import END, DocComment, Lexeme
 from envgraph.lang._recovery import Recovery
@@ -78,6 +79,9 @@ def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]
     recovery = Recovery(stack, scan.diagnostics)
     tree = _run(stack, recovery)
     found = [*scan.diagnostics, *recovery.diagnostics]
+    other = other_language(grammar.name, source) if found else None
+    if other is not None:
+        return Parsed(source, None, [other]), stack.lexemes
     diagnostics = sorted(found, key=lambda one: one.span.start if one.span else 0)
     if tree is not None:
         deep = _tidy(tree)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, limit
+from envgraph.lang._formats import other_language
 
 TomlPath = tuple[str | int, ...]
 """Keys and indices from the root to a value."""
@@ -92,7 +93,8 @@ def parse_toml(source: Source) -> TomlText:
         text = TomlText(source, tomllib.loads(source.text))
         _Index(text).run()
     except tomllib.TOMLDecodeError as error:
-        raise LoadError([_syntax_error(source, str(error))]) from None
+        other = other_language("toml", source)
+        raise LoadError([other or _syntax_error(source, str(error))]) from None
     except (ValueError, RecursionError) as error:
         # A number of thousands of digits; arrays over many lines, one inside the other.
         hint = "a number or a list in it is far too large"
