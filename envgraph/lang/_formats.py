@@ -64,9 +64,9 @@ def other_language(wanted: str, source: Source) -> Diagnostic | None:
     text = source.text
     start = _BEFORE.match(text).end()  # type: ignore[union-attr]  # it may be empty
     held = next((one for one, words in _DEFINITIONS.items() if words.match(text[start:])), None)
-    if held in (None, wanted) or _DEFINITIONS[wanted].search(text):
+    own = _DEFINITIONS.get(wanted)
+    if held is None or own is None or own.match(text[start:]) or own.search(text):
         return None
-    assert held is not None
     word = re.compile(r"\S\w*").match(text, start)
     span = source.span(start, word.end() if word else start + 1)
     message = f"this seems to be {FORMATS[held]}, and {FORMATS[wanted]} is wanted"
