@@ -551,7 +551,8 @@ def test_the_only_object_of_a_class_need_not_be_given_to_a_unit(envgraph: Envgra
         "rule many(robot : Robot, in least : int) { lhs { robot -at-> here; check here.x > least; } modify { } }\n"
     )
     assert "moveDown(robot=Robot robot" in ok(envgraph("apply", "maze/maze.model", "more.rules", "twice")).out
-    assert "`twice` for robot = `robot` succeeds" in ok(envgraph("why-not", "maze/maze.model", "more.rules", "twice")).out
+    asked = ok(envgraph("why-not", "maze/maze.model", "more.rules", "twice"))
+    assert "`twice` for robot = `robot` succeeds" in asked.out
     for command in ("apply", "why-not"):
         result = envgraph(command, "maze/maze.model", "more.rules", "put")
         assert result.code == 1 and "write `--where 'cell=cell[2, 0]'`" in result.err
