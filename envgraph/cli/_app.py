@@ -305,7 +305,7 @@ def why_not(
     metavar="NAME=VALUE",
     multiple=True,
     help="Fix a variable of the match, or a parameter: an object by its name, or a value. What a unit needs and is "
-            "not given is the only object of its class.",
+    "not given is the only object of its class.",
 )
 @_metamodel
 @_unresolved

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from envgraph.errors import EnvgraphError, Span
 from envgraph.match._explain import Names, goal_text
-from envgraph.match._plan import BodyPlan, Conjunction, Goal, arguments, variables
+from envgraph.match._plan import BodyPlan, Conjunction, Goal, Step, arguments, variables
 from envgraph.match._planner import Planner
 from envgraph.match._simplify import as_written
 from envgraph.match._trace import Build, trace
@@ -226,7 +226,7 @@ def _failure(
     if depth == len(run.counts):
         return depth, Failure(number + 1, shown, "", objects)
     step = body.plan.steps[depth]
-    position = next(n for n, goal in enumerate(conjunction.goals) if goal is step.goal)
+    position = _goal_of(step, conjunction)
     atom, span = lowered.atoms[position], lowered.spans[position]
     relation = atom.relation if isinstance(atom, NegationAtom) else atom
     constraint = _block(relation.pattern) if isinstance(relation, CallAtom) else None
@@ -240,6 +240,13 @@ def _failure(
         if (atom.pattern, known) not in asked:
             inner = why_not(planner, build, first, atom.pattern, known, asked)
     return depth, Failure(number + 1, shown, constraint, objects, inner, witness, span)
+
+
+def _goal_of(step: Step, conjunction: Conjunction) -> int:
+    """The goal that a step meets, or whose objects it lists where none of its class was asked for."""
+    goals = conjunction.goals
+    met = [number for number, goal in enumerate(goals) if goal is step.goal]
+    return (met or [n for n, goal in enumerate(goals) if not set(step.binds).isdisjoint(variables(goal))])[0]
 
 
 def _witness(

@@ -9,7 +9,7 @@ import pytest
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, ViewMatcher
-from envgraph.metamodel import Class, Metamodel, Reference
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, Pattern
 from tests.unit.match.forest import PATTERNS, forest, library
 from tests.unit.match.writing import equal, find, is_a, path, pattern
@@ -51,6 +51,14 @@ def test_the_deepest_partial_match_and_the_constraint_that_fails() -> None:
     assert failure.objects == ("tile",)
     assert failure.constraint == "Tile.x(tile, 0)"
     assert str(why).splitlines()[1] == f"  body 1: finds tile = #{start.id}; then fails Tile.x(tile, 0)"
+
+
+def test_where_there_is_no_object_the_constraint_that_asks_for_one_fails() -> None:
+    metamodel = Metamodel("m", (Class("A", features=(Attribute("n", Scalar.INT),)),))
+    named = Library(metamodel)
+    named.add(pattern("p(a)", [path("A.n", "a", "n")]))
+    (failure,) = CompiledMatcher(Model(metamodel), named).why_not("p", {}).failures
+    assert failure.constraint == "A(a)"
 
 
 def test_the_body_that_comes_furthest_is_first() -> None:
