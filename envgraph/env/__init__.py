@@ -37,15 +37,10 @@ from envgraph.behaviour import (
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv
 from envgraph.env._keys import KeyIndex, indexed_classes
-from envgraph.env._pixels import scene_rgb
 from envgraph.env._reaching import can_end
-from envgraph.env._render import render_rgb, render_svg, render_text
-from envgraph.env._scene import Draw, Edge, GraphScene, GridScene, Key, Mark, Scene, legend, scene_of
 from envgraph.env._simulator import Outcome, Simulator
-from envgraph.env._svg import scene_svg
 from envgraph.env._table_file import read_explored, write_explored
 from envgraph.env._tabular import Tabular
-from envgraph.env._text import scene_text, scene_title
 from envgraph.env._vector import EnvgraphVectorEnv
 from envgraph.env.registration import (
     Environment,
@@ -55,6 +50,11 @@ from envgraph.env.registration import (
     register,
     register_entry_point,
 )
+from envgraph.env.scene._pixels import scene_rgb
+from envgraph.env.scene._render import render_rgb, render_svg, render_text
+from envgraph.env.scene._scene import Draw, Edge, GraphScene, GridScene, Key, Mark, Scene, legend, scene_of
+from envgraph.env.scene._svg import scene_svg
+from envgraph.env.scene._text import scene_text, scene_title
 from envgraph.errors import shorten
 
 __all__ = [

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour
 from envgraph.env._keys import KeyIndex
-from envgraph.env._scene import Painter, Scene
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._tabular import Tabular
+from envgraph.env.scene._scene import Painter, Scene
 from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 

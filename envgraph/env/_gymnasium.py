@@ -14,12 +14,12 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from envgraph.env._pixels import scene_rgb
 from envgraph.env._sampling import cumulative
-from envgraph.env._scene import DRAW_HINT, Scene
 from envgraph.env._simulator import Simulator
 from envgraph.env._tabular import Tabular
-from envgraph.env._text import scene_text
+from envgraph.env.scene._pixels import scene_rgb
+from envgraph.env.scene._scene import DRAW_HINT, Scene
+from envgraph.env.scene._text import scene_text
 from envgraph.errors import InvalidArgument, listed
 
 ObservationKind = Literal["index", "multi"]

@@ -14,7 +14,7 @@ from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope
 from envgraph.env._program import Program
 from envgraph.env._sampling import Draw
-from envgraph.env._scene import DRAW_HINT, Painter
+from envgraph.env.scene._scene import DRAW_HINT, Painter
 from envgraph.errors import EvaluationError, InvalidArgument, ResolutionError, Severity
 from envgraph.graph import Savepoint
 from envgraph.match import Row

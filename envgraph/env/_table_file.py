@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env._explore import Explored
-from envgraph.env._scene import Edge, GraphScene, GridScene, Mark, Scene
 from envgraph.env._tabular import Tabular
+from envgraph.env.scene._scene import Edge, GraphScene, GridScene, Mark, Scene
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Glyph
 

@@ -8,8 +8,8 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.draw import markup
 from envgraph.errors import InvalidArgument
-from envgraph.metamodel.picture import markup
 
 PROBABILITY_TOLERANCE = 1e-9
 

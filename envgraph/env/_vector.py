@@ -13,10 +13,10 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from envgraph.env._gymnasium import SUCCESS, ObservationKind, components, known_options, observation_space
-from envgraph.env._pixels import scene_rgb
 from envgraph.env._sampling import cumulative
-from envgraph.env._scene import Scene
 from envgraph.env._tabular import Tabular
+from envgraph.env.scene._pixels import scene_rgb
+from envgraph.env.scene._scene import Scene
 from envgraph.errors import InvalidArgument, listed
 
 Ints = NDArray[np.int64]

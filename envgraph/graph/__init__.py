@@ -20,13 +20,13 @@ from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Shelf, Version
 from envgraph.graph._isomorphism import Shapes
 from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet, make_sure
-from envgraph.graph._json import model_from_json, model_schema, model_to_json
 from envgraph.graph._model import Model
-from envgraph.graph._networkx import from_networkx, to_networkx
 from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
 from envgraph.graph._store import Relation, Store
-from envgraph.graph._xmi import arrange_targets, model_to_xmi, usual_value
+from envgraph.graph.interchange._json import model_from_json, model_schema, model_to_json
+from envgraph.graph.interchange._networkx import from_networkx, to_networkx
+from envgraph.graph.interchange._xmi import arrange_targets, model_to_xmi, usual_value
 
 __all__ = [
     "EXCHANGE",

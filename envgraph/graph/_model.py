@@ -6,6 +6,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any, Literal, Unpack
 
+from envgraph.draw import Picture
 from envgraph.errors import InvalidArgument, visible
 from envgraph.graph import _refusals as refusals
 from envgraph.graph._canonical import canonical_hash
@@ -20,7 +21,6 @@ from envgraph.graph._node import Node, assign_features
 from envgraph.graph._picture import PictureOptions, model_picture
 from envgraph.graph._store import Relation, Store
 from envgraph.metamodel import Attribute, Metamodel, Reference, Value, Values, accepts
-from envgraph.metamodel.picture import Picture
 
 Semantics = Literal["dpo", "spo"]
 
@@ -127,7 +127,7 @@ class Model:
 
     def copy(self) -> Model:
         """Another model in the same state (ids, every order, hash), without versions, savepoints and listeners."""
-        from envgraph.graph._json import model_from_json, model_to_json
+        from envgraph.graph.interchange._json import model_from_json, model_to_json
 
         copied = model_from_json(model_to_json(self), self.metamodel)
         copied.places = self.places
@@ -140,7 +140,7 @@ class Model:
 
     def __reduce__(self) -> tuple[Callable[..., Model], tuple[object, ...], dict[str, object]]:
         """On the way to a worker process a model is its state; versions and listeners stay behind."""
-        from envgraph.graph._json import model_from_json, model_to_json
+        from envgraph.graph.interchange._json import model_from_json, model_to_json
 
         return model_from_json, (model_to_json(self), self.metamodel), {"places": self.places}
 

@@ -6,20 +6,19 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, TypedDict
 
-from envgraph.errors import InvalidArgument, did_you_mean, visible
-from envgraph.graph._node import Node
-from envgraph.graph._store import Relation
-from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, Scalar
-from envgraph.metamodel.picture import (
+from envgraph.draw import (
     LAYOUTS,
     End,
     Picture,
     PictureEdge,
     PictureNode,
-    class_colours,
     shortened,
     shown_value,
 )
+from envgraph.errors import InvalidArgument, did_you_mean, visible
+from envgraph.graph._node import Node
+from envgraph.graph._store import Relation
+from envgraph.metamodel import Attribute, EnumType, Feature, Metamodel, Reference, Scalar, class_colours
 
 if TYPE_CHECKING:
     from envgraph.graph._model import Model

@@ -5,11 +5,8 @@ wrong with them, without raising.
 """
 
 from envgraph.errors import shorten
-from envgraph.lang._checking import conformance
 from envgraph.lang._constructors import Pattern, Rule, Unit
-from envgraph.lang._data import bundled_domain, bundled_domains, data_path
-from envgraph.lang._ecore import parse_ecore
-from envgraph.lang._family import (
+from envgraph.lang.family._family import (
     ComponentSpec,
     ConstraintsSpec,
     CurriculumSpec,
@@ -20,27 +17,37 @@ from envgraph.lang._family import (
     SearchSpec,
     TrainingSpec,
 )
-from envgraph.lang._family_check import COMPONENTS, check_family
-from envgraph.lang._family_reader import find_family, load_family
-from envgraph.lang._files import Bundle, DiskFiles, Files, TextFiles, file_format, read_source
-from envgraph.lang._format import format_text, language_of
-from envgraph.lang._formats import FORMATS
-from envgraph.lang._from_text import from_text
-from envgraph.lang._json import JsonPath, check_json, model_at, parse_json, parse_model
-from envgraph.lang._loader import LANGUAGES, load, load_behaviour, load_workspace, open, open_workspace
-from envgraph.lang._model import ModelText
-from envgraph.lang._model_to_text import model_to_text
-from envgraph.lang._pyecore import (
+from envgraph.lang.family._family_reader import find_family, load_family
+from envgraph.lang.format._format import format_text, language_of
+from envgraph.lang.interchange._ecore import parse_ecore
+from envgraph.lang.interchange._json import JsonPath, check_json, model_at, parse_json, parse_model
+from envgraph.lang.interchange._pyecore import (
     metamodel_from_pyecore,
     metamodel_to_pyecore,
     model_from_pyecore,
     model_to_pyecore,
 )
-from envgraph.lang._text_derived import spelled_out
-from envgraph.lang._to_text import to_text
-from envgraph.lang._trace import parse_trace
-from envgraph.lang._workspace import Workspace
-from envgraph.lang._xmi import parse_xmi
+from envgraph.lang.interchange._trace import parse_trace
+from envgraph.lang.interchange._xmi import parse_xmi
+from envgraph.lang.loading._checking import conformance
+from envgraph.lang.loading._family_check import COMPONENTS, check_family
+from envgraph.lang.loading._loader import (
+    LANGUAGES,
+    load,
+    load_behaviour,
+    load_workspace,
+    open,
+    open_workspace,
+)
+from envgraph.lang.loading._workspace import Workspace
+from envgraph.lang.read._from_text import from_text
+from envgraph.lang.read._model import ModelText
+from envgraph.lang.syntax._data import bundled_domain, bundled_domains, data_path
+from envgraph.lang.syntax._files import Bundle, DiskFiles, Files, TextFiles, file_format, read_source
+from envgraph.lang.syntax._formats import FORMATS
+from envgraph.lang.write._model_to_text import model_to_text
+from envgraph.lang.write._text_derived import spelled_out
+from envgraph.lang.write._to_text import to_text
 
 __all__ = [
     "COMPONENTS",

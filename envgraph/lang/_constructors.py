@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any, Literal, TypeVar
 
 from envgraph.errors import InvalidArgument
-from envgraph.lang._from_text import Parts
-from envgraph.lang._text_rules import annotations_of, block_again, left_again, right_again, steps_again
-from envgraph.lang._text_terms import TermText, plain_doc
+from envgraph.lang.read._from_text import Parts
+from envgraph.lang.write._text_rules import annotations_of, block_again, left_again, right_again, steps_again
+from envgraph.lang.write._text_terms import TermText, plain_doc
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Action,

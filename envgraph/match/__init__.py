@@ -1,11 +1,11 @@
 """Matchers: what finds the matches of patterns in a model."""
 
 from envgraph.errors import shorten
-from envgraph.match._compiled import CompiledMatcher
-from envgraph.match._explain import Explanation
 from envgraph.match._matcher import FREE, Free, Matcher, Row
-from envgraph.match._naive import NaiveMatcher
-from envgraph.match._why import Failure, WhyNot, Witness
+from envgraph.match.demand._compiled import CompiledMatcher
+from envgraph.match.explain._explain import Explanation
+from envgraph.match.explain._why import Failure, WhyNot, Witness
+from envgraph.match.naive._naive import NaiveMatcher
 from envgraph.match.views import Subscription, ViewMatcher
 
 __all__ = [

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from envgraph.errors import visible
-from envgraph.metamodel._features import Attribute, Class, EnumType, Reference, type_name
-from envgraph.metamodel.picture import (
+from envgraph.draw import (
+    PALE,
     End,
     Picture,
     PictureEdge,
     PictureNode,
-    class_colours,
     shown_value,
 )
+from envgraph.errors import visible
+from envgraph.metamodel._features import Attribute, Class, EnumType, Reference, type_name
 
 if TYPE_CHECKING:
     from envgraph.metamodel._metamodel import Metamodel
@@ -31,6 +31,14 @@ def class_diagram(metamodel: Metamodel) -> Picture:
         ),
         (*_supertypes(metamodel), *_references(metamodel)),
     )
+
+
+def class_colours(classes: Iterable[Class]) -> dict[str, str]:
+    """A colour for each class: that of its glyph, else a pale one by its place."""
+    return {
+        cls.name: cls.glyph.colour if cls.glyph else PALE[number % len(PALE)]
+        for number, cls in enumerate(classes)
+    }
 
 
 def _class(cls: Class, colour: str) -> PictureNode:

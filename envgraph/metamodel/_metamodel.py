@@ -14,7 +14,7 @@ from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference, simple_name
 
 if TYPE_CHECKING:
-    from envgraph.metamodel.picture import Picture
+    from envgraph.draw import Picture
 
 
 _FEW: Final = 256

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, isfinite, log10
 
+from envgraph.draw import markup
 from envgraph.errors import InvalidArgument
-from envgraph.metamodel.picture import markup
 
 # After Okabe and Ito 2008, distinguishable with every common colour vision; darker on white and lighter on black:
 # each has a contrast of at least 4.5.

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from envgraph.draw import colour_text, ink_on, parse_colour
 from envgraph.env import Key
 from envgraph.errors import visible
-from envgraph.metamodel.picture import colour_text, ink_on, parse_colour
 from envgraph.report._charts import COLOURS_ON_DARK
 
 

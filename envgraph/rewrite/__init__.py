@@ -27,19 +27,19 @@ What the steps of a unit mean is said in `_units`.
 
 from envgraph.errors import shorten
 from envgraph.rewrite._branches import Branches
-from envgraph.rewrite._check import check_rule
-from envgraph.rewrite._derive import check_derivation, derived, derived_rules
-from envgraph.rewrite._described import Steps
-from envgraph.rewrite._engine import Engine
-from envgraph.rewrite._events import Activation, Agenda, EventRule
-from envgraph.rewrite._exploration import Exploration, State, Statistics, Transition
-from envgraph.rewrite._losses import Loss
 from envgraph.rewrite._match import Application, Firing, Match, Matches, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
-from envgraph.rewrite._run import STEP_LIMIT
-from envgraph.rewrite._runner import Randomness, RuleRunner
-from envgraph.rewrite._trace import TRACE_FORMAT, Trace, trace_schema, trace_to_text
-from envgraph.rewrite._units import RunResult
+from envgraph.rewrite.check._check import check_rule
+from envgraph.rewrite.derive._derive import check_derivation, derived, derived_rules
+from envgraph.rewrite.engine._described import Steps
+from envgraph.rewrite.engine._engine import Engine
+from envgraph.rewrite.engine._losses import Loss
+from envgraph.rewrite.engine._trace import TRACE_FORMAT, Trace, trace_schema, trace_to_text
+from envgraph.rewrite.events._events import Activation, Agenda, EventRule
+from envgraph.rewrite.explore._exploration import Exploration, State, Statistics, Transition
+from envgraph.rewrite.run._run import STEP_LIMIT
+from envgraph.rewrite.run._runner import Randomness, RuleRunner
+from envgraph.rewrite.run._units import RunResult
 
 __all__ = [
     "STEP_LIMIT",

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, Unpack
 
+from envgraph.draw import Picture, markup
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Model, Node, PictureOptions
 from envgraph.metamodel import Value
-from envgraph.metamodel.picture import Picture, markup
 from envgraph.pattern import ObjectType, StaticType
 
 Row = tuple[Value, ...]

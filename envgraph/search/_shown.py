@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from envgraph.draw import markup, shortened
 from envgraph.env import scene_svg, scene_text
-from envgraph.metamodel.picture import markup, shortened
 
 if TYPE_CHECKING:
     from envgraph.search._family import Family, Member

@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, _closures, _condensation, _tally
+from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match.demand import _closures, _condensation, _tally
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.oracle.test_matchers_agree import agrees, assert_count, assert_exists, assert_first, assert_rows

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError, Source
 from envgraph.graph import Model
 from envgraph.lang import format_text, to_text
-from envgraph.lang._parsing import parse
-from envgraph.lang._rules import read_rules
+from envgraph.lang.read._rules import read_rules
+from envgraph.lang.syntax._parsing import parse
 from envgraph.pattern import (
     Alap,
     Atomic,

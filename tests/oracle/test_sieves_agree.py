@@ -11,7 +11,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, _generate, _sieves, _write
+from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match.generate import _generate, _write
+from envgraph.match.plan import _sieves
 from envgraph.pattern import Constraint, Library, Pattern
 from tests.oracle.test_closures_on_demand import PLACES, places
 from tests.oracle.test_matchers_agree import QUESTIONS, agrees, assert_rows

@@ -12,12 +12,12 @@ from envgraph.lang import Pattern as PatternOf
 from envgraph.lang import Rule as RuleOf
 from envgraph.lang import Unit as UnitOf
 from envgraph.lang import format_text, to_text
-from envgraph.lang._grammar import grammar
-from envgraph.lang._parsing import parse
-from envgraph.lang._query import read_query
-from envgraph.lang._rules import read_rules
-from envgraph.lang._text_rules import RuleText, read_again
-from envgraph.lang._text_terms import plain_doc
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._rules import read_rules
+from envgraph.lang.syntax._grammar import grammar
+from envgraph.lang.syntax._parsing import parse
+from envgraph.lang.write._text_rules import RuleText, read_again
+from envgraph.lang.write._text_terms import plain_doc
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Aggregate,

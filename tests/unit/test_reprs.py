@@ -21,7 +21,7 @@ PACKAGES = (
     "envgraph",
     "envgraph.errors",
     "envgraph.metamodel",
-    "envgraph.metamodel.picture",
+    "envgraph.draw",
     "envgraph.graph",
     "envgraph.pattern",
     "envgraph.match",

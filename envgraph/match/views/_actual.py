@@ -7,10 +7,10 @@ from itertools import chain
 from typing import Any, Final
 
 from envgraph.graph import Store
-from envgraph.match._plan import Step
-from envgraph.match._sinks import Sink
-from envgraph.match._symbols import Held, Source
-from envgraph.match._write import Block, Module
+from envgraph.match.generate._sinks import Sink
+from envgraph.match.generate._symbols import Held, Source
+from envgraph.match.generate._write import Block, Module
+from envgraph.match.plan._plan import Step
 from envgraph.match.views._delta import Delta, DeltaTranslation, Role, delta_plan, tuple_names
 from envgraph.match.views._folds import Fold
 from envgraph.match.views._operators import Operator, Rows

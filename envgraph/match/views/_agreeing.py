@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any, Final
 
-from envgraph.match._compiled import CompiledMatcher
+from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.views._operators import Rows
 from envgraph.match.views._sets import Index, Row, key_of
 

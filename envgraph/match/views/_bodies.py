@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import Final
 
 from envgraph.graph import Store
-from envgraph.match._plan import Absence, Conjunction, Goal, arguments, inputs, variables
-from envgraph.match._simplify import Simplifier
+from envgraph.match.plan._plan import Absence, Conjunction, Goal, arguments, inputs, variables
+from envgraph.match.plan._simplify import Simplifier
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
     AggregateAtom,

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from envgraph.match._generate import Translation, forward_column
-from envgraph.match._plan import Absence, Conjunction, Goal, Kind, Plan, Step, arguments, inputs
-from envgraph.match._sinks import EXISTENCE, Sink, gathering, row, value
-from envgraph.match._symbols import Backward, Bounded, Held, Source, Values
-from envgraph.match._write import Block, Module
+from envgraph.match.generate._generate import Translation, forward_column
+from envgraph.match.generate._sinks import EXISTENCE, Sink, gathering, row, value
+from envgraph.match.generate._symbols import Backward, Bounded, Held, Source, Values
+from envgraph.match.generate._write import Block, Module
+from envgraph.match.plan._plan import Absence, Conjunction, Goal, Kind, Plan, Step, arguments, inputs
 from envgraph.match.views._bodies import Relation, existential, free_inside, negated
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.pattern import (

@@ -10,7 +10,7 @@ from envgraph.match.views._network import Network
 from envgraph.match.views._operators import unrecorded
 
 if TYPE_CHECKING:
-    from envgraph.match._compiled import CompiledMatcher
+    from envgraph.match.demand._compiled import CompiledMatcher
 
 
 def whole_pattern(matcher: CompiledMatcher, pattern: str) -> Callable[[], list[Row]] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from envgraph.match._explain import Names, relation_text, steps_text
+from envgraph.match.explain._explain import Names, relation_text, steps_text
 from envgraph.match.views._delta import Delta, Role, delta_plan, delta_source
 from envgraph.match.views._folds import Fold
 from envgraph.match.views._operators import Evaluated, Operator, View

@@ -9,8 +9,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from envgraph.match._symbols import Literal, Source
-from envgraph.match._write import Block, Module
+from envgraph.match.generate._symbols import Literal, Source
+from envgraph.match.generate._write import Block, Module
 from envgraph.match.views._delta import Delta, Role, write_delta
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.metamodel import Value

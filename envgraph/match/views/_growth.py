@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
 from envgraph.graph import Store
-from envgraph.match._calls import CallGraph
-from envgraph.match._options import Unplannable
-from envgraph.match._plan import Absence, Conjunction, Goal, arguments, held_value, variables
-from envgraph.match._planner import determined, disjoint
-from envgraph.match._symbols import Source
+from envgraph.match.generate._symbols import Source
+from envgraph.match.plan._calls import CallGraph
+from envgraph.match.plan._options import Unplannable
+from envgraph.match.plan._plan import Absence, Conjunction, Goal, arguments, held_value, variables
+from envgraph.match.plan._planner import determined, disjoint
 from envgraph.match.views._bodies import (
     Relation,
     ViewSimplifier,

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from envgraph.graph import Store
-from envgraph.match._options import Unplannable
-from envgraph.match._plan import Condition, Conjunction, Goal, Kind, Plan, held_value, variables
+from envgraph.match.plan._options import Unplannable
+from envgraph.match.plan._plan import Condition, Conjunction, Goal, Kind, Plan, held_value, variables
 from envgraph.match.views._delta import Role, occurrences
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.metamodel import Attribute, Metamodel, Value, Values

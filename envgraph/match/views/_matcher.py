@@ -8,11 +8,11 @@ from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
 from envgraph.graph import Model, ensured, make_sure
-from envgraph.match._calls import MOST_NESTED, check_nesting
-from envgraph.match._compiled import CompiledMatcher
 from envgraph.match._matcher import FREE, Row, check_arguments
-from envgraph.match._symbols import Source
-from envgraph.match._why import WhyNot
+from envgraph.match.demand._compiled import CompiledMatcher
+from envgraph.match.explain._why import WhyNot
+from envgraph.match.generate._symbols import Source
+from envgraph.match.plan._calls import MOST_NESTED, check_nesting
 from envgraph.match.views._agreeing import Agreeing
 from envgraph.match.views._loops import Loops
 from envgraph.match.views._network import Network

@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-from envgraph.match._calls import CallGraph
-from envgraph.match._estimate import Sizes
-from envgraph.match._live import LiveSizes
-from envgraph.match._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside
-from envgraph.match._order import Draft, Search
-from envgraph.match._plan import (
+from envgraph.match.plan._calls import CallGraph
+from envgraph.match.plan._estimate import Sizes
+from envgraph.match.plan._live import LiveSizes
+from envgraph.match.plan._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside
+from envgraph.match.plan._order import Draft, Search
+from envgraph.match.plan._plan import (
     Absence,
     Conjunction,
     Goal,

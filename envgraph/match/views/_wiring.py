@@ -8,8 +8,8 @@ from itertools import groupby
 
 from envgraph.code import define
 from envgraph.graph import Store
-from envgraph.match._options import Unplannable
-from envgraph.match._plan import Conjunction
+from envgraph.match.plan._options import Unplannable
+from envgraph.match.plan._plan import Conjunction
 from envgraph.match.views._delta import Delta, Occurrence, occurrences, own_positions
 from envgraph.match.views._folds import Fold
 from envgraph.match.views._fusion import fused_source

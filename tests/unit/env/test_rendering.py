@@ -11,6 +11,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from envgraph.draw import (
+    INK,
+    LINE_COLOUR,
+    MARK,
+    PAPER,
+    colour_text,
+    contrast,
+    ink_on,
+    parse_colour,
+)
 from envgraph.env import (
     DrawGraph,
     DrawGrid,
@@ -30,21 +40,11 @@ from envgraph.env import (
     scene_text,
     scene_title,
 )
-from envgraph.env._font import write
-from envgraph.env._layout import graph_layout
+from envgraph.env.scene._font import write
+from envgraph.env.scene._layout import graph_layout
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.graph import Model
 from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar
-from envgraph.metamodel.picture import (
-    INK,
-    LINE_COLOUR,
-    MARK,
-    PAPER,
-    colour_text,
-    contrast,
-    ink_on,
-    parse_colour,
-)
 from envgraph.pattern import Navigation, Variable
 from tests.unit.env import forest
 

@@ -21,7 +21,7 @@ PERSON = {"id": 0, "class": "Person"}
 
 def test_the_schema_is_a_schema() -> None:
     Draft202012Validator.check_schema(model_schema())
-    file = Path(envgraph.__file__).parent / "graph" / "model.schema.json"
+    file = Path(envgraph.__file__).parent / "graph" / "interchange" / "model.schema.json"
     assert json.loads(file.read_text("utf-8")) == model_schema()
 
 

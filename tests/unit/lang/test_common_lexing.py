@@ -7,8 +7,8 @@ from lark import Token
 from lark.exceptions import GrammarError
 
 from envgraph.errors import Source
-from envgraph.lang._grammar import RECOVERY, Grammar, build, grammar
-from envgraph.lang._parsing import Parsed, annotation_of, parse_with, span_of, tokens, trees
+from envgraph.lang.syntax._grammar import RECOVERY, Grammar, build, grammar
+from envgraph.lang.syntax._parsing import Parsed, annotation_of, parse_with, span_of, tokens, trees
 from envgraph.metamodel import Annotation
 
 GRAMMAR = """

@@ -23,8 +23,8 @@ from envgraph.env import (
     Token,
 )
 from envgraph.errors import Source
-from envgraph.lang._environment import EnvironmentFile, read_environment, with_enums
-from envgraph.lang._parsing import parse
+from envgraph.lang.read._environment import EnvironmentFile, read_environment, with_enums
+from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Class, EnumType, Metamodel
 from envgraph.pattern import (
     Binary,

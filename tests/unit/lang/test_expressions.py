@@ -3,8 +3,8 @@
 import pytest
 
 from envgraph.errors import Source
-from envgraph.lang._parsing import parse
-from envgraph.lang._query import QueryFile, read_query
+from envgraph.lang.read._query import QueryFile, read_query
+from envgraph.lang.syntax._parsing import parse
 from envgraph.pattern import (
     Binary,
     Check,

@@ -7,7 +7,7 @@ import pytest
 
 from envgraph.errors import LoadError, Source
 from envgraph.lang import FamilySpec, TextFiles, bundled_domain, check_family, load_family, load_workspace
-from envgraph.lang._toml import parse_toml
+from envgraph.lang.syntax._toml import parse_toml
 
 MINIMAL = 'model = "a.model"\n[measures.size]\nkind = "count"\nof = "any"\n[mutation]\nrules = ["grow"]\n'
 

@@ -10,12 +10,12 @@ import pytest
 
 from envgraph.errors import InvalidArgument, LoadError, Source
 from envgraph.lang import data_path, format_text, language_of
-from envgraph.lang._grammar import grammar
-from envgraph.lang._metamodel import read_metamodel
-from envgraph.lang._model import read_models
-from envgraph.lang._parsing import parse, parse_tokens
-from envgraph.lang._query import read_query
-from envgraph.lang._rules import read_rules
+from envgraph.lang.read._metamodel import read_metamodel
+from envgraph.lang.read._model import read_models
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._rules import read_rules
+from envgraph.lang.syntax._grammar import grammar
+from envgraph.lang.syntax._parsing import parse, parse_tokens
 
 TESTS = Path(__file__).parents[2]
 LISTING = "burning_forest.query"

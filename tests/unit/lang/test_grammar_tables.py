@@ -11,8 +11,8 @@ from lark import Lark
 
 from envgraph.errors import Source
 from envgraph.lang import bundled_domain, data_path
-from envgraph.lang._grammar import RECOVERY, build
-from envgraph.lang._parsing import parse_with
+from envgraph.lang.syntax._grammar import RECOVERY, build
+from envgraph.lang.syntax._parsing import parse_with
 
 TEXTS = {path.suffix[1:]: path.read_text(encoding="utf-8") for path in bundled_domain("keydoor").iterdir()}
 

@@ -1,8 +1,8 @@
 """`.metamodel` files: what they mean. What is said about mistakes: tests/golden/metamodel."""
 
 from envgraph.errors import Source
-from envgraph.lang._metamodel import MetamodelFile, read_metamodel
-from envgraph.lang._parsing import parse
+from envgraph.lang.read._metamodel import MetamodelFile, read_metamodel
+from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar
 
 

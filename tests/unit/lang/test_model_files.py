@@ -5,9 +5,9 @@ import pytest
 from envgraph.errors import Source
 from envgraph.graph import Model
 from envgraph.lang import bundled_domain, conformance
-from envgraph.lang._metamodel import read_metamodel
-from envgraph.lang._model import ModelFile, ModelText, imports_of, read_models
-from envgraph.lang._parsing import parse
+from envgraph.lang.read._metamodel import read_metamodel
+from envgraph.lang.read._model import ModelFile, ModelText, imports_of, read_models
+from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Metamodel
 
 METAMODEL = """

@@ -3,9 +3,9 @@
 import pytest
 
 from envgraph.errors import Severity, Source
-from envgraph.lang._imports import Import
-from envgraph.lang._parsing import parse
-from envgraph.lang._query import QueryFile, read_query
+from envgraph.lang.read._imports import Import
+from envgraph.lang.read._query import QueryFile, read_query
+from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (
     Aggregate,

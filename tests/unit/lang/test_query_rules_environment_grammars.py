@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from envgraph.errors import Diagnostic, Source, Span
 from envgraph.lang import data_path
-from envgraph.lang._environment import read_environment
-from envgraph.lang._grammar import RECOVERY, build, grammar
-from envgraph.lang._parsing import Parsed, parse
-from envgraph.lang._query import read_query
-from envgraph.lang._rules import read_rules
+from envgraph.lang.read._environment import read_environment
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._rules import read_rules
+from envgraph.lang.syntax._grammar import RECOVERY, build, grammar
+from envgraph.lang.syntax._parsing import Parsed, parse
 
 SHARED = Path(__file__).parents[2] / "golden" / "shared"
 READERS: dict[str, Callable[[Parsed], "File"]] = {

@@ -4,8 +4,8 @@ import pytest
 
 from envgraph.errors import Source
 from envgraph.lang import to_text
-from envgraph.lang._parsing import parse
-from envgraph.lang._rules import RulesFile, read_rules
+from envgraph.lang.read._rules import RulesFile, read_rules
+from envgraph.lang.syntax._parsing import parse
 from envgraph.pattern import (
     Action,
     Alap,

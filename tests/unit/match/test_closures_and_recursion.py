@@ -11,10 +11,10 @@ import pytest
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match import _calls as calls
-from envgraph.match import _closures as closures
-from envgraph.match import _compiled as compiled
-from envgraph.match import _recursion as recursion
+from envgraph.match.demand import _closures as closures
+from envgraph.match.demand import _compiled as compiled
+from envgraph.match.demand import _recursion as recursion
+from envgraph.match.plan import _calls as calls
 from envgraph.match.views import _recursive as recursive_views
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Aggregate, Check, Constraint, Library, Pattern

@@ -10,8 +10,8 @@ import pytest
 
 from envgraph.graph import IndexedSet, Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
-from envgraph.match._common import common
-from envgraph.match._symbols import Backward, Forward, Symbol
+from envgraph.match.demand._common import common
+from envgraph.match.generate._symbols import Backward, Forward, Symbol
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Library, Pattern
 from tests.unit.match.writing import path, pattern

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from envgraph.match._condensation import Condensation
+from envgraph.match.demand._condensation import Condensation
 
 STEPS = {1: [2], 2: [3], 3: [1, 4], 4: [5], 5: [4, 6], 6: []}
 SIZES = {1: 6, 2: 6, 3: 6, 4: 3, 5: 3, 6: 0}

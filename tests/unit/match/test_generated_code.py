@@ -11,12 +11,12 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match._calls import CallGraph
-from envgraph.match._generate import view_source
-from envgraph.match._options import Options
-from envgraph.match._plan import ViewKey
-from envgraph.match._planner import Planner
-from envgraph.match._symbols import Mode
+from envgraph.match.generate._generate import view_source
+from envgraph.match.generate._symbols import Mode
+from envgraph.match.plan._calls import CallGraph
+from envgraph.match.plan._options import Options
+from envgraph.match.plan._plan import ViewKey
+from envgraph.match.plan._planner import Planner
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Constant, Constraint, Library, Pattern
 from tests.unit.match.forest import PATTERNS, forest, library

@@ -8,7 +8,8 @@ import pytest
 
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
-from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, _recursion
+from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
+from envgraph.match.demand import _recursion
 from envgraph.match.views import _recursive
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Binary, Comparison, Constant, Constraint, Evaluation, Library

@@ -9,7 +9,7 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
-from envgraph.match._symbols import Backward, Forward, Symbol
+from envgraph.match.generate._symbols import Backward, Forward, Symbol
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.unit.match.writing import equal, find, fold, is_a, neg, path, pattern

@@ -6,9 +6,9 @@ from random import Random
 
 import pytest
 
-from envgraph.match import _tally
 from envgraph.match._aggregates import aggregate
-from envgraph.match._tally import Tally
+from envgraph.match.demand import _tally
+from envgraph.match.demand._tally import Tally
 
 Rows = list[tuple[int, ...] | tuple[int, int, float]]
 

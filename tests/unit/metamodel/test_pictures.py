@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from envgraph.draw import Picture, PictureEdge, PictureNode, shown_value
 from envgraph.errors import InvalidArgument, visible
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
-from envgraph.metamodel.picture import Picture, PictureEdge, PictureNode, shown_value
 
 SVG = "{http://www.w3.org/2000/svg}"
 COLOUR = EnumType("Colour", ("red", "green"))

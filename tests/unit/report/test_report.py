@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from envgraph.draw import contrast, parse_colour
 from envgraph.env import Key
 from envgraph.errors import InvalidArgument
 from envgraph.learn import FamilyMember, TrainingSettings, run_experiment, sequences
 from envgraph.metamodel import Glyph
-from envgraph.metamodel.picture import contrast, parse_colour
 from envgraph.report import (
     Card,
     Report,

@@ -7,10 +7,10 @@ from textwrap import dedent
 
 from envgraph.errors import Diagnostic, Source
 from envgraph.graph import Model
-from envgraph.lang._metamodel import read_metamodel
-from envgraph.lang._parsing import parse
-from envgraph.lang._query import read_query
-from envgraph.lang._rules import read_rules
+from envgraph.lang.read._metamodel import read_metamodel
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._rules import read_rules
+from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, Pattern, Rule, Unit
 from envgraph.rewrite import Engine

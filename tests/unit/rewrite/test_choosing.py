@@ -10,7 +10,8 @@ import pytest
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.pattern import Derivation
-from envgraph.rewrite import Engine, _derive, derived_rules
+from envgraph.rewrite import Engine, derived_rules
+from envgraph.rewrite.derive import _derive
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems
 
 RULES = """

@@ -10,8 +10,8 @@ import pytest
 from envgraph.errors import Source
 from envgraph.graph import Model, check_conformance
 from envgraph.lang import TextFiles, load_workspace
-from envgraph.lang._metamodel import read_metamodel
-from envgraph.lang._parsing import parse
+from envgraph.lang.read._metamodel import read_metamodel
+from envgraph.lang.syntax._parsing import parse
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation
 from envgraph.rewrite import Engine, derived_rules

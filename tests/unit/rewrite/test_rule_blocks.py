@@ -6,7 +6,7 @@ import pytest
 
 from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model
-from envgraph.rewrite import _apply
+from envgraph.rewrite.run import _apply
 from tests.unit.rewrite.graphs import METAMODEL, chain, engine, problems, snapshot
 
 

@@ -1,0 +1,73 @@
+"""Pictures as text: boxes of letters, with the lines between them as names inside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from textwrap import wrap
+from unicodedata import east_asian_width
+
+from envgraph.draw._picture import Picture
+
+_WIDTH = 100
+"""Columns that a row of boxes takes at most, unless one box is wider."""
+
+_LINKS = 60
+"""Columns of the ends of lines, unless one name is longer."""
+
+
+def picture_text(picture: Picture) -> str:
+    """See `Picture.to_text`."""
+    titles = {node.key: node.title for node in picture.nodes}
+    links: dict[str, dict[str, list[str]]] = {node.key: {} for node in picture.nodes}
+    for edge in picture.edges:
+        links[edge.source].setdefault(edge.label, []).append(titles[edge.target])
+    boxes = [
+        _box(node.title, [*(f"«{mark}»" for mark in node.marks or ()), *node.lines, *_links(links[node.key])])
+        for node in picture.nodes
+    ]
+    lines = [line for row in _rows(boxes) for line in _beside(row)]
+    return "\n".join([*lines, *([picture.note] if picture.note else [])])
+
+
+def _links(targets: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """Where the lines of each label lead, in one paragraph."""
+    for label, ends in targets.items():
+        yield from wrap(f"{label} -> {', '.join(ends)}".lstrip(), _LINKS, subsequent_indent="  ")
+
+
+def _box(title: str, lines: list[str]) -> list[str]:
+    """The lines of a box, all of one width."""
+    width = max(map(_columns, (title, *lines)))
+
+    def row(text: str) -> str:
+        return f"│ {text}{' ' * (width - _columns(text))} │"
+
+    rule = "─" * (width + 2)
+    below = [f"├{rule}┤", *map(row, lines)] if lines else []
+    return [f"┌{rule}┐", row(title), *below, f"└{rule}┘"]
+
+
+def _rows(boxes: list[list[str]]) -> Iterator[list[list[str]]]:
+    """As many boxes beside each other as there is room for."""
+    row: list[list[str]] = []
+    used = 0
+    for box in boxes:
+        width = _columns(box[0]) + 1
+        if row and used + width > _WIDTH:
+            yield row
+            row, used = [], 0
+        row.append(box)
+        used += width
+    if row:
+        yield row
+
+
+def _beside(boxes: list[list[str]]) -> Iterator[str]:
+    for number in range(max(map(len, boxes))):
+        parts = (box[number] if number < len(box) else " " * _columns(box[0]) for box in boxes)
+        yield " ".join(parts).rstrip()
+
+
+def _columns(text: str) -> int:
+    """How much room a text takes on a terminal."""
+    return sum(2 if east_asian_width(letter) in ("W", "F") else 1 for letter in text)

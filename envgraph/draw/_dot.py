@@ -1,0 +1,136 @@
+"""Pictures as DOT, the text that Graphviz draws; and Graphviz itself, where it is installed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from math import sqrt
+
+from envgraph.draw._layout import Frame, arrange
+from envgraph.draw._picture import (
+    INK,
+    LINE_COLOUR,
+    MARK,
+    End,
+    Picture,
+    PictureEdge,
+    PictureNode,
+    markup,
+    text_on,
+)
+from envgraph.errors import visible
+
+_ENDS: Mapping[End, str] = {"none": "none", "arrow": "vee", "diamond": "diamond", "triangle": "onormal"}
+_INCH = 72.0
+_CURVED = 50
+_FONT = "Helvetica,Arial,sans-serif"
+
+
+def picture_dot(picture: Picture) -> str:
+    """The picture as one `digraph`, a statement a line.
+
+    If a box has a place, all are given one and pinned to it; `neato` and `fdp` keep to them.
+    """
+    return "\n".join([f"digraph {_quoted(picture.name)} {{", *_statements(picture), "}", ""])
+
+
+def _statements(picture: Picture) -> Iterator[str]:
+    graph = {"layout": picture.layout, "fontname": _FONT, "fontsize": "11", "rankdir": "TB"}
+    pinned = any(node.place is not None for node in picture.nodes)
+    frames = arrange(picture) if pinned else {}
+    if picture.layout != "dot":
+        graph.update(overlap=str(pinned).lower(), outputorder="edgesfirst", start="1")
+        # Ways around the boxes take seconds to find where there are many.
+        graph.update(splines="true" if len(picture.nodes) <= _CURVED else "line")
+    if picture.note:
+        graph.update(label=picture.note, labelloc="b")
+    yield f"  graph {_attributes(graph)};"
+    yield f"  node {_attributes({'shape': 'box', 'style': 'filled', 'fontname': _FONT, 'fontsize': '10'})};"
+    yield f"  edge {_attributes({'color': LINE_COLOUR, 'fontname': _FONT, 'fontsize': '9', 'arrowsize': '0.7'})};"
+    for node in picture.nodes:
+        yield f"  {_quoted(node.key)} {_node(node, frames.get(node.key))};"
+    degrees = Counter(end for edge in picture.edges for end in (edge.source, edge.target))
+    for edge in picture.edges:
+        stretched = picture.layout != "dot" and edge.tail == "diamond" and degrees[edge.target] > 1
+        # A container of many would draw them all together, whatever else they are linked to.
+        length = max(1.0, sqrt(degrees[edge.source]) / 2) if stretched else 1.0
+        yield f"  {_quoted(edge.source)} -> {_quoted(edge.target)} {_edge(edge, length)};"
+
+
+def _attributes(attributes: Mapping[str, str]) -> str:
+    return "[" + ", ".join(f"{name}={_quoted(value)}" for name, value in attributes.items()) + "]"
+
+
+def _quoted(text: str) -> str:
+    r"""A text as a string of DOT that shows as it is.
+
+    In labels Graphviz knows escapes (`\n`, `\N`) and entities (`&amp;`).
+    """
+    plain = visible(text).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{plain}"'
+
+
+def _node(node: PictureNode, frame: Frame | None) -> str:
+    attributes = {"fillcolor": node.fill, "fontcolor": text_on(node.fill), "margin": "0.05,0.03"}
+    if node.marks is not None:
+        attributes.update(color=MARK, penwidth="3")
+    if frame is not None:
+        attributes.update(pos=f"{frame.x / _INCH:.2f},{0.0 - frame.y / _INCH:.2f}!")
+    return f"{_attributes(attributes)[:-1]}, label=<{_table(node)}>]"
+
+
+def _table(node: PictureNode) -> str:
+    """A label in the HTML of Graphviz."""
+    head = [f"<i>{_text(mark)}</i>" for mark in node.marks or ()]
+    if node.stereotype:
+        head.append(f'<font point-size="8">«{_text(node.stereotype)}»</font>')
+    title = f"<b>{_text(node.title)}</b>"
+    head.append(f"<i>{title}</i>" if node.slanted else title)
+    rows = f"<tr><td>{'<br/>'.join(head)}</td></tr>"
+    if node.lines:
+        lines = "".join(f'{_text(line)}<br align="left"/>' for line in node.lines)
+        rows += f'<hr/><tr><td align="left" balign="left">{lines}</td></tr>'
+    return f'<table border="0" cellborder="0" cellspacing="0" cellpadding="3">{rows}</table>'
+
+
+def _text(text: str) -> str:
+    r"""A text inside such a label, where Graphviz knows the escapes `\N`, `\G` ... as well."""
+    return markup(text).replace("\\", "\\\\") or " "
+
+
+def _edge(edge: PictureEdge, length: float) -> str:
+    attributes = {"dir": "both", "arrowtail": _ENDS[edge.tail], "arrowhead": _ENDS[edge.head]}
+    if edge.label:
+        attributes = {"label": edge.label, **attributes}
+    if "diamond" in (edge.tail, edge.head) or "triangle" in (edge.tail, edge.head):
+        attributes["color"] = INK
+    if length > 1:
+        attributes["len"] = f"{length:.1f}"
+    return _attributes(attributes)
+
+
+def graphviz_svg(text: str, timeout: float) -> str | None:
+    """What the program `dot` makes of a DOT text, from `<svg` on.
+
+    Args:
+        text: a graph.
+        timeout: how long it may take, in seconds.
+
+    Returns:
+        None if the program is not on the PATH, fails, takes too long or prints something else.
+    """
+    import shutil
+    import subprocess
+
+    program = shutil.which("dot")
+    if program is None:
+        return None
+    try:
+        done = subprocess.run(
+            [program, "-Tsvg"], input=text.encode(), capture_output=True, timeout=timeout, check=False
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    svg = done.stdout.decode("utf-8", "replace")
+    start = svg.find("<svg")
+    return svg[start:].strip() if done.returncode == 0 and start >= 0 and "</svg>" in svg else None

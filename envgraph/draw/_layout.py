@@ -1,0 +1,189 @@
+"""Where the boxes of a picture stand without Graphviz: networkx spreads them, and overlaps are pushed apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from unicodedata import east_asian_width
+
+from envgraph.draw._picture import Picture, PictureNode
+
+LINE = 14.0
+"""Height of a line of text, in CSS pixels, as all lengths here."""
+
+_LETTER = 6.3
+_GAP = 30.0
+_WIDEST_GAP = 100.0
+_ROUNDS = 300
+_ROW = 1600.0
+
+
+@dataclass(slots=True)
+class Frame:
+    """A box: its middle, and half its width and height."""
+
+    x: float
+    y: float
+    half_width: float
+    half_height: float
+
+
+def text_width(text: str) -> float:
+    """About how wide a text is."""
+    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in text) * _LETTER
+
+
+def head_lines(node: PictureNode) -> list[str]:
+    """The lines above the rule: what the box is called in a match, its stereotype, its title."""
+    stereotype = [f"«{node.stereotype}»"] if node.stereotype else []
+    return [*(node.marks or ()), *stereotype, node.title]
+
+
+def arrange(picture: Picture) -> dict[str, Frame]:
+    """A frame for each box, all at positive coordinates, no two of them overlapping.
+
+    Where boxes have places those are kept to, and the others stand beside what they are linked to. Else every connected
+    part is laid out by itself, and the parts are put into rows.
+    """
+    frames = {node.key: _frame(node) for node in picture.nodes}
+    label = max((text_width(edge.label) for edge in picture.edges), default=0.0)
+    gap = min(_GAP + label, _WIDEST_GAP)
+    if any(node.place is not None for node in picture.nodes):
+        _pin(picture, frames, gap)
+        return _from_zero(frames, frames)
+    right = top = bottom = 0.0
+    for part in _parts(picture):
+        _spread(picture, part, frames, gap)
+        _from_zero(frames, part)
+        width = max(frames[key].x + frames[key].half_width for key in part)
+        if right and right + width > _ROW:
+            right, top = 0.0, bottom + _GAP
+        for key in part:
+            frames[key].x += right
+            frames[key].y += top
+            bottom = max(bottom, frames[key].y + frames[key].half_height)
+        right += width + _GAP
+    return frames
+
+
+def _frame(node: PictureNode) -> Frame:
+    head = head_lines(node)
+    width = max(text_width(line) for line in (*head, *node.lines))
+    return Frame(0.0, 0.0, width / 2 + 8, (len(head) + len(node.lines)) * LINE / 2 + (6 if node.lines else 4))
+
+
+def _from_zero(frames: dict[str, Frame], keys: Sequence[str] | dict[str, Frame]) -> dict[str, Frame]:
+    left = min((frames[key].x - frames[key].half_width for key in keys), default=0.0)
+    top = min((frames[key].y - frames[key].half_height for key in keys), default=0.0)
+    for key in keys:
+        frames[key].x -= left
+        frames[key].y -= top
+    return frames
+
+
+def _parts(picture: Picture) -> list[list[str]]:
+    """Connected parts, the largest first, then in the order of the boxes."""
+    above = {node.key: node.key for node in picture.nodes}
+
+    def root(key: str) -> str:
+        while above[key] != key:
+            above[key] = key = above[above[key]]
+        return key
+
+    for edge in picture.edges:
+        above[root(edge.target)] = root(edge.source)
+    parts: dict[str, list[str]] = {}
+    for node in picture.nodes:
+        parts.setdefault(root(node.key), []).append(node.key)
+    return sorted(parts.values(), key=len, reverse=True)
+
+
+def _spread(picture: Picture, part: list[str], frames: dict[str, Frame], gap: float) -> None:
+    """Springs along the edges of one connected part; they begin where the spectrum unfolds it."""
+    import networkx as nx
+
+    if len(part) == 1:
+        return
+    graph = nx.Graph()
+    graph.add_nodes_from(part)
+    graph.add_edges_from(
+        (edge.source, edge.target)
+        for edge in picture.edges
+        if edge.source in graph and edge.source != edge.target
+    )
+    begin = nx.spectral_layout(graph) if len(part) > 3 else nx.circular_layout(graph)
+    # Boxes that the spectrum puts on one spot (equal leaves of a star) must differ for the springs to part them.
+    begin = {
+        key: (x + 1e-3 * (number % 7), y + 1e-3 * (number % 11))
+        for number, (key, (x, y)) in enumerate(begin.items())
+    }
+    places = nx.spring_layout(graph, pos=begin, iterations=100, seed=1)
+    wide = max(2 * frames[key].half_width for key in part) + gap
+    high = max(2 * frames[key].half_height for key in part) + gap
+    step = _median_distance(graph, places)
+    for key in part:
+        frames[key].x = float(places[key][0]) / step * (wide + high) / 2
+        frames[key].y = float(places[key][1]) / step * (wide + high) / 2
+    _push_apart([frames[key] for key in part])
+
+
+def _median_distance(graph: Sequence[object], places: dict[str, tuple[float, float]]) -> float:
+    lengths = sorted(
+        ((places[a][0] - places[b][0]) ** 2 + (places[a][1] - places[b][1]) ** 2) ** 0.5
+        for a, b in graph.edges  # type: ignore[attr-defined]  # networkx ships no types
+    )
+    return float(max(lengths[len(lengths) // 2], 1e-6))
+
+
+def _pin(picture: Picture, frames: dict[str, Frame], gap: float) -> None:
+    placed = {node.key: node.place for node in picture.nodes if node.place is not None}
+    wide = max(2 * frames[key].half_width for key in placed) + gap
+    high = max(2 * frames[key].half_height for key in placed) + _GAP
+    for key, (x, y) in placed.items():
+        frames[key].x, frames[key].y = x * wide, y * high
+    edge_of_all = min(frames[key].x for key in placed) - wide
+    top = min(frames[key].y for key in placed)
+    for number, node in enumerate(node for node in picture.nodes if node.place is None):
+        near = [
+            frames[other]
+            for edge in picture.edges
+            for one, other in ((edge.source, edge.target), (edge.target, edge.source))
+            if one == node.key and other in placed
+        ]
+        frame = frames[node.key]
+        if 0 < len(near) <= 4:
+            frame.x = sum(other.x for other in near) / len(near) + wide / 2
+            frame.y = sum(other.y for other in near) / len(near) + high / 2
+        else:
+            frame.x, frame.y = edge_of_all, top + number * high
+    _push_apart(list(frames.values()))
+
+
+def _push_apart(frames: list[Frame]) -> None:
+    """Move overlapping boxes away from each other, each by half of the overlap, along its shorter side."""
+    widest = 2 * max((frame.half_width for frame in frames), default=0.0) + _GAP / 2
+    for _ in range(_ROUNDS):
+        moved = False
+        row = sorted(frames, key=lambda frame: frame.x)
+        for number, one in enumerate(row):
+            for other in row[number + 1 :]:
+                if other.x - one.x > 2 * widest:  # twice: boxes move while this goes on
+                    break
+                moved = _part(one, other) or moved
+        if not moved:
+            return
+
+
+def _part(one: Frame, other: Frame) -> bool:
+    """Move two boxes apart; False if they are."""
+    across = one.half_width + other.half_width + _GAP / 2 - abs(one.x - other.x)
+    along = one.half_height + other.half_height + _GAP / 2 - abs(one.y - other.y)
+    if across <= 1e-6 or along <= 1e-6:
+        return False
+    if across < along:
+        shift = across / 2 + 1e-3 if one.x <= other.x else -across / 2 - 1e-3
+        one.x, other.x = one.x - shift, other.x + shift
+    else:
+        shift = along / 2 + 1e-3 if one.y <= other.y else -along / 2 - 1e-3
+        one.y, other.y = one.y - shift, other.y + shift
+    return True

@@ -1,0 +1,199 @@
+"""Pictures as SVG: by Graphviz where it is installed, else drawn here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot
+
+from envgraph.draw._dot import graphviz_svg, picture_dot
+from envgraph.draw._layout import LINE, Frame, arrange, head_lines, text_width
+from envgraph.draw._picture import (
+    INK,
+    LINE_COLOUR,
+    MARK,
+    End,
+    Picture,
+    PictureEdge,
+    PictureNode,
+    markup,
+    text_on,
+)
+from envgraph.errors import InvalidArgument
+
+_BORDER = 20.0
+_HALO = 'paint-order="stroke" stroke="#ffffff" stroke-width="3" stroke-linejoin="round"'
+
+Point = tuple[float, float]
+
+
+def picture_svg(picture: Picture, graphviz: bool | None, timeout: float) -> str:
+    """See `Picture.to_svg`."""
+    if graphviz is not False:
+        found = graphviz_svg(picture_dot(picture), timeout)
+        if found is not None:
+            return found
+    if graphviz:
+        raise InvalidArgument(
+            "Graphviz drew nothing: its program `dot` is not on the PATH, fails or takes too long"
+        )
+    try:
+        frames = arrange(picture)
+    except ImportError as error:
+        raise InvalidArgument(f"a picture needs Graphviz or networkx: {error}") from error
+    return drawn_svg(picture, frames)
+
+
+def drawn_svg(picture: Picture, frames: dict[str, Frame]) -> str:
+    """The boxes at given places, and the lines between them."""
+    width = max((f.x + f.half_width for f in frames.values()), default=0.0)
+    height = max((f.y + f.half_height for f in frames.values()), default=0.0)
+    width = max(width, text_width(picture.note)) + 2 * _BORDER
+    total = height + 2 * _BORDER + (LINE if picture.note else 0.0)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{-_BORDER:g} {-_BORDER:g} {_n(width)} {_n(total)}" '
+        f'width="{_n(width)}" height="{_n(total)}" role="img" font-family="Helvetica, Arial, sans-serif" '
+        f'font-size="11" fill="{INK}" aria-label="{markup(picture_title(picture))}">',
+        f"<title>{markup(picture_title(picture))}</title>",
+        f'<rect x="{-_BORDER:g}" y="{-_BORDER:g}" width="{_n(width)}" height="{_n(total)}" fill="#ffffff"/>',
+    ]
+    for edge, bend in _bent(picture.edges):
+        parts.extend(_edge(edge, bend, frames))
+    for node in picture.nodes:
+        parts.extend(_node(node, frames[node.key]))
+    if picture.note:
+        parts.append(
+            _text(width / 2 - _BORDER, height + _BORDER + LINE / 2, picture.note, 'text-anchor="middle"')
+        )
+    return "\n".join([*parts, "</svg>"])
+
+
+def picture_title(picture: Picture) -> str:
+    """What a picture shows, in a sentence, for those who do not see it."""
+    boxes, lines = len(picture.nodes), len(picture.edges)
+    return (
+        f"{picture.name}: {boxes} box{'es' * (boxes != 1)} and {lines} line{'s' * (lines != 1)} between them"
+    )
+
+
+def _n(number: float) -> str:
+    return f"{number:.1f}".removesuffix(".0")
+
+
+def _text(x: float, y: float, text: str, style: str) -> str:
+    return f'<text x="{_n(x)}" y="{_n(y)}" dy="0.35em" {style}>{markup(text)}</text>'
+
+
+def _node(node: PictureNode, frame: Frame) -> Iterator[str]:
+    left, top = frame.x - frame.half_width, frame.y - frame.half_height
+    stroke = (
+        f'stroke="{MARK}" stroke-width="3"' if node.marks is not None else f'stroke="{INK}" stroke-width="1"'
+    )
+    yield (
+        f'<rect x="{_n(left)}" y="{_n(top)}" width="{_n(2 * frame.half_width)}" '
+        f'height="{_n(2 * frame.half_height)}" fill="{node.fill}" {stroke}/>'
+    )
+    ink = f'fill="{text_on(node.fill)}"'
+    y = top + 4 + LINE / 2
+    head = head_lines(node)
+    for number, line in enumerate(head):
+        bold = ' font-weight="bold"' if number == len(head) - 1 else ""
+        slanted = ' font-style="italic"' if not bold or node.slanted else ""
+        yield _text(frame.x, y, line, f'{ink} text-anchor="middle"{bold}{slanted}')
+        y += LINE
+    if node.lines:
+        rule = y - LINE / 2 + 2
+        yield (
+            f'<line x1="{_n(left)}" y1="{_n(rule)}" x2="{_n(frame.x + frame.half_width)}" y2="{_n(rule)}" '
+            f'stroke="{text_on(node.fill)}" stroke-width="0.5"/>'
+        )
+    for line in node.lines:
+        yield _text(left + 8, y + 3, line, ink)
+        y += LINE
+
+
+def _bent(edges: tuple[PictureEdge, ...]) -> Iterator[tuple[PictureEdge, float]]:
+    """Each edge with how far it bends aside, so that several between two boxes are told apart."""
+    groups: dict[tuple[str, str], list[PictureEdge]] = {}
+    for edge in edges:
+        one, other = sorted((edge.source, edge.target))
+        groups.setdefault((one, other), []).append(edge)
+    for (one, _), group in groups.items():
+        for number, edge in enumerate(group):
+            bend = (number - (len(group) - 1) / 2) * 44.0 if edge.source != edge.target else 1.0 + number
+            yield edge, bend if edge.source == one else -bend
+
+
+def _edge(edge: PictureEdge, bend: float, frames: dict[str, Frame]) -> Iterator[str]:
+    source, target = frames[edge.source], frames[edge.target]
+    if edge.source == edge.target:
+        path, start, end, controls, middle = _loop(source, abs(bend))
+    else:
+        path, start, end, controls, middle = _curve(source, target, bend)
+    colour = INK if {"diamond", "triangle"} & {edge.tail, edge.head} else LINE_COLOUR
+    yield f'<path d="{path}" fill="none" stroke="{colour}"/>'
+    yield from _end(edge.tail, start, controls[0], colour)
+    yield from _end(edge.head, end, controls[1], colour)
+    if edge.label:
+        anchor = "start" if edge.source == edge.target else "middle"
+        yield _text(*middle, edge.label, f'font-size="9.5" text-anchor="{anchor}" {_HALO}')
+
+
+_Line = tuple[str, Point, Point, tuple[Point, Point], Point]
+"""The path, its ends, the points from which it comes to them, and where the label stands."""
+
+
+def _curve(source: Frame, target: Frame, bend: float) -> _Line:
+    dx, dy = target.x - source.x, target.y - source.y
+    length = max(hypot(dx, dy), 1e-9)
+    control = (
+        (source.x + target.x) / 2 - dy / length * bend,
+        (source.y + target.y) / 2 + dx / length * bend,
+    )
+    start, end = _rim(source, control), _rim(target, control)
+    path = _path("M", start, "Q", control, end)
+    middle = ((start[0] + end[0]) / 4 + control[0] / 2, (start[1] + end[1]) / 4 + control[1] / 2)
+    return path, start, end, (control, control), middle
+
+
+def _loop(frame: Frame, size: float) -> _Line:
+    x, top = frame.x + frame.half_width, frame.y - frame.half_height
+    start, end = (x - 14.0, top), (x, top + 10.0)
+    out = 8.0 + 34.0 * size
+    one, other = (start[0], top - out), (x + out, end[1])
+    path = _path("M", start, "C", one, other, end)
+    return path, start, end, (one, other), (x + out * 0.375, top - out * 0.375)
+
+
+def _path(*parts: str | Point) -> str:
+    return " ".join(part if isinstance(part, str) else f"{_n(part[0])} {_n(part[1])}" for part in parts)
+
+
+def _rim(frame: Frame, toward: Point) -> Point:
+    """Where the line from the middle of a box to a point leaves the box."""
+    dx, dy = toward[0] - frame.x, toward[1] - frame.y
+    share = max(abs(dx) / frame.half_width, abs(dy) / frame.half_height)
+    if share <= 1.0:  # the point is inside
+        return toward
+    return frame.x + dx / share, frame.y + dy / share
+
+
+def _end(end: End, tip: Point, origin: Point, colour: str) -> Iterator[str]:
+    if end == "none":
+        return
+    dx, dy = tip[0] - origin[0], tip[1] - origin[1]
+    length = max(hypot(dx, dy), 1e-9)
+    ux, uy = dx / length * 8.0, dy / length * 8.0
+    back = (tip[0] - ux, tip[1] - uy)
+    points = [tip, (back[0] - uy * 0.4, back[1] + ux * 0.4)]
+    if end == "diamond":
+        points = [tip, *_sides(tip, ux / 2, uy / 2)[:1], back, *_sides(tip, ux / 2, uy / 2)[1:]]
+    else:
+        points.append((back[0] + uy * 0.4, back[1] - ux * 0.4))
+    fill = "#ffffff" if end == "triangle" else colour
+    shape = " ".join(f"{_n(x)},{_n(y)}" for x, y in points)
+    yield f'<polygon points="{shape}" fill="{fill}" stroke="{colour}"/>'
+
+
+def _sides(tip: Point, ux: float, uy: float) -> tuple[Point, Point]:
+    middle = (tip[0] - ux, tip[1] - uy)
+    return (middle[0] - uy * 0.7, middle[1] + ux * 0.7), (middle[0] + uy * 0.7, middle[1] - ux * 0.7)

@@ -1,0 +1,1 @@
+"""Pictures of models, as their `draw` clause says: what is shown, and its renderings."""

@@ -1,0 +1,120 @@
+"""Where the parts of a scene stand, for pixels and SVG alike; lengths are in cells, x to the right, y down."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, hypot, pi, sin
+
+from envgraph.draw import shortened
+from envgraph.env.scene._scene import Edge, GraphScene, Mark
+from envgraph.errors import visible
+
+NODE_RADIUS = 0.42
+_SPACING = 2.4
+_EDGE_LABELS = 3.4
+"""At least so far apart are nodes with labels between them."""
+
+LABEL_SHARE = 0.76
+"""Where on an edge its label stands: nearer to the end, so that those of an edge and of its way back are apart."""
+
+_LONGEST = 24
+"""Letters of a label; a longer one is cut."""
+
+_LABEL_GAP = NODE_RADIUS + 0.32
+_EDGE_SHIFT = 0.13
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class GraphLayout:
+    """Where a graph is drawn.
+
+    Attributes:
+        nodes, labels: the centre of every node and of its label.
+        names: the labels, cut where they are long.
+        edges: those between two nodes, with start and end.
+    """
+
+    width: float
+    height: float
+    nodes: tuple[Point, ...]
+    labels: tuple[Point, ...]
+    names: tuple[str, ...]
+    edges: tuple[tuple[Edge, tuple[Point, Point]], ...]
+
+
+def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
+    """The nodes on a circle, the first at the top, then clockwise; labels outside, where no edge crosses them.
+
+    Args:
+        scene: what to place.
+        letter_width: width of a letter of a label.
+    """
+    count = len(scene.labels)
+    names = tuple(shortened(visible(label), _LONGEST) for label in scene.labels)
+    longest = max(map(len, names), default=0) * letter_width
+    spacing = max(_SPACING, longest + 0.3, *(_EDGE_LABELS * bool(edge.label) for edge in scene.edges))
+    radius = 0.0 if count < 2 else max(1.6, spacing / (2 * sin(pi / count)))
+    side = _LABEL_GAP + longest + 0.1
+    rise = _LABEL_GAP + 0.3
+    width, height = 2 * (radius + side), 2 * (radius + rise)
+    angles = [2 * pi * number / max(count, 1) - pi / 2 for number in range(count)]
+    nodes = tuple((width / 2 + radius * cos(a), height / 2 + radius * sin(a)) for a in angles)
+    labels = tuple(
+        (
+            x + cos(angle) * (_LABEL_GAP + len(label) * letter_width / 2),
+            y + sin(angle) * _LABEL_GAP,
+        )
+        for (x, y), angle, label in zip(nodes, angles, names, strict=True)
+    )
+    edges = tuple(
+        (edge, _edge(nodes[edge.source], nodes[edge.target]))
+        for edge in scene.edges
+        if edge.source != edge.target
+    )
+    return GraphLayout(width, height, nodes, labels, names, edges)
+
+
+def _edge(start: Point, end: Point) -> tuple[Point, Point]:
+    """From rim to rim, a little to the right of the straight line: there and back are two lines."""
+    (ax, ay), (bx, by) = start, end
+    length = hypot(bx - ax, by - ay)
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    shift_x, shift_y = -uy * _EDGE_SHIFT, ux * _EDGE_SHIFT
+    gap = NODE_RADIUS + 0.06
+    return (
+        (ax + ux * gap + shift_x, ay + uy * gap + shift_y),
+        (bx - ux * gap + shift_x, by - uy * gap + shift_y),
+    )
+
+
+def between(start: Point, end: Point, share: float) -> Point:
+    """The point of a line that leaves a share of it behind."""
+    return start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share
+
+
+def arrow_head(start: Point, end: Point, size: float) -> tuple[Point, Point]:
+    """The two back corners of an arrow head whose tip is `end`."""
+    (ax, ay), (bx, by) = start, end
+    length = max(hypot(bx - ax, by - ay), 1e-9)
+    ux, uy = (bx - ax) / length * size, (by - ay) / length * size
+    return (bx - ux - uy * 0.6, by - uy + ux * 0.6), (bx - ux + uy * 0.6, by - uy - ux * 0.6)
+
+
+def disc_places(marks: Sequence[Mark]) -> list[tuple[Mark, Point, float]]:
+    """Every mark with its offset from the middle of its place and its radius; several on one place stand in a ring."""
+    total = Counter(mark.place for mark in marks)
+    seen: Counter[Point] = Counter()
+    placed = []
+    for mark in marks:
+        number, count = seen[mark.place], total[mark.place]
+        seen[mark.place] += 1
+        if count == 1:
+            placed.append((mark, (0.0, 0.0), 0.34))
+        else:
+            angle = 2 * pi * number / count + pi / 4 * 3
+            placed.append((mark, (0.22 * cos(angle), 0.22 * sin(angle)), 0.22))
+    return placed

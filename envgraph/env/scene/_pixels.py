@@ -1,0 +1,136 @@
+"""Scenes as arrays of pixels, with NumPy alone."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.draw import INK, PAPER, Colour, blend, ink_on, parse_colour
+from envgraph.env.scene._canvas import Canvas
+from envgraph.env.scene._font import ADVANCE, HEIGHT
+from envgraph.env.scene._layout import (
+    LABEL_SHARE,
+    NODE_RADIUS,
+    Point,
+    arrow_head,
+    between,
+    disc_places,
+    graph_layout,
+)
+from envgraph.env.scene._scene import EMPTY, GraphScene, GridScene, Mark, Scene
+from envgraph.errors import InvalidArgument
+
+MOST_PIXELS = 64_000_000
+
+_DASH = 0.22
+"""Length of a dash, and of the gap after it."""
+
+
+def scene_rgb(scene: Scene, cell: int = 32) -> NDArray[np.uint8]:
+    """A picture of a scene.
+
+    Args:
+        scene: what to draw.
+        cell: side of a cell in pixels, >= 1; letters can be read from 16.
+
+    Returns:
+        uint8 [height, width, 3].
+
+    Raises:
+        InvalidArgument: `cell` is not positive, or the picture would have more than 64 million pixels.
+    """
+    if cell < 1:
+        raise InvalidArgument(f"a cell of {cell} pixels")
+    return _grid(scene, cell) if isinstance(scene, GridScene) else _graph(scene, cell)
+
+
+def _canvas(width: float, height: float) -> Canvas:
+    if width * height > MOST_PIXELS:
+        raise InvalidArgument(
+            f"a picture of {width:.0f} x {height:.0f} pixels is too large: use smaller cells"
+        )
+    return Canvas(max(1, round(width)), max(1, round(height)))
+
+
+def _scale(cell: int) -> int:
+    """Pixels for each pixel of the font: a letter fills a little less than half of a cell's height."""
+    return max(1, round(cell * 0.45 / HEIGHT))
+
+
+def _grid(scene: GridScene, cell: int) -> NDArray[np.uint8]:
+    canvas = _canvas(scene.width * cell, scene.height * cell)
+    below = {mark.place for mark in scene.marks}
+    for position, kind in enumerate(scene.cells):
+        if kind != EMPTY:
+            row, column = divmod(position, scene.width)
+            glyph = scene.glyphs[kind]
+            letter = "" if (column, row) in below else glyph.letter
+            _tile(canvas, column * cell, row * cell, cell, parse_colour(glyph.colour), letter)
+    for mark, (dx, dy), radius in disc_places(scene.marks):
+        column, row = mark.place
+        _disc(canvas, mark, ((column + 0.5 + dx) * cell, (row + 0.5 + dy) * cell), radius * cell, cell)
+    return canvas.array()
+
+
+def _tile(canvas: Canvas, left: int, top: int, cell: int, colour: Colour, letter: str) -> None:
+    canvas.rectangle(left, top, cell, cell, colour)
+    if (
+        cell >= 8
+    ):  # a lighter edge above and left, a darker one below and right: tiles of one colour stay apart
+        canvas.rectangle(left, top, cell, 1, blend(colour, PAPER, 0.35))
+        canvas.rectangle(left, top, 1, cell, blend(colour, PAPER, 0.35))
+        canvas.rectangle(left, top + cell - 1, cell, 1, blend(colour, INK, 0.16))
+        canvas.rectangle(left + cell - 1, top, 1, cell, blend(colour, INK, 0.16))
+    if cell >= 12:
+        middle = cell / 2
+        canvas.text(left + middle, top + middle, letter, _scale(cell), ink_on(colour, 0.62))
+
+
+def _disc(canvas: Canvas, mark: Mark, at: Point, radius: float, cell: int) -> None:
+    colour = parse_colour(mark.colour)
+    x, y = at
+    canvas.disc(x, y, radius + max(1.0, cell / 20), PAPER)
+    canvas.disc(x, y, radius, colour)
+    scale = max(1, int(radius * 1.5 / HEIGHT))
+    if radius >= 5:
+        canvas.text(x, y, mark.letter, scale, ink_on(colour))
+
+
+def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
+    small = max(1, _scale(cell) // 2)
+    layout = graph_layout(scene, ADVANCE * small / cell)
+    canvas = _canvas(layout.width * cell, layout.height * cell)
+    for edge, (start, end) in layout.edges:
+        _arrow(canvas, start, end, cell, parse_colour(edge.colour), bool(edge.kind))
+    for edge, (start, end) in layout.edges:
+        if edge.label:
+            x, y = between(start, end, LABEL_SHARE)
+            canvas.label(x * cell, y * cell, edge.label, small, INK)
+    below = {mark.place[0] for mark in scene.marks}
+    for number, ((x, y), glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
+        colour = parse_colour(glyph.colour)
+        canvas.disc(x * cell, y * cell, NODE_RADIUS * cell, blend(colour, INK, 0.3))
+        canvas.disc(x * cell, y * cell, NODE_RADIUS * cell - max(1.0, cell / 24), colour)
+        if number not in below:
+            canvas.text(x * cell, y * cell, glyph.letter, _scale(cell), ink_on(colour, 0.62))
+    for (x, y), label in zip(layout.labels, layout.names, strict=True):
+        canvas.text(x * cell, y * cell, label, small, INK)
+    for mark, (dx, dy), radius in disc_places(scene.marks):
+        x, y = layout.nodes[mark.place[0]]
+        _disc(canvas, mark, ((x + dx) * cell, (y + dy) * cell), radius * cell * 0.9, cell)
+    return canvas.array()
+
+
+def _arrow(canvas: Canvas, start: Point, end: Point, cell: int, colour: Colour, broken: bool) -> None:
+    width = max(1.0, cell / 20)
+    length = hypot(end[0] - start[0], end[1] - start[1])
+    pieces = max(1, round(length / _DASH)) if broken else 1
+    points = [between(start, end, number / pieces) for number in range(pieces + 1)]
+    for one, other in list(pairwise(points))[::2]:
+        canvas.line((one[0] * cell, one[1] * cell), (other[0] * cell, other[1] * cell), width, colour)
+    tip = end[0] * cell, end[1] * cell
+    for x, y in arrow_head(start, end, 0.22):
+        canvas.line(tip, (x * cell, y * cell), width, colour)

@@ -1,0 +1,289 @@
+"""What a picture of a model shows, as data: a grid of cells or a graph, with tokens on it.
+
+A scene holds no model: it can be kept for every state of an environment, and drawn as text, pixels or SVG.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from envgraph.behaviour import DrawGraph, DrawGrid, Token, edge_ends
+from envgraph.draw import LINE_COLOUR
+from envgraph.env._binding import Reader, bind_parameter, follow, reader
+from envgraph.env._keys import ordered_objects
+from envgraph.env.scene._looks import Looks, glyph_of, token_colour
+from envgraph.errors import InvalidArgument
+from envgraph.graph import Model
+from envgraph.metamodel import Attribute, Class, Glyph
+from envgraph.pattern import Parameter
+
+Draw = DrawGrid | DrawGraph
+
+EMPTY = 255
+"""In `GridScene.cells`: nothing is there."""
+
+DRAW_HINT = "write a clause such as `draw graph Class label name`"
+"""Where something is to be drawn and the behaviour does not say how."""
+
+MOST_CELLS = 1_000_000
+
+_PLAIN_NODE = Glyph("", "#a5d8ff")
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A token: what it is called, its letter and colour, and where it stands.
+
+    Attributes:
+        name: of the object, with what its attributes say of its look: "Door 24, red, open".
+        place: (column, row) of a grid scene, counted from its upper left corner; (node number, 0) of a graph scene.
+        kind: its class, with the same: "Door, red, open".
+    """
+
+    name: str
+    letter: str
+    colour: str
+    place: tuple[int, int]
+    kind: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GridScene:
+    """Cells by class, and tokens on them.
+
+    Attributes:
+        width, height: size in cells.
+        glyphs: how a cell of each kind is shown.
+        cells: row by row, for each cell its place in `glyphs`, or `EMPTY`.
+        marks: in the order of the behaviour; later ones are drawn above earlier ones.
+        kinds: the class of each of `glyphs`.
+    """
+
+    width: int
+    height: int
+    glyphs: tuple[Glyph, ...]
+    cells: bytes
+    marks: tuple[Mark, ...]
+    kinds: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """An arrow between two nodes, by number.
+
+    Attributes:
+        label: stands beside it; "" for none.
+        kind: of an object that is not as usual, its class and how: "Link, not up"; it is drawn broken. Else "".
+    """
+
+    source: int
+    target: int
+    label: str = ""
+    colour: str = LINE_COLOUR
+    kind: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GraphScene:
+    """Nodes with a glyph and a label, directed edges between them, and tokens; `kinds` are the classes of the nodes."""
+
+    labels: tuple[str, ...]
+    glyphs: tuple[Glyph, ...]
+    edges: tuple[Edge, ...]
+    marks: tuple[Mark, ...]
+    kinds: tuple[str, ...] = ()
+
+
+Scene = GridScene | GraphScene
+
+
+class Key(NamedTuple):
+    """A line of the legend of pictures: what something is, and how it is drawn."""
+
+    kind: str
+    glyph: Glyph
+    shape: Literal["tile", "disc", "line"]
+
+
+def legend(scenes: Iterable[Scene]) -> tuple[Key, ...]:
+    """What is drawn in any of the scenes, each kind once: cells or nodes, then tokens, then edges out of the usual."""
+    below, above, between = dict[str, Key](), dict[str, Key](), dict[str, Key]()
+    for scene in scenes:
+        drawn = zip(scene.kinds, scene.glyphs, strict=False)
+        shape: Literal["tile", "disc"] = "tile" if isinstance(scene, GridScene) else "disc"
+        seen = range(len(scene.kinds)) if isinstance(scene, GraphScene) else sorted(set(scene.cells))
+        found = [Key(kind, glyph, shape) for n, (kind, glyph) in enumerate(drawn) if n in seen]
+        below.update((key.kind, key) for key in found)
+        marks = (Key(mark.kind or mark.name, Glyph(mark.letter, mark.colour), "disc") for mark in scene.marks)
+        above.update((key.kind, key) for key in marks)
+        if isinstance(scene, GraphScene):
+            lines = (Key(edge.kind, Glyph("", edge.colour), "line") for edge in scene.edges if edge.kind)
+            between.update((key.kind, key) for key in lines)
+    return (*below.values(), *(above[kind] for kind in sorted(above)), *between.values())
+
+
+def scene_of(model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> Scene:
+    """What a `draw` clause shows of a model.
+
+    Args:
+        model: any model of the behaviour's metamodel.
+        draw: the clause, checked against that metamodel.
+        parameters: those of the behaviour; a token that is none of them is the object of that name.
+
+    Raises:
+        EvaluationError: a token's parameter cannot be bound.
+        InvalidArgument: the grid is too large to be drawn.
+    """
+    return Painter(model, draw, parameters).scene()
+
+
+class Painter:
+    """Makes scenes of the states of one model; what does not change between states is looked up once."""
+
+    def __init__(self, model: Model, draw: Draw, parameters: Iterable[Parameter] = ()) -> None:
+        self._model = model
+        self._read: Reader = reader(model)
+        self._looks = Looks(model)
+        self._tokens = list(_bound_tokens(model, draw.tokens, {p.name: p for p in parameters}))
+        self._scene: Callable[[], Scene]
+        if isinstance(draw, DrawGrid):
+            self._grid = _Grid(model, draw)
+            self._scene = self._grid_scene
+        else:
+            self._graph = draw
+            self._scene = self._graph_scene
+
+    def scene(self) -> Scene:
+        """The scene of the model as it is now."""
+        return self._scene()
+
+    def _grid_scene(self) -> GridScene:
+        grid = self._grid
+        width, height, cells, place_of = grid.cells()
+        return GridScene(width, height, grid.glyphs, cells, tuple(self._marks(place_of)), grid.kinds)
+
+    def _graph_scene(self) -> GraphScene:
+        model, draw = self._model, self._graph
+        nodes = ordered_objects(model, draw.cls)
+        number = {node: position for position, node in enumerate(nodes)}
+        marks = tuple(self._marks({node: (place, 0) for node, place in number.items()}))
+        labels = tuple(_label(model, node, draw.label, self._read) for node in nodes)
+        kinds = tuple(model.class_of(node) for node in nodes)
+        glyphs = tuple(
+            self._looks.of(node, model.metamodel.classes[kind].glyph or _PLAIN_NODE).glyph
+            for node, kind in zip(nodes, kinds, strict=True)
+        )
+        return GraphScene(labels, glyphs, tuple(self._edges(draw, number)), marks, kinds)
+
+    def _token_classes(self) -> list[str]:
+        model = self._model
+        bound = (model.class_of(node) for _, node in self._tokens if node is not None and model.alive(node))
+        return [*(token.cls for token, _ in self._tokens if token.cls), *bound]
+
+    def _marks(self, place_of: Mapping[int, tuple[int, int]]) -> Iterator[Mark]:
+        """Every token that stands on what is drawn."""
+        model = self._model
+        for position, (token, bound) in enumerate(self._tokens):
+            nodes = ordered_objects(model, token.cls) if bound is None and token.cls else [bound]
+            for node in nodes:
+                if node is None or not model.alive(node):
+                    continue
+                at = follow(token.path, {token.variable: node}, self._read)
+                if type(at) is int and at in place_of:
+                    cls = model.class_of(node)
+                    declared = model.metamodel.classes[cls].glyph
+                    look = self._looks.of(node, declared or Glyph(cls[:1].upper(), token_colour(position)))
+                    name = token.variable if bound is not None else _label(model, node, None, self._read)
+                    name, kind = (", ".join((text, *look.states)) for text in (name, cls))
+                    yield Mark(name, look.glyph.letter, look.glyph.colour, place_of[at], kind)
+
+    def _edges(self, draw: DrawGraph, number: Mapping[int, int]) -> Iterator[Edge]:
+        """Edges between the drawn nodes: references among them, and objects with two single references to them.
+
+        Tokens are no edges, whatever they refer to.
+        """
+        model, mm, cls = self._model, self._model.metamodel, draw.cls
+        for reference in mm.references:
+            if mm.overlap(reference.owner, cls) and mm.overlap(reference.target, cls):
+                for node, place in number.items():
+                    if mm.is_a(model.class_of(node), reference.owner):
+                        targets = (number[to] for to in model.targets(node, reference) if to in number)
+                        yield from (Edge(place, target) for target in targets)
+        tokens = self._token_classes()
+        for between in mm.class_list:
+            if not between.abstract and not any(mm.is_a(between.name, other) for other in (cls, *tokens)):
+                ends = edge_ends(mm, between.name, cls)
+                for node in sorted(model.exact_extent(between.name)) if ends else ():
+                    source, target = (model.target(node, end) for end in ends)
+                    if source is not None and target is not None and source in number and target in number:
+                        yield self._edge(draw, node, between, number[source], number[target])
+
+    def _edge(self, draw: DrawGraph, node: int, cls: Class, source: int, target: int) -> Edge:
+        """The edge that an object is drawn as."""
+        look = self._looks.of(node, cls.glyph or Glyph("", LINE_COLOUR))
+        named = (link.label for link in draw.links if self._model.metamodel.is_a(cls.name, link.cls))
+        value = next((self._read(node, label) for label in named if label), None)
+        label = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+        kind = ", ".join((cls.name, *look.states)) if look.unusual else ""
+        return Edge(source, target, label, look.glyph.colour, kind)
+
+
+def _bound_tokens(
+    model: Model, tokens: Sequence[Token], parameters: Mapping[str, Parameter]
+) -> Iterator[tuple[Token, int | None]]:
+    for token in tokens:
+        if token.cls is not None:
+            yield token, None
+        else:
+            yield token, bind_parameter(model, parameters.get(token.variable) or Parameter(token.variable))
+
+
+def _label(model: Model, node: int, attribute: str | None, read: Reader) -> str:
+    names = (attribute,) if attribute else model.metamodel.key(model.class_of(node))
+    values = [read(node, name) for name in names]
+    if values and all(value is not None for value in values):
+        text = ", ".join(str(value) for value in values)
+        plain = attribute is not None or all(isinstance(value, str) for value in values)
+        return text if plain else f"{model.class_of(node)} {text}"
+    return model.object_name(node) or f"{model.class_of(node)} {node}"
+
+
+class _Grid:
+    """The cells of a grid: reads class, column and row of each."""
+
+    def __init__(self, model: Model, draw: DrawGrid) -> None:
+        mm = model.metamodel
+        kinds = mm.concrete(draw.cls)
+        if len(kinds) >= EMPTY:
+            raise InvalidArgument(f"`{draw.cls}` has {len(kinds)} classes of cells, {EMPTY - 1} can be drawn")
+        column, row = mm.feature(draw.cls, draw.column), mm.feature(draw.cls, draw.row)
+        assert isinstance(column, Attribute)
+        assert isinstance(row, Attribute)
+        self.kinds = tuple(kinds)
+        self.glyphs = tuple(glyph_of(mm, kind) for kind in kinds)
+        self._model = model
+        self._cls, self._column, self._row = draw.cls, column, row
+        self._kind = {kind: number for number, kind in enumerate(kinds)}
+
+    def cells(self) -> tuple[int, int, bytes, dict[int, tuple[int, int]]]:
+        """Width, height, the kind of every cell, and the place of every object."""
+        model = self._model
+        at: dict[int, tuple[int, int]] = {}
+        for node in sorted(model.extent(self._cls)):  # of two on one place the younger is seen
+            x, y = model.value(node, self._column), model.value(node, self._row)
+            if type(x) is int and type(y) is int:
+                at[node] = x, y
+        if not at:
+            return 0, 0, b"", {}
+        left, top = min(x for x, _ in at.values()), min(y for _, y in at.values())
+        width = max(x for x, _ in at.values()) - left + 1
+        height = max(y for _, y in at.values()) - top + 1
+        if width * height > MOST_CELLS:
+            raise InvalidArgument(f"a grid of {width} x {height} cells is too large to be drawn")
+        cells = bytearray([EMPTY]) * (width * height)
+        places = {node: (x - left, y - top) for node, (x, y) in at.items()}
+        for node, (x, y) in places.items():
+            cells[y * width + x] = self._kind[model.class_of(node)]
+        return width, height, bytes(cells), places

@@ -1,0 +1,116 @@
+"""Scenes as SVG, for reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from envgraph.draw import INK, Colour, blend, colour_text, ink_on, markup, parse_colour
+from envgraph.env.scene._layout import (
+    LABEL_SHARE,
+    NODE_RADIUS,
+    Point,
+    arrow_head,
+    between,
+    disc_places,
+    graph_layout,
+)
+from envgraph.env.scene._scene import EMPTY, Edge, GraphScene, GridScene, Mark, Scene
+from envgraph.env.scene._text import scene_title
+
+_LETTER_WIDTH = 0.2
+_HALO = ' paint-order="stroke" stroke="#ffffff" stroke-width="0.12" stroke-linejoin="round"'
+
+
+def scene_svg(scene: Scene, cell: int = 32) -> str:
+    """A picture of a scene as one `<svg>` element that can stand in an HTML page.
+
+    Args:
+        scene: what to draw.
+        cell: side of a cell in CSS pixels.
+    """
+    if isinstance(scene, GridScene):
+        width, height, parts = float(scene.width), float(scene.height), list(_grid(scene))
+    else:
+        layout = graph_layout(scene, _LETTER_WIDTH)
+        width, height, parts = layout.width, layout.height, list(_graph(scene))
+    title = markup(scene_title(scene))
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(width)} {_n(height)}" '
+        f'width="{_n(width * cell)}" height="{_n(height * cell)}" role="img" '
+        f'aria-label="{title}" font-family="ui-monospace, monospace" text-anchor="middle">\n<title>{title}</title>'
+    )
+    return "\n".join([head, *parts, "</svg>"])
+
+
+def _n(number: float) -> str:
+    return f"{number:.3f}".rstrip("0").rstrip(".")
+
+
+def _grid(scene: GridScene) -> Iterator[str]:
+    below = {mark.place for mark in scene.marks}
+    for position, kind in enumerate(scene.cells):
+        if kind == EMPTY:
+            continue
+        row, column = divmod(position, scene.width)
+        glyph = scene.glyphs[kind]
+        colour = parse_colour(glyph.colour)
+        yield (
+            f'<rect x="{column}" y="{row}" width="1" height="1" fill="{markup(glyph.colour)}" '
+            f'stroke="{colour_text(blend(colour, INK, 0.16))}" stroke-width="0.03"/>'
+        )
+        if (column, row) not in below:
+            yield _text((column + 0.5, row + 0.5), glyph.letter, 0.5, ink_on(colour, 0.62))
+    for mark, (dx, dy), radius in disc_places(scene.marks):
+        yield from _disc(mark, (mark.place[0] + 0.5 + dx, mark.place[1] + 0.5 + dy), radius)
+
+
+def _text(at: Point, text: str, size: float, colour: Colour, style: str = "") -> str:
+    # The middle of a letter is about a third of its size above its line. `dominant-baseline` says so better, but many
+    # viewers other than browsers do not know it.
+    place = f'x="{_n(at[0])}" y="{_n(at[1] + size * 0.35)}" font-size="{_n(size)}"'
+    return f'<text {place} fill="{colour_text(colour)}"{style}>{markup(text)}</text>'
+
+
+def _disc(mark: Mark, at: Point, radius: float) -> Iterator[str]:
+    yield (
+        f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(radius)}" fill="{markup(mark.colour)}" '
+        f'stroke="#ffffff" stroke-width="0.05"><title>{markup(mark.name)}</title></circle>'
+    )
+    yield _text(at, mark.letter, radius * 1.3, ink_on(parse_colour(mark.colour)))
+
+
+def _graph(scene: GraphScene) -> Iterator[str]:
+    layout = graph_layout(scene, _LETTER_WIDTH)
+    yield f'<rect width="{_n(layout.width)}" height="{_n(layout.height)}" fill="#ffffff"/>'
+    for edge, (start, end) in layout.edges:
+        broken = ' stroke-dasharray="0.18 0.14"' if edge.kind else ""
+        one, other = arrow_head(start, end, 0.22)
+        points = " L".join(f"{_n(x)} {_n(y)}" for x, y in (one, end, other))
+        yield (
+            f'<g fill="none" stroke="{markup(edge.colour)}" stroke-width="0.05" stroke-linecap="round">'
+            f"<title>{markup(_title(scene, edge))}</title>"
+            f'<path d="M{_n(start[0])} {_n(start[1])} L{_n(end[0])} {_n(end[1])}"{broken}/><path d="M{points}"/></g>'
+        )
+    for edge, (start, end) in layout.edges:
+        if edge.label:
+            yield _text(between(start, end, LABEL_SHARE), edge.label, 0.3, INK, _HALO)
+    below = {mark.place[0] for mark in scene.marks}
+    for number, (at, glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
+        colour = parse_colour(glyph.colour)
+        yield (
+            f'<circle cx="{_n(at[0])}" cy="{_n(at[1])}" r="{_n(NODE_RADIUS)}" fill="{markup(glyph.colour)}" '
+            f'stroke="{colour_text(blend(colour, INK, 0.3))}" stroke-width="0.05"/>'
+        )
+        if number not in below:
+            yield _text(at, glyph.letter, 0.5, ink_on(colour, 0.62))
+    for at, label in zip(layout.labels, layout.names, strict=True):
+        yield _text(at, label, 0.32, INK)
+    for mark, (dx, dy), radius in disc_places(scene.marks):
+        x, y = layout.nodes[mark.place[0]]
+        yield from _disc(mark, (x + dx, y + dy), radius * 0.9)
+
+
+def _title(scene: GraphScene, edge: Edge) -> str:
+    """What is said of an edge under the mouse."""
+    ends = f"{scene.labels[edge.source]} to {scene.labels[edge.target]}"
+    return ", ".join(text for text in (ends, edge.label, edge.kind) if text)

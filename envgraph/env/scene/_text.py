@@ -1,0 +1,68 @@
+"""Scenes as plain text."""
+
+from __future__ import annotations
+
+from envgraph.env.scene._scene import EMPTY, Edge, GraphScene, GridScene, Mark, Scene
+from envgraph.errors import visible
+
+_MOST_NAMED = 6
+"""Tokens that the description of a picture names."""
+
+
+def scene_text(scene: Scene) -> str:
+    """A scene in letters, without colours; `(R)` is a token on a cell, the last one where there are several.
+
+    With more than one token, lines below the picture say where each of them stands.
+    """
+    lines = _grid(scene) if isinstance(scene, GridScene) else _graph(scene)
+    if len(scene.marks) > 1:
+        lines.extend(visible(f"{mark.name}: {_place(scene, mark)}") for mark in scene.marks)
+    return "\n".join(lines)
+
+
+def scene_title(scene: Scene) -> str:
+    """What a picture shows, in a sentence, for those who do not see it."""
+    if isinstance(scene, GridScene):
+        what = f"a grid of {scene.width} by {scene.height} cells"
+    else:
+        nodes, edges = len(scene.labels), len(scene.edges)
+        what = f"a graph of {nodes} node{'s' * (nodes != 1)} and {edges} edge{'s' * (edges != 1)}"
+    marks = [f"{mark.name} at {_place(scene, mark)}" for mark in scene.marks[:_MOST_NAMED]]
+    more = len(scene.marks) - len(marks)
+    return "; ".join([what, *marks, *([f"{more} more"] if more else [])])
+
+
+def _place(scene: Scene, mark: Mark) -> str:
+    if isinstance(scene, GridScene):
+        return f"column {mark.place[0]}, row {mark.place[1]}"
+    return scene.labels[mark.place[0]]
+
+
+def _grid(scene: GridScene) -> list[str]:
+    tokens = {mark.place: mark.letter for mark in scene.marks}
+    letters = [" " if kind == EMPTY else scene.glyphs[kind].letter for kind in scene.cells]
+    lines = []
+    for row in range(scene.height):
+        cells = letters[row * scene.width : (row + 1) * scene.width]
+        shown = (f"({tokens[x, row]})" if (x, row) in tokens else f" {cell} " for x, cell in enumerate(cells))
+        lines.append("".join(shown).rstrip())
+    return lines
+
+
+def _graph(scene: GraphScene) -> list[str]:
+    marked = {mark.place[0] for mark in scene.marks}
+    labels = [visible(label) for label in scene.labels]
+    names = [f"({label})" if n in marked else f" {label} " for n, label in enumerate(labels)]
+    width = max(map(len, names), default=0)
+    lines = []
+    for number, name in enumerate(names):
+        targets = dict.fromkeys(_end(edge, labels) for edge in scene.edges if edge.source == number)
+        arrow = f"-> {', '.join(targets)}" if targets else ""
+        lines.append(f"{name:<{width}} {arrow}".rstrip())
+    return lines
+
+
+def _end(edge: Edge, labels: list[str]) -> str:
+    """Where an edge leads, and what is said of it: `Berlin (6.5, Link, not up)`."""
+    said = [visible(text) for text in (edge.label, edge.kind) if text]
+    return labels[edge.target] + (f" ({', '.join(said)})" if said else "")

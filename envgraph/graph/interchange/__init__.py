@@ -1,0 +1,1 @@
+"""Models as JSON and XMI, and to and from networkx."""

@@ -1,0 +1,383 @@
+"""Models as JSON: written so that reading restores ids and every order, read with all problems at once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from importlib.resources import files
+from typing import Any
+
+from envgraph.errors import Diagnostic, EnvgraphError, LoadError, RuleError, Source, name_hint
+from envgraph.graph._journal import IndexedSet
+from envgraph.graph._model import Model
+from envgraph.graph._refusals import wrong_value
+from envgraph.graph._store import CROWD, Ends, Relation
+from envgraph.metamodel import (
+    LARGEST_INT,
+    Attribute,
+    EnumType,
+    Feature,
+    Metamodel,
+    Reference,
+    Scalar,
+    Value,
+    accepts,
+)
+
+FORMAT = "envgraph-model-1"
+
+_MOST_PROBLEMS = 100
+
+_INFINITIES = {"inf": float("inf"), "-inf": float("-inf")}
+
+
+def model_to_json(model: Model) -> dict[str, Any]:
+    """The present state as data for `json.dump`, the same for the same state.
+
+        {
+          "format": "envgraph-model-1",
+          "name": "running_4x4",
+          "metamodel": "burning_forest",
+          "next_id": 18,
+          "objects": [
+            {"id": 0, "class": "Forest", "name": "forest", "features": {"states": [1, 2], "agent": 17}},
+            {"id": 1, "class": "StartTile", "features": {"x": 0, "y": 0, "right": 2}}
+          ]
+        }
+
+    Objects stand in the order of the extents. `features` has every attribute value, a list of many, null for an
+    attribute without one, and every reference with links: an id, or for a many-reference a list of ids. The two
+    references of an opposite pair are one set of links, which the one declared first shows. Infinite floats are "inf"
+    and "-inf". A list "orders" of {"node": 2, "reference": "Agent.currentState", "sources": [5, 3]} follows where the
+    order of the links that lead to an object is not the one in which they are read.
+    """
+    store = model.store
+    data: dict[str, Any] = {
+        "format": FORMAT,
+        "name": model.name,
+        "metamodel": model.metamodel.name,
+        "next_id": store.next_id,
+        "objects": [_object(model, node) for node in store.nodes()],
+    }
+    orders = [order for relation in store.relations for order in _orders(model, relation)]
+    if orders:
+        data["orders"] = orders
+    return data
+
+
+def model_schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) of the format; it is the file `model.schema.json` in this package.
+
+    It says what a file looks like, not which classes and features the metamodel allows.
+    """
+    text = files("envgraph.graph.interchange").joinpath("model.schema.json").read_text("utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def _object(model: Model, node: int) -> dict[str, Any]:
+    entry: dict[str, Any] = {"id": node, "class": model.class_of(node)}
+    name = model.object_name(node)
+    if name is not None:
+        entry["name"] = name
+    features: dict[str, Any] = {}
+    for feature in model.metamodel.features(entry["class"]).values():
+        if isinstance(feature, Attribute):
+            values = [str(v) if v in _INFINITIES.values() else v for v in model.values(node, feature)]
+            features[feature.name] = values if feature.many else values[0] if values else None
+        elif not model.store.relations[feature.index].flipped:
+            targets = list(model.targets(node, feature))
+            if targets:
+                features[feature.name] = targets if feature.many else targets[0]
+    entry["features"] = features
+    return entry
+
+
+def _orders(model: Model, relation: Relation) -> Iterator[dict[str, Any]]:
+    """Sources of the nodes where reading the objects gives another order."""
+    if relation.flipped:
+        return
+    read: dict[int, list[int]] = {}
+    for node in model.store.nodes():
+        for target in relation.forward[node]:
+            if relation.symmetric:
+                first = read.setdefault(node, [])
+                if target in first:
+                    continue
+                first.append(target)
+            if not (relation.symmetric and target == node):
+                read.setdefault(target, []).append(node)
+    for node in model.store.nodes():
+        sources = list(relation.backward[node])
+        if sources != read.get(node, []):
+            yield {"node": node, "reference": str(relation.reference), "sources": sources}
+
+
+def model_from_json(data: str | Mapping[str, Any], metamodel: Metamodel, *, file: str = "<json>") -> Model:
+    """Read what `model_to_json` wrote, or somebody by hand; "name", "next_id" and "orders" may be missing.
+
+    Args:
+        data: the decoded JSON, or its text.
+        metamodel: what the objects are instances of; its name must be the one in the data, if that has one.
+        file: name for diagnostics.
+
+    Raises:
+        LoadError: the data is malformed or breaks a rule of the metamodel; messages start with the place in the
+            data, such as `objects[3].features.x`.
+    """
+    decoded = _decoded(data, file) if isinstance(data, str) else data
+    reader = _Reader(metamodel)
+    with suppress(_TooMany):
+        reader.read(decoded)
+    if reader.problems:
+        raise LoadError(reader.problems)
+    return reader.model
+
+
+def _decoded(text: str, file: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        span = Source(file, text).span(error.pos, error.pos + 1)
+        problem = Diagnostic("syntax", error.msg[:1].lower() + error.msg[1:], span, "the file must be JSON")
+    except (RecursionError, ValueError) as error:
+        problem = Diagnostic("syntax", f"`{file}` cannot be read as JSON: {error}")
+    raise LoadError([problem])
+
+
+_ID = "name the id of an object of this file"
+_LITERAL = "write a literal of the enum as a text"
+_VALUES = {
+    Scalar.INT: "write a whole number",
+    Scalar.FLOAT: "write a number",
+    Scalar.BOOL: "write `true` or `false`",
+    Scalar.STRING: 'write a text, `"..."`',
+}
+
+
+def _value_hint(attribute: Attribute) -> str:
+    return _LITERAL if isinstance(attribute.type, EnumType) else _VALUES[attribute.type]
+
+
+class _TooMany(Exception):
+    """Enough has been said about a model."""
+
+
+class _Reader:
+    """Reads one model; goes on after a problem as far as that makes sense."""
+
+    def __init__(self, metamodel: Metamodel) -> None:
+        self.metamodel = metamodel
+        self.model = Model(metamodel)
+        self.problems: list[Diagnostic] = []
+        self._largest = 0
+
+    def read(self, data: Any) -> None:
+        if not self._is_mapping("", data, ("format", "name", "metamodel", "next_id", "objects", "orders")):
+            return
+        if data.get("format") != FORMAT:
+            self._problem(
+                "format",
+                "bad-format",
+                f"expected {FORMAT!r}, not {data.get('format')!r}",
+                f'the file begins with `"format": "{FORMAT}"`',
+            )
+            return
+        if data.get("metamodel", self.metamodel.name) != self.metamodel.name:
+            text = f"the model is of metamodel {data['metamodel']!r}, not of {self.metamodel.name!r}"
+            hint = "read it with the metamodel that it was written with"
+            self._problem("metamodel", "wrong-metamodel", text, hint)
+            return
+        name = data.get("name", "model")
+        if isinstance(name, str):
+            self.model.name = name
+        else:
+            self._problem("name", "wrong-type", f"expected a text, not {name!r}", 'write `"name": "..."`')
+        objects = data.get("objects")
+        if not isinstance(objects, list):
+            self._problem("objects", "wrong-type", "expected a list of objects", 'write `"objects": [ .. ]`')
+            return
+        self._largest = 1_000_000 + 1_000 * len(objects)
+        with self.model.loading():
+            self._read_objects(objects)
+            self._read_next_id(data.get("next_id", self.model.store.next_id))
+            self._read_orders(data.get("orders", []))
+
+    def _read_objects(self, objects: list[Any]) -> None:
+        features: list[tuple[str, int, Mapping[str, Any]]] = []
+        for index, entry in enumerate(objects):
+            path = f"objects[{index}]"
+            node = self._read_object(path, entry)
+            if node is not None and self._is_mapping(f"{path}.features", entry.get("features", {})):
+                features.append((f"{path}.features", node, entry.get("features", {})))
+        for path, node, values in features:
+            for name, value in values.items():
+                self._read_feature(f"{path}.{name}", node, name, value)
+
+    def _read_object(self, path: str, entry: Any) -> int | None:
+        if not self._is_mapping(path, entry, ("id", "class", "name", "features")):
+            return None
+        node, cls, name = entry.get("id"), entry.get("class"), entry.get("name")
+        model = self.model
+        if not self._is_id(f"{path}.id", node):
+            return None
+        if model.alive(node):
+            message = f"{node} is the id of another object too"
+            self._problem(f"{path}.id", "duplicate-definition", message, "each object has an id of its own")
+        elif not isinstance(cls, str):
+            message = f"expected the name of a class, not {cls!r}"
+            self._problem(f"{path}.class", "wrong-type", message, 'write `"class": "..."`')
+        elif name is not None and not isinstance(name, str):
+            message = f"expected a text, not {name!r}"
+            self._problem(f"{path}.name", "wrong-type", message, 'write `"name": "..."`, or leave it out')
+        elif name is not None and name in model:
+            message = f"another object has the name `{name}` too"
+            self._problem(
+                f"{path}.name", "duplicate-definition", message, "choose another name, or leave it out"
+            )
+        else:
+            try:
+                return model.new_at(node, cls, name)
+            except EnvgraphError as error:
+                message, _, hint = str(error).partition("; ")
+                known = [one for one, found in self.metamodel.classes.items() if not found.abstract]
+                self._problem(f"{path}.class", "unknown-class", message, hint or name_hint(cls, known))
+        return None
+
+    def _read_feature(self, path: str, node: int, name: str, value: Any) -> None:
+        cls = self.model.class_of(node)
+        feature: Feature | None = self.metamodel.feature(cls, name)
+        if feature is None:
+            hint = name_hint(name, self.metamodel.features(cls))
+            self._problem(path, "unknown-feature", f"`{cls}` has no feature `{name}`", hint)
+        elif isinstance(feature, Attribute):
+            self._read_value(path, node, feature, value)
+        elif isinstance(value, list):
+            for index, target in enumerate(value):
+                self._read_link(f"{path}[{index}]", node, feature, target)
+        elif value is not None:
+            self._read_link(path, node, feature, value)
+
+    def _read_value(self, path: str, node: int, attribute: Attribute, value: Any) -> None:
+        if attribute.many and isinstance(value, list):
+            found = [self._value(f"{path}[{i}]", attribute, one) for i, one in enumerate(value)]
+        else:
+            found = [] if value is None else [self._value(path, attribute, value)]
+        values = [one for one in found if one is not None]
+        if len(values) < len(found):
+            return  # which has been reported
+        try:
+            self.model.set_value(node, attribute, values if attribute.many else values[0] if values else None)
+        except EnvgraphError as error:
+            message, _, hint = str(error).partition("\n")[0].partition("; ")
+            self._problem(path, "wrong-value", message, hint or "leave some of them out")
+
+    def _value(self, path: str, attribute: Attribute, value: Any) -> Value | None:
+        """A value as the model takes it; None if it takes no such value, which is reported."""
+        if attribute.type is Scalar.FLOAT and isinstance(value, str):
+            value = _INFINITIES.get(value, value)
+        if accepts(attribute.type, value):
+            return value  # type: ignore[no-any-return]
+        if attribute.type is Scalar.INT and type(value) is int:
+            hint = f"it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
+            self._problem(path, "wrong-type", f"`{attribute}` takes an int of 64 bits", hint)
+        else:
+            message, _, hint = str(wrong_value(attribute, value)).partition("; ")
+            self._problem(path, "wrong-type", message, hint or _value_hint(attribute))
+        return None
+
+    def _read_link(self, path: str, source: int, reference: Reference, target: Any) -> None:
+        model = self.model
+        if type(target) is not int or not model.alive(target):
+            self._problem(path, "unknown-object", f"there is no object {target!r}", _ID)
+            return
+        if model.has_link(source, reference, target):  # also listed by the opposite
+            return
+        relation = model.store.relations[reference.index]
+        child = target if relation.containment else source if relation.contained else None
+        if child is not None and model.container(child) is not None:
+            message = f"{model.describe(child)} is in another container already"
+            self._problem(
+                path, "containment", message, "an object has one container: leave one of the links out"
+            )
+            return
+        try:
+            model.link(source, reference, target)
+        except EnvgraphError as error:
+            hint = (
+                "leave one of the links out"
+                if isinstance(error, RuleError)
+                else f"link a `{reference.target}`"
+            )
+            self._problem(path, "wrong-link", str(error).partition("\n")[0], hint)
+
+    def _read_next_id(self, next_id: Any) -> None:
+        if not self._is_id("next_id", next_id):
+            return
+        if next_id < self.model.store.next_id:
+            message = f"{next_id} is not above all ids of objects"
+            hint = f"write {self.model.store.next_id} or more, or leave it out"
+            self._problem("next_id", "bad-id", message, hint)
+            return
+        self.model.store.reserve(next_id)
+        self.model.store.next_id = next_id
+
+    def _read_orders(self, orders: Any) -> None:
+        if not isinstance(orders, list):
+            self._problem("orders", "wrong-type", "expected a list", "write `[ .. ]`, or leave it out")
+            return
+        names = {str(reference): reference for reference in self.metamodel.references}
+        for index, entry in enumerate(orders):
+            path = f"orders[{index}]"
+            if not self._is_mapping(path, entry, ("node", "reference", "sources")):
+                continue
+            node, sources, reference = entry.get("node"), entry.get("sources"), entry.get("reference")
+            if not isinstance(reference, str) or reference not in names:
+                hint = name_hint(str(reference), names)
+                message = f"unknown reference {reference!r}"
+                self._problem(f"{path}.reference", "unknown-reference", message, hint)
+            elif type(node) is not int or not self.model.alive(node):
+                self._problem(f"{path}.node", "unknown-object", f"there is no object {node!r}", _ID)
+            else:
+                self._reorder(
+                    f"{path}.sources", self.model.store.backward[names[reference].index], node, sources
+                )
+
+    def _reorder(self, path: str, column: Ends, node: int, sources: Any) -> None:
+        same = isinstance(sources, list) and all(type(source) is int for source in sources)
+        if not same or sorted(sources) != sorted(column[node]):
+            message = f"expected the ids {sorted(column[node])} in some order"
+            self._problem(
+                path, "bad-order", message, "these are the objects that have such a link to this one"
+            )
+            return
+        column[node] = tuple(sources) if len(sources) <= CROWD else IndexedSet(tuple(sources))
+
+    def _is_id(self, path: str, value: Any) -> bool:
+        if type(value) is not int or value < 0:
+            self._problem(path, "bad-id", f"expected an int from 0, not {value!r}", "ids are whole numbers")
+        elif value > self._largest:
+            # Columns are as long as the largest id: a stray digit must not take all memory.
+            message = f"{value} is far too large for so few objects"
+            self._problem(path, "bad-id", message, "number the objects from 0")
+        else:
+            return True
+        return False
+
+    def _is_mapping(self, path: str, value: Any, known: tuple[str, ...] | None = None) -> bool:
+        if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+            self._problem(path, "wrong-type", "expected an object in braces", "write `{ .. }`")
+            return False
+        for key in value:
+            if known is not None and key not in known:
+                place, hint = f"{path}.{key}" if path else key, name_hint(key, known)
+                self._problem(place, "unknown-key", "unknown key", hint)
+        return True
+
+    def _problem(self, path: str, code: str, message: str, hint: str | None = None) -> None:
+        self.problems.append(Diagnostic(code, f"`{path}`: {message}" if path else message, hint=hint))
+        if len(self.problems) == _MOST_PROBLEMS:
+            text = f"`{path}`: too many mistakes: the rest of the file is not read"
+            self.problems.append(Diagnostic("too-many-errors", text, hint="mend these first"))
+            raise _TooMany

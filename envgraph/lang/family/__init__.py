@@ -1,0 +1,1 @@
+"""Family files: `family.toml` to data."""

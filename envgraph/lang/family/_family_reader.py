@@ -1,0 +1,666 @@
+"""`family.toml`: text to `FamilySpec`, with the position of everything that is wrong."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any, get_args
+
+from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, did_you_mean, limit
+from envgraph.lang.family._family import (
+    ComponentSpec,
+    ConstraintsSpec,
+    CurriculumSpec,
+    EpsilonSpec,
+    FamilySpec,
+    MutationSpec,
+    Name,
+    SearchSpec,
+    Sequences,
+    TrainingSpec,
+)
+from envgraph.lang.syntax._data import bundled_domains, data_path
+from envgraph.lang.syntax._files import DiskFiles, Files, file_format, read_source
+from envgraph.lang.syntax._formats import FORMATS
+from envgraph.lang.syntax._toml import TomlText, override, parse_toml
+
+FAMILY_FILE = "family.toml"
+_MOST = 100_000
+"""Members of a family, and agents that are trained for each curriculum."""
+
+# Where each key belongs, to say so when it stands elsewhere.
+_HOME = {
+    "the top of the file": ("name", "model", "environment", "imports", "seed", "limit"),
+    "`[constraints]`": ("require", "forbid", "count", "reachable"),
+    "`[mutation]`": ("rules", "rate", "initial_applications", "max_attempts"),
+    "`[search]`": (
+        "population",
+        "generations",
+        "keep_initial",
+        "parents",
+        "survivors",
+        "time_limit",
+        "target",
+        "stagnation",
+    ),
+    "`[curriculum]`": ("order", "sequences", "initial"),
+    "`[training]`": (
+        "agent",
+        "learning_rate",
+        "discount",
+        "epsilon",
+        "steps_per_environment",
+        "evaluation_episodes",
+        "seeds",
+        "initial_value",
+    ),
+}
+
+
+# What to write where another type is expected.
+_WANTED = {
+    "a string": 'write `{} = "..."`',
+    "a whole number": "write `{} = 3`, without a fraction and without quotation marks",
+    "a number": "write `{} = 0.5`, without quotation marks",
+    "true or false": "write `{0} = true` or `{0} = false`",
+    "a list of names": 'names stand between `"`: `{} = ["...", "..."]`',
+}
+
+
+def load_family(path: str, files: Files | None = None) -> FamilySpec:
+    """Reads a family file.
+
+    Args:
+        path: the file, a directory that holds a `family.toml`, or the name of a bundled domain.
+        files: where files are read from; the disk if None.
+
+    Raises:
+        LoadError: everything that is wrong with the text of the file. Whether the names in it mean something is
+            another question: see `check_family`.
+    """
+    files = files or DiskFiles()
+    found = read_family(find_family(path, files), files)
+    if found.diagnostics:
+        raise LoadError(found.diagnostics)
+    return found.spec
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyFile:
+    """A family file as far as it can be read.
+
+    Attributes:
+        spec: what has mistakes is at its default.
+        diagnostics: in the order of the text.
+        complete: whether all the files that it names are known; else nobody can say what the names in it mean.
+    """
+
+    spec: FamilySpec
+    diagnostics: tuple[Diagnostic, ...]
+    complete: bool
+
+
+def find_family(path: str, files: Files | None = None) -> str:
+    """The name of the family file that a path means: a file, a directory that holds one, or a bundled domain.
+
+    Raises:
+        LoadError: there is none, or it cannot be read.
+    """
+    files = files or DiskFiles()
+    name = family_path(str(path), files)
+    try:
+        format = file_format(files, name)
+        if format != "toml" and files.exists(name):
+            raise LoadError([_other_format(name, format)])
+        read_source(files, name)
+    except LoadError as error:
+        inside = files.is_directory(files.name(str(path)))
+        raise LoadError(
+            [one if inside else _no_family(str(path), one) for one in error.diagnostics]
+        ) from None
+    return name
+
+
+def read_family(name: str, files: Files, overrides: Iterable[str] = ()) -> FamilyFile:
+    """Reads a family file by its name, with all that is wrong with its text.
+
+    Args:
+        name: of the file, as `files` has it.
+        files: where it is read from.
+        overrides: what holds instead of what the file says, such as "search.population=10".
+
+    Raises:
+        LoadError: the file cannot be read, or is no TOML; or an override is none.
+    """
+    text = parse_toml(read_source(files, name))
+    override(text, overrides)
+    reader = _Reader(text, files, name)
+    spec = reader.family()
+    problems = sorted(reader.diagnostics, key=lambda one: one.span.start if one.span else 0)
+    return FamilyFile(spec, tuple(problems), reader.complete)
+
+
+def _other_format(name: str, format: str | None) -> Diagnostic:
+    message = f"this is {FORMATS[format] if format else 'of no format that is known'}, not a family file"
+    hint = f"name a `{FAMILY_FILE}`, a directory with one, or a bundled domain"
+    return Diagnostic("no-family", message, Source(name, "").span(0, 0), hint)
+
+
+def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
+    """A path without an extension was meant as a directory or a bundled domain."""
+    if problem.code != "missing-file" or problem.hint or "." in path.rpartition("/")[2]:
+        return problem
+    families = [one for one in bundled_domains() if data_path("rules", one, FAMILY_FILE).is_file()]
+    if path in bundled_domains():
+        message = f"the bundled domain `{path}` has no `{FAMILY_FILE}`: it is there for its queries and rules"
+    else:
+        message = f"there is no directory and no bundled domain `{path}`"
+    known = "those with a family are " + ", ".join(f"`{one}`" for one in families)
+    return replace(problem, message=message, hint=did_you_mean(path, families) or known)
+
+
+def family_path(path: str, files: Files) -> str:
+    """The name of a family file, from its path, its directory, or the name of a bundled domain."""
+    name = files.name(path)
+    if files.is_directory(name):
+        return files.name(f"{path}/{FAMILY_FILE}")
+    if isinstance(files, DiskFiles) and path in bundled_domains() and name not in files.entries("."):
+        return DiskFiles().name(str(data_path("rules", path, FAMILY_FILE)))
+    return name
+
+
+@dataclass(slots=True)
+class _Section:
+    """One table. Each question takes a key; what nobody asked for is unknown."""
+
+    text: TomlText
+    path: tuple[str, ...]
+    data: Mapping[str, Any]
+    diagnostics: list[Diagnostic]
+    asked: dict[str, None] = field(default_factory=dict)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.data
+
+    def span(self, *path: str | int) -> Span:
+        return self.text.value(*self.path, *path)
+
+    def error(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
+        self.diagnostics.append(Diagnostic(code, message, span, hint))
+
+    def wrong(self, key: str, wanted: str, *path: str | int, hint: str | None = None) -> None:
+        value: Any = self.data[key]
+        for step in path:
+            value = value[step]
+        hint = hint or _WANTED.get(wanted, "").format(key) or None
+        self.error("wrong-type", f"`{key}` is {wanted}, not {_kind(value)}", self.span(key, *path), hint)
+
+    def take(self, key: str) -> Any:
+        self.asked[key] = None
+        return self.data.get(key)
+
+    def string(self, key: str, default: str | None = None) -> Name | None:
+        value = self.take(key)
+        if value is None:
+            return None if default is None else Name(default)
+        if not isinstance(value, str):
+            self.wrong(key, "a string")
+            return None
+        if not value.strip():
+            self.error("bad-value", f"`{key}` is empty", self.span(key), "write a name, or leave the key out")
+            return None
+        return Name(value, self.span(key))
+
+    def choice(self, key: str, known: Iterable[str], default: str) -> str:
+        value = self.string(key, default)
+        names = tuple(known)
+        if value is None or value.text in names:
+            return value.text if value else default
+        known = f"write `{names[0]}`" if len(names) == 1 else f"there are {_listed(names)}"
+        hint = did_you_mean(value.text, names) or known
+        self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
+        return default
+
+    def integer(self, key: str, default: int, low: int | None = None, most: int | None = None) -> int:
+        found = self.optional_integer(key, low, most)
+        return default if found is None else found
+
+    def optional_integer(self, key: str, low: int | None = None, most: int | None = None) -> int | None:
+        value = self.take(key)
+        if value is None:
+            return None
+        if not _is_int(value):
+            self.wrong(key, "a whole number")
+            return None
+        if low is not None and value < low:
+            message = f"`{key}` is {value}, it must be at least {low}"
+            self.error(
+                "bad-range", message, self.span(key), f"write `{key} = {low}` or more, or leave it out"
+            )
+            return None
+        if most is not None and value > limit(most):
+            message = f"`{key}` is {value}, and at most {limit(most):,}"
+            self.error("bad-range", message, self.span(key), RAISE_LIMIT)
+            return None
+        return int(value)
+
+    def number(self, key: str, default: float, low: float | None = None, high: float | None = None) -> float:
+        found = self.optional_number(key, low, high)
+        return default if found is None else found
+
+    def optional_number(self, key: str, low: float | None = None, high: float | None = None) -> float | None:
+        value = self.take(key)
+        if value is None:
+            return None
+        if not _is_number(value):
+            self.wrong(key, "a number")
+            return None
+        below, above = low is not None and value < low, high is not None and value > high
+        if below or above or not isfinite(value):
+            wanted = f"at least {low:g}" if high is None and low is not None else f"from {low} to {high}"
+            wanted = "finite" if low is None else wanted
+            message = f"`{key}` is {value}, it must be {wanted}"
+            self.error(
+                "bad-range", message, self.span(key), "write another number, or leave it out for the default"
+            )
+            return None
+        return float(value)
+
+    def positive(self, key: str, default: float, high: float) -> float:
+        found = self.number(key, default, 0, high)
+        if found == 0:
+            message = f"`{key}` is 0, it must be above 0"
+            self.error("bad-range", message, self.span(key), f"write `{key} = {default}`, or leave it out")
+            return default
+        return found
+
+    def boolean(self, key: str, default: bool) -> bool:
+        value = self.take(key)
+        if value is None or isinstance(value, bool):
+            return default if value is None else value
+        self.wrong(key, "true or false")
+        return default
+
+    def names(self, key: str) -> tuple[Name, ...]:
+        """A list of names; a name alone is a list of one."""
+        value = self.take(key)
+        if value is None:
+            return ()
+        if isinstance(value, str):
+            return (Name(value, self.span(key)),)
+        if not isinstance(value, list):
+            self.wrong(key, "a list of names", hint=f'write `{key} = ["...", "..."]`')
+            return ()
+        found: dict[str, Name] = {}
+        for index, item in enumerate(value):
+            if not isinstance(item, str):
+                self.wrong(key, "a list of names", index)
+            elif item in found:
+                message = f"`{item}` stands in `{key}` twice"
+                self.error("duplicate-name", message, self.span(key, index), "leave one out")
+            else:
+                found[item] = Name(item, self.span(key, index))
+        return tuple(found.values())
+
+    def table(self, key: str) -> _Section:
+        """A table inside, also under a mistyped name, which is unknown then; empty if it is not there."""
+        value = self.take(key)
+        if value is None:
+            tables = (one for one, found in self.data.items() if isinstance(found, dict))
+            key = next((one for one in tables if did_you_mean(one, [key])), key)
+            value = self.data.get(key)
+        if value is not None and not isinstance(value, dict):
+            self.wrong(key, "a table", hint=f"write `[{'.'.join((*self.path, key))}]` or `{key} = {{ ... }}`")
+            value = None
+        return _Section(self.text, (*self.path, key), value or {}, self.diagnostics)
+
+    def finish(self) -> None:
+        """Reports the keys that nobody asked for."""
+        for key in self.data:
+            if key not in self.asked:
+                where = f"`[{'.'.join(self.path)}]`" if self.path else "the file"
+                message = f"unknown key `{key}` in {where}"
+                self.error("unknown-key", message, self.text.key(*self.path, key), self._hint(key))
+
+    def _hint(self, key: str) -> str | None:
+        near = did_you_mean(key, self.asked)
+        home = next((home for home, keys in _HOME.items() if key in keys), None)
+        if near and not (home and near != f"did you mean `{key}`?"):
+            return near
+        if home:
+            before = ", before the first `[section]`" if home.startswith("the top") else ""
+            return f"`{key}` belongs to {home}{before}"
+        return near or f"there are {_listed(self.asked)}"
+
+
+class _Reader:
+    def __init__(self, text: TomlText, files: Files, name: str) -> None:
+        self.diagnostics: list[Diagnostic] = []
+        self.complete = True
+        self._text = text
+        self._files = files
+        self._name = name
+
+    def family(self) -> FamilySpec:
+        top = _Section(self._text, (), self._text.data, self.diagnostics)
+        model, environment = self._path(top.string("model")), self._path(top.string("environment"))
+        imports = tuple(path for one in top.names("imports") if (path := self._path(one)))
+        if model is None and "model" not in top:
+            self._missing(top, "model", 'write `model = "name.model"` at the top')
+        self.complete = not self.diagnostics
+        name = top.string("name")
+        if name and re.search(r"[/\\\x00-\x1f]|^\.+$", str(name)):
+            hint = "runs are kept in a directory of this name: leave out `/` and `\\`"
+            top.error("bad-value", f"`{name}` cannot name a directory", top.span("name"), hint)
+        measures = self._measures(top, top.table("measures"))
+        spec = FamilySpec(
+            name=str(name) if name else self._directory(),
+            model=model or Name(""),
+            environment=environment,
+            imports=imports,
+            seed=top.integer("seed", 0, 0),
+            limit=top.optional_integer("limit", 1),
+            constraints=self._constraints(top.table("constraints")),
+            measures=measures,
+            diversity=self._diversity(top, measures),
+            mutation=self._mutation(top.table("mutation")),
+            search=self._search(top.table("search")),
+            curriculum=self._curriculum(top.table("curriculum"), measures),
+            training=self._training(top.table("training")),
+            ga4cl=self._ga4cl(top.table("ga4cl")),
+            path=self._name,
+            source=self._text.source,
+        )
+        top.finish()
+        # An unknown key at the top may be what was meant to name a file; no table is.
+        unknown = [value for key, value in top.data.items() if key not in top.asked]
+        self.complete = self.complete and all(isinstance(value, dict) for value in unknown)
+        return spec
+
+    def _path(self, name: Name | None) -> Name | None:
+        return name and Name(self._files.name(str(name), beside=self._name), name.span)
+
+    def _directory(self) -> str:
+        name = os.path.abspath(self._name) if isinstance(self._files, DiskFiles) else self._name
+        return Path(name).parent.name or "family"
+
+    def _missing(self, section: _Section, key: str, hint: str) -> None:
+        where = f"`[{'.'.join(section.path)}]`" if section.path else "the file"
+        section.error("missing-key", f"{where} has no `{key}`", self._text.value(*section.path), hint)
+
+    def _constraints(self, section: _Section) -> ConstraintsSpec:
+        reachable = section.names("reachable")
+        for outcome in reachable:
+            if outcome.text not in {"success", "failure"} and outcome.span:
+                hint = did_you_mean(outcome.text, ("success", "failure")) or "there are `success`, `failure`"
+                section.error("unknown-choice", f"`{outcome}` is no outcome", outcome.span, hint)
+        spec = ConstraintsSpec(
+            section.names("require"), section.names("forbid"), self._counts(section.table("count")), reachable
+        )
+        section.finish()
+        return spec
+
+    def _counts(self, section: _Section) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
+        counts = []
+        for key in section.data:
+            value = section.take(key)
+            bounds = _bounds(value)
+            span = section.span(key)
+            if bounds is None:
+                hint = 'write `"1..5"`, `"2..*"` or `3`'
+                section.error("bad-range", f"`{key}` has no bounds for its number of matches", span, hint)
+            elif bounds[1] is not None and bounds[1] < bounds[0]:
+                section.error(
+                    "bad-range",
+                    "the upper bound is below the lower one",
+                    span,
+                    f'write `"{bounds[1]}..{bounds[0]}"`',
+                )
+            else:
+                counts.append((Name(key, self._text.key(*section.path, key)), bounds))
+        return tuple(counts)
+
+    # --- components ---
+
+    def _measures(self, top: _Section, section: _Section) -> tuple[ComponentSpec, ...]:
+        found = []
+        if "kind" in section and not isinstance(section.data["kind"], dict):
+            hint = "write `[measures.complexity]`, or another name of your choice"
+            section.error("missing-key", "the measure has no name", section.span(), hint)
+            return ()
+        for name in section.data:
+            table = section.table(name)
+            component = self._component(table, name, None)
+            if component is not None:
+                found.append(component)
+        if not section.data:
+            hint = 'add `[measures.complexity]` with `kind = "path_complexity"` or another kind'
+            section.error("missing-key", "the family has no measure", self._text.value("measures"), hint)
+        return tuple(found)
+
+    def _component(
+        self, table: _Section, role: str, default: str | None, word: str = "kind"
+    ) -> ComponentSpec | None:
+        kind = table.string(word, default)
+        if kind is None:
+            near = next((key for key in table.data if did_you_mean(key, [word])), None)
+            if word not in table.data and near:
+                message = f"unknown key `{near}` in `[{'.'.join(table.path)}]`"
+                table.error(
+                    "unknown-key", message, self._text.key(*table.path, near), f"did you mean `{word}`?"
+                )
+            elif word not in table.data and isinstance(self._raw(table.path), dict):
+                self._missing(table, word, f'write `{word} = "..."`')
+            return None
+        spans = {key: table.span(key) for key in table.data} | {"": table.span()}
+        for key, value in table.data.items():
+            items = range(len(value)) if isinstance(value, list) else ()
+            spans |= {f"{key}[{index}]": table.span(key, index) for index in items}
+        spans |= {f"{key} =": self._text.key(*table.path, key) for key in table.data}
+        spans["kind"] = kind.span or spans[""]
+        options = {key: value for key, value in table.data.items() if key != word}
+        return ComponentSpec(role, kind.text, options, spans)
+
+    def _raw(self, path: tuple[str, ...]) -> Any:
+        value: Any = self._text.data
+        for key in path:
+            value = value[key]
+        return value
+
+    def _diversity(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> ComponentSpec:
+        component = self._component(top.table("diversity"), "diversity", "binned_entropy")
+        component = component or ComponentSpec("diversity", "binned_entropy")
+        names = list(top.table("measures").data) if measures else []
+        of = component.options.get("of")
+        if of is None:
+            if len(names) > 1:
+                span = component.span("") or self._text.value("diversity")
+                hint = f'write `of = "..."` in `[diversity]`: {_listed(names)}'
+                top.error("missing-key", "there are several measures to choose from", span, hint)
+            return ComponentSpec(
+                "diversity",
+                component.kind,
+                {**component.options, "of": names[0] if names else ""},
+                component.spans,
+            )
+        self._check_measure(top, "of", of, names, component.span("of"))
+        return component
+
+    def _check_measure(
+        self, section: _Section, key: str, value: object, names: list[str], span: Span | None
+    ) -> None:
+        where = span or self._text.value(*section.path)
+        if not isinstance(value, str):
+            message = f"`{key}` is the name of a measure, not {_kind(value)}"
+            section.error("wrong-type", message, where, f"there are {_listed(names)}" if names else None)
+        elif value not in names and names:
+            hint = did_you_mean(value, names) or f"there are {_listed(names)}"
+            section.error("unknown-measure", f"unknown measure `{value}`", where, hint)
+
+    def _choice_of(self, section: _Section, key: str, default: ComponentSpec) -> ComponentSpec:
+        """`key = { name = "...", option = ... }`, or the name alone."""
+        value = section.data.get(key)
+        if isinstance(value, str):
+            section.take(key)
+            return ComponentSpec(key, value, {}, {"kind": section.span(key), "": section.span(key)})
+        table = section.table(key)
+        if not table.data:
+            return default
+        return self._component(table, key, None, "name") or default
+
+    # --- sections ---
+
+    def _mutation(self, section: _Section) -> MutationSpec:
+        rules = section.names("rules")
+        if not rules and not self._has_error("rules"):
+            hint = 'write `rules = ["..."]` in `[mutation]`: names of rules, units and derived groups'
+            section.error(
+                "missing-key", "the family has no mutation rules", self._text.value("mutation"), hint
+            )
+        default = MutationSpec()
+        spec = MutationSpec(
+            rules,
+            section.number("rate", default.rate, 0, 1),
+            self._interval(section, "initial_applications", default.initial_applications),
+            section.integer("max_attempts", default.max_attempts, 1),
+        )
+        section.finish()
+        return spec
+
+    def _has_error(self, key: str) -> bool:
+        return any(f"`{key}`" in one.message for one in self.diagnostics)
+
+    def _interval(self, section: _Section, key: str, default: tuple[int, int]) -> tuple[int, int]:
+        value = section.take(key)
+        if value is None:
+            return default
+        if _is_int(value):
+            value = [value, value]
+        if not isinstance(value, list) or len(value) != 2 or not all(_is_int(one) for one in value):
+            section.wrong(key, "a pair of whole numbers", hint=f"write `{key} = [1, 5]`")
+            return default
+        if not 0 <= value[0] <= value[1]:
+            message = f"`{key}` is {value[0]} to {value[1]}, it must go up from 0 or more"
+            section.error("bad-range", message, section.span(key), f"write `{key} = [1, 5]`")
+            return default
+        return value[0], value[1]
+
+    def _search(self, section: _Section) -> SearchSpec:
+        default = SearchSpec()
+        unbounded = section.data.get("generations") is False
+        if unbounded:
+            section.take("generations")
+        never = section.data.get("target") is False
+        if never:
+            section.take("target")
+        spec = SearchSpec(
+            section.integer("population", default.population, 1, _MOST),
+            None if unbounded else section.integer("generations", default.generations or 0, 0),
+            section.boolean("keep_initial", default.keep_initial),
+            self._choice_of(section, "parents", default.parents),
+            self._choice_of(section, "survivors", default.survivors),
+            section.optional_number("time_limit", 0),
+            inf if never else section.optional_number("target"),
+            section.optional_integer("stagnation", 1),
+        )
+        if unbounded and spec.time_limit is None and spec.target in (None, inf) and spec.stagnation is None:
+            hint = "give `time_limit`, `target` or `stagnation`"
+            section.error("missing-key", "the search has no end", section.span("generations"), hint)
+        section.finish()
+        return spec
+
+    def _curriculum(self, section: _Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
+        order = section.string("order")
+        if order is not None:
+            self._check_measure(section, "order", order.text, [one.name for one in measures], order.span)
+        sequences = section.choice("sequences", get_args(Sequences), "suffixes")
+        initial = section.choice("initial", ("last", "ordered"), "last")
+        section.finish()
+        return CurriculumSpec(order, sequences, initial)  # type: ignore[arg-type]
+
+    def _training(self, section: _Section) -> TrainingSpec:
+        default = TrainingSpec()
+        spec = TrainingSpec(
+            section.choice("agent", ("q_learning",), default.agent),
+            section.positive("learning_rate", default.learning_rate, 1),
+            section.number("discount", default.discount, 0, 1),
+            self._epsilon(section.table("epsilon")),
+            section.integer("steps_per_environment", default.steps_per_environment, 1),
+            section.integer("evaluation_episodes", default.evaluation_episodes, 1),
+            section.integer("seeds", default.seeds, 1, _MOST),
+            section.number("initial_value", default.initial_value),
+        )
+        section.finish()
+        return spec
+
+    def _epsilon(self, section: _Section) -> EpsilonSpec:
+        default = EpsilonSpec()
+        start = section.number("start", default.start, 0, 1)
+        minimum = section.number("minimum", min(default.minimum, start), 0, 1)
+        if minimum > start:
+            span = section.span("minimum" if "minimum" in section else "start")
+            message = f"`minimum` is {minimum}, above `start`, which is {start}"
+            section.error("bad-range", message, span, "the larger one is `start`")
+        spec = EpsilonSpec(
+            start,
+            section.number("decay", default.decay, 0, 1),
+            minimum,
+            section.choice("per", ("episode", "step"), default.per),  # type: ignore[arg-type]
+            section.choice("reset", ("stage", "never"), default.reset),  # type: ignore[arg-type]
+        )
+        section.finish()
+        return spec
+
+    def _ga4cl(self, section: _Section) -> tuple[Name, ...]:
+        rewards = section.names("rewards")
+        section.finish()
+        return rewards
+
+
+def _bounds(value: object) -> tuple[int, int | None] | None:
+    """`"1..5"`, `"2..*"`, `"3"`, `3` or `[1, 5]`."""
+    if _is_int(value):
+        return (value, value) if isinstance(value, int) and value >= 0 else None
+    if isinstance(value, list) and len(value) == 2 and all(_is_int(one) and one >= 0 for one in value):
+        return value[0], value[1]
+    found = (
+        re.fullmatch(r"\s*(\d{1,9})(?:\s*\.\.\s*(\d{1,9}|\*))?\s*", value) if isinstance(value, str) else None
+    )
+    if found is None:
+        return None
+    low, high = int(found.group(1)), found.group(2)
+    return low, low if high is None else None if high == "*" else int(high)
+
+
+def _is_int(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _kind(value: object) -> str:
+    """What a TOML value is, for messages."""
+    match value:
+        case bool():
+            return "a truth value"
+        case int():
+            return "a whole number"
+        case float():
+            return "a fraction"
+        case str():
+            return "a string"
+        case list():
+            return "a list"
+        case dict():
+            return "a table"
+    return "a date or time"
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)

@@ -1,0 +1,1 @@
+"""Files of others: Ecore, XMI, JSON, pyecore; and traces."""

@@ -1,0 +1,724 @@
+"""`.ecore` files: the XML to a `Metamodel`. Files that name each other become one.
+
+Read from the XML itself and not by pyecore, whose reader ends at the first mistake, knows lines alone, and lets much
+pass. The two are compared in the tests.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+
+from envgraph.errors import (
+    LoadError,
+    Note,
+    ResolutionError,
+    Source,
+    Span,
+    did_you_mean,
+    has_errors,
+    name_hint,
+    sort_diagnostics,
+)
+from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, without_values
+from envgraph.lang.interchange._ecore_names import Enough, Joint, Names, Target, inside
+from envgraph.lang.read._ecore_types import (
+    ECORE,
+    ECORE_TYPES,
+    DataType,
+    java_type,
+    too_large,
+    value_of,
+)
+from envgraph.lang.read._imports import without_consequences
+from envgraph.lang.read._metamodel import MetamodelFile
+from envgraph.lang.syntax._xml import XMI, XSI, Element
+from envgraph.metamodel import (
+    Annotation,
+    Attribute,
+    Class,
+    EnumType,
+    Feature,
+    Glyph,
+    Metamodel,
+    Package,
+    Places,
+    Reference,
+    Scalar,
+    Value,
+)
+
+_GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
+_OWN = "envgraph"
+_DEEPEST = 50
+
+
+@cache
+def _known_parts(kind: str) -> tuple[Sequence[str], Sequence[str]]:
+    """The attributes that tags of a class of Ecore may have, and the tags in them, as Ecore itself says."""
+    ecore = ecore_itself()
+    classes = ecore.parts(ecore.packages[0])
+    attributes: list[str] = []
+    children: list[str] = []
+    above = [kind]
+    for name in above:
+        above += re.findall(r"\w+$", classes[name].attributes.get("eSuperTypes", ""))
+        for one in classes[name].children:
+            own = one.attributes["name"]
+            contained = one.attributes.get("containment") == "true"
+            attributes += [] if contained else [own]
+            children += [own] if one.attributes["xsi:type"] == "ecore:EReference" else []
+    return attributes, children
+
+
+def read_ecore(
+    documents: Sequence[EcoreDocument],
+    doubles: Mapping[str, EcoreDocument] = MappingProxyType({}),
+    *,
+    allow_unresolved: bool = False,
+) -> MetamodelFile:
+    """The one metamodel of some `.ecore` files, and all that is wrong with it.
+
+    The package of the first file is the metamodel's own; those of the others are nested in it. Classes and enums of
+    one name in different packages are called after their packages, as `package::Name`.
+
+    Args:
+        documents: the files, one at least.
+        doubles: by the names of other files: the one of the documents that has the same package.
+        allow_unresolved: whether what files that are nowhere should have is left out, with a warning.
+    """
+    joint = Joint(allow_unresolved=allow_unresolved)
+    if any(one.needs_ecore() for one in documents) and not any(ECORE in one.uris for one in documents):
+        documents = (*documents, ecore_itself())
+    readers = [_Reader(one, joint) for one in documents]
+    joint.readers.extend(readers)
+    joint.by_file = {one.document.source.name: one for one in readers}
+    joint.by_file |= {name: joint.by_file[one.source.name] for name, one in doubles.items()}
+    metamodel, stopped = None, False
+    try:
+        metamodel = _read_all(joint, readers)
+    except Enough:
+        stopped = True
+    found = without_consequences(joint.diagnostics, frozenset(joint.lost))
+    # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
+    lost = joint.lost - joint.left_out.keys()
+    if stopped:
+        lost = {name for reader in readers for name in reader.names()}
+    return MetamodelFile(metamodel, readers[0].span, tuple(found), frozenset(lost))
+
+
+def parse_ecore(source: Source) -> Metamodel:
+    """The metamodel of the text of an `.ecore` file.
+
+    Raises:
+        LoadError: all that is wrong with it.
+    """
+    found = read_ecore([EcoreDocument(source)])
+    if found.metamodel is None:
+        raise LoadError(sort_diagnostics(found.diagnostics))
+    return found.metamodel
+
+
+_WITHOUT_VALUES: Mapping[str, str] = {
+    "derived": "a pattern can find the same",
+    "transient": 'write `transient="false"` to keep it',
+    "eType": "use references for what is in it",
+}
+
+
+@dataclass(slots=True)
+class _Marks:
+    """What annotations say of a class."""
+
+    key: tuple[str, ...] = ()
+    glyph: Glyph | None = None
+    frozen: bool = False
+    places: Places = ()
+
+
+def _read_all(joint: Joint, readers: Sequence[_Reader]) -> Metamodel | None:
+    sound = [one for one in readers if one.begin()]
+    if not sound:
+        return None
+    paths: set[str] = set()
+    for reader in sound:
+        reader.enter(paths)
+    packages = [(path, one, reader) for reader in sound for path, one in reader.packages]
+    ecore = [(one, reader) for _, one, reader in packages if one.attributes.get("nsURI") == ECORE]
+    joint.any_object = next((reader.document.parts(one).get("EObject") for one, reader in ecore), None)
+    named = _qualifiers([(path, one) for path, one, _ in packages])
+    classifiers = [
+        (path, one, reader) for path, package, reader in packages for one in inside(package, "eClassifiers")
+    ]
+    homes: dict[str, dict[str, None]] = {}
+    for path, one, _ in classifiers:
+        if joint.kinds.get(one) in ("EClass", "EEnum"):
+            homes.setdefault(one.attributes.get("name", ""), {})[path] = None
+    for path, one, _ in classifiers:
+        name = one.attributes.get("name", "")
+        joint.names[one] = f"{named[path]}::{name}" if name and len(homes.get(name, ())) > 1 else name
+    return _built(joint, packages, classifiers)
+
+
+def _built(
+    joint: Joint,
+    packages: Sequence[tuple[str, Element, _Reader]],
+    classifiers: Sequence[tuple[str, Element, _Reader]],
+) -> Metamodel | None:
+    _, root, first = packages[0]
+    name = first.begin_metamodel(root)
+    for path, one, reader in classifiers:
+        if joint.kinds.get(one) == "EEnum":
+            joint.enums[one] = reader.enum(path, one)
+    classes = [reader.cls(path, one) for path, one, reader in classifiers if joint.kinds.get(one) == "EClass"]
+    for _, one, reader in classifiers:
+        reader.check_instance(one)
+    known = [reader.package(path, one) for path, one, reader in packages]
+    uri = root.attributes.get("nsURI") or None
+    try:
+        metamodel = Metamodel(name, classes, joint.enums.values(), uri, known)
+    except ResolutionError as error:
+        joint.diagnostics.extend(error.diagnostics)
+        return None
+    return None if has_errors(joint.diagnostics) else metamodel
+
+
+def _qualifiers(packages: Sequence[tuple[str, Element]]) -> dict[str, str]:
+    """What stands before `::` for each package, by path: its name, else its prefix, if none before it has that."""
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for path, one in packages:
+        words = (one.attributes.get("name", ""), one.attributes.get("nsPrefix", ""), re.sub(r"\W", "_", path))
+        free = [word for word in words if word.isidentifier() and word not in taken]
+        word = free[0] if free else "package"
+        while word in taken:
+            word += "_"
+        found[path] = word
+        taken.add(word)
+    return found
+
+
+class _Reader(Names):
+    """The reading of one file."""
+
+    def begin(self) -> bool:
+        """Whether the file has a package."""
+        root, problem = self.document.root, self.document.problem
+        if problem or root is None:
+            self._joint.diagnostics.extend([problem] if problem else [])
+            self._joint.lost |= self.names()
+            return False
+        return self._is_package(root)
+
+    def enter(self, paths: set[str]) -> None:
+        """Notes the packages and what is in them; those of a second file are inside of the first one's."""
+        self.document.index(self._owners)
+        root = self._root
+        path = root.attributes.get("name") or "package" if paths else ""
+        while path in paths:
+            path += "_"
+        self._enter_package(path, root)
+        paths |= {path for path, _ in self.packages}
+
+    def names(self) -> set[str]:
+        """All words of the text: each may be a name of something that was not read."""
+        return set(re.findall(r"[^\W\d]\w*", self.places.source.text))
+
+    def begin_metamodel(self, root: Element) -> str:
+        """The name of the outermost package."""
+        if "name" in root.attributes:
+            self.span = self._at(root, "name")
+        return self._name(root, "package")
+
+    # --- packages and what is in them ---
+
+    def _is_package(self, root: Element) -> bool:
+        if root.name == "EPackage" and root.namespace == ECORE:
+            return True
+        where = self.places.tag(root.byte)
+        hint: str | None
+        if root.name == "XMI" and "/XMI" in (root.namespace or ""):
+            message = f"the file holds {len(root.children)} packages"
+            hint = "put them into one package, as `eSubpackages`"
+        elif root.name == "EPackage":
+            message = "this is an `EPackage` of another language than Ecore"
+            hint = f'write `xmlns:ecore="{ECORE}"` and `ecore:EPackage`'
+        else:
+            message = f"a metamodel is an `ecore:EPackage`, and this is a `{root.tag}`"
+            hint = "a model has the ending `.xmi`" if root.namespace else None
+        self._error("not-ecore", message, where, hint)
+        return False
+
+    def _enter_package(self, path: str, element: Element, depth: int = 0) -> None:
+        self.packages.append((path, element))
+        self._kinds[element] = "EPackage"
+        self._check_parts(element, "EPackage")
+        if depth > _DEEPEST:
+            self._error(
+                "nested-too-deeply",
+                "packages are nested too deeply",
+                self.places.tag(element.byte),
+                f"there may be {_DEEPEST} levels",
+            )
+            return
+        for classifier in inside(element, "eClassifiers"):
+            self._enter_classifier(classifier)
+        for inner in inside(element, "eSubpackages"):
+            name = inner.attributes.get("name", "")
+            self._enter_package(f"{path}.{name}" if path else name, inner, depth + 1)
+
+    def _enter_classifier(self, element: Element) -> None:
+        kind = self._kind(element, ("EClass", "EEnum", "EDataType"), "a classifier")
+        if kind is None:
+            self._joint.lost.add(element.attributes.get("name", ""))
+            return
+        self._kinds[element] = kind
+        self._check_parts(element, kind)
+        features = ("EAttribute", "EReference")
+        for member in inside(element, "eStructuralFeatures") if kind == "EClass" else ():
+            found = self._kind(member, features, "a feature")
+            if found is None:
+                self._joint.lost.add(member.attributes.get("name", ""))
+            else:
+                self._kinds[member] = found
+                self._check_parts(member, found)
+        for literal in inside(element, "eLiterals") if kind == "EEnum" else ():
+            self._check_parts(literal, "EEnumLiteral")
+
+    def _kind(self, element: Element, known: Sequence[str], what: str) -> str | None:
+        """The `xsi:type` of an element."""
+        key = element.qualified("type", XSI, XMI)
+        if key is None:
+            wrong = next((one for one in element.attributes if one.endswith(":type")), None)
+            if wrong:
+                where, prefix = self.places.name_of(element.byte, wrong), wrong.rpartition(":")[0]
+                message, hint = (
+                    f"the prefix `{prefix}` is not declared",
+                    f'write `xmlns:xsi="{XSI}"` in the first tag',
+                )
+                self._error("unknown-prefix", message, where, hint)
+                return None
+            hint = f'write `xsi:type="ecore:{known[0]}"`'
+            self._error("missing-type", f"{what} needs an `xsi:type`", self.places.tag(element.byte), hint)
+            return None
+        value = element.attributes[key]
+        prefix, _, name = value.rpartition(":")
+        if name in known and element.scope.get(prefix) == ECORE:
+            return name
+        where = self._at(element, key)
+        if name in known:
+            hint = did_you_mean(prefix, element.scope) or f'write `xmlns:{prefix}="{ECORE}"` in the first tag'
+            self._error("unknown-prefix", f"the prefix `{prefix}` does not stand for Ecore", where, hint)
+        else:
+            hint = did_you_mean(name, known) or "there are " + ", ".join(f"`ecore:{one}`" for one in known)
+            self._error("unknown-type", f"{what} cannot be `{value}`", where, hint)
+        return None
+
+    def _check_parts(self, element: Element, kind: str) -> None:
+        """Attributes and tags that Ecore does not know here are typing mistakes, and would be overlooked."""
+        attributes, children = _known_parts(kind)
+        for key in element.attributes:
+            if ":" not in key and key != "xmlns" and key not in attributes:
+                where = self.places.name_of(element.byte, key)
+                message = f"`{kind}` has no attribute `{key}`"
+                self._error("unknown-attribute", message, where, did_you_mean(key, attributes))
+        for child in element.children:
+            if child.name not in (*children, "Extension"):
+                message = f"`{kind}` has nothing called `{child.name}`"
+                hint = did_you_mean(child.name, children)
+                self._error("unknown-element", message, self.places.tag(child.byte), hint)
+
+    def package(self, path: str, element: Element) -> Package:
+        uri, prefix = element.attributes.get("nsURI", ""), element.attributes.get("nsPrefix", "")
+        name = element.attributes.get("name", "")
+        if not uri:
+            where = self.places.tag(element.byte)
+            self._warn(
+                "missing-uri", f"package `{name}` has no `nsURI`", where, "other files name it by that"
+            )
+        if path:
+            self._name(element, "package")
+        return Package(path, uri or path or name, prefix or name)
+
+    # --- enums ---
+
+    def enum(self, path: str, element: Element) -> EnumType:
+        literals, labels, numbers, places = [], [], [], []
+        for index, literal in enumerate(inside(element, "eLiterals")):
+            name = self._name(literal, "literal")
+            literals.append(name)
+            labels.append(literal.attributes.get("literal", name))
+            # As in EMF, where the number is that of the enumeration's author, and 0 if nothing is said.
+            numbers.append(self._integer(literal, "value", 0))
+            places.append((f"literal {index}", self.named(literal)))
+        usual = tuple(range(len(literals)))
+        return EnumType(
+            self._called(element, "enum"),
+            tuple(literals),
+            doc=self._doc(element),
+            span=self.named(element),
+            places=tuple(places),
+            package=path,
+            labels=() if labels == literals else tuple(labels),
+            numbers=() if tuple(numbers) == usual else tuple(numbers),
+        )
+
+    # --- classes ---
+
+    def cls(self, path: str, element: Element) -> Class:
+        supertypes, places = [], []
+        for target in self._supertypes(element):
+            name = self._joint.names.get(target.element, "") if target.element else ""
+            supertypes.append(name)
+            places.append((f"extends {name}", target.span))
+        any_object = self._joint.any_object
+        if any_object and element is not any_object and not supertypes:
+            supertypes.append(self._joint.names[any_object])
+        features = [one for one in map(self._feature, inside(element, "eStructuralFeatures")) if one]
+        abstract = self._boolean(element, "abstract", False)
+        marks = self._marks(element, features)
+        self._check_class(element)
+        return Class(
+            self._called(element, "class"),
+            abstract=self._boolean(element, "interface", False) or abstract,
+            supertypes=tuple(supertypes),
+            features=tuple(features),
+            key=marks.key,
+            glyph=marks.glyph,
+            frozen=marks.frozen,
+            doc=self._doc(element),
+            annotations=self._annotations(element),
+            span=self.named(element),
+            places=(*places, *marks.places),
+            package=path,
+            left_out=self._left_out_of(element),
+        )
+
+    def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
+        members = [(one.attributes.get("name", ""), one) for one in inside(element, "eStructuralFeatures")]
+        known = self._joint.left_out
+        return tuple((name, known[name][one]) for name, one in members if one in known.get(name, ()))
+
+    def _supertypes(self, element: Element) -> Iterator[Target]:
+        targets = [*self._targets(element, "eSuperTypes"), *self._generic(element, "eGenericSuperTypes")]
+        for target in targets:
+            kind = self._kinds.get(target.element) if target.element else "data type"
+            if kind == "EClass":
+                yield target
+            elif kind is not None:
+                self._error(
+                    "wrong-type", "a class extends classes only", target.span, "name a class, or leave it out"
+                )
+
+    def _check_class(self, element: Element) -> None:
+        for parameter in list(inside(element, "eTypeParameters"))[:1]:
+            self._erase(
+                parameter, f"`{element.attributes.get('name', '')}` is read without its type parameters"
+            )
+        operations = list(inside(element, "eOperations"))
+        if operations:
+            name = element.attributes.get("name", "")
+            number, verb = len(operations), "is" if len(operations) == 1 else "are"
+            message = f"{number} operation{'s' * (number > 1)} of `{name}` {verb} left out"
+            hint = "what they do is written as rules; nothing else is lost"
+            self._warn("left-out", message, self.places.tag(operations[0].byte), hint)
+
+    def _marks(self, element: Element, features: Sequence[Feature]) -> _Marks:
+        """Key, glyph and `frozen`: from an annotation of ours; an `iD` attribute is a key too."""
+        marks = _Marks()
+        for one, name, value in self._details(element):
+            match name:
+                case "key":
+                    marks.key = tuple(value.split())
+                    marks.places += tuple(
+                        (f"key {part}", self.places.attribute(one.byte, "value", part)) for part in marks.key
+                    )
+                case "glyph":
+                    letter, colour = value[:1], value[2:]
+                    marks.glyph = Glyph(letter, colour) if colour else Glyph(letter)
+                    span = self._at(one, "value")
+                    marks.places += (("letter", span), ("colour", span))
+                case "frozen":
+                    marks.frozen = True
+        identifiers = tuple(one.name for one in features if isinstance(one, Attribute) and one.identifier)
+        marks.key = marks.key or identifiers
+        return marks
+
+    def _annotations(self, element: Element) -> tuple[Annotation, ...]:
+        """What `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
+        found = []
+        for one, name, value in self._details(element):
+            values = (value[:1], *value[2:].split()) if name == "glyph" else tuple(value.split())
+            found.append(Annotation(name, values, span=self._at(one, "key")))
+        return tuple(found)
+
+    def _details(self, element: Element) -> Iterator[tuple[Element, str, str]]:
+        for annotation in inside(element, "eAnnotations"):
+            if annotation.attributes.get("source") == _OWN:
+                for one in inside(annotation, "details"):
+                    yield one, one.attributes.get("key", ""), one.attributes.get("value", "")
+
+    # --- features ---
+
+    def _feature(self, element: Element) -> Feature | None:
+        kind = self._kinds.get(element)
+        if kind is None:
+            return None
+        word = self._without_values(element)
+        if word:
+            what = "feature map" if word == "eType" else f"{word} feature"
+            message = f"the {what} `{element.attributes.get('name', '')}` is left out"
+            hint = _WITHOUT_VALUES[word]
+            self._warn("left-out", message, self.places.name_of(element.byte, word), hint)
+            why = "a feature map" if word == "eType" else word
+            self._leave_out(element, f"it is {why}, and was left out of the metamodel")
+            return None
+        errors = self._joint.errors
+        found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
+        if found is None and self._joint.allow_unresolved and self._joint.errors == errors:
+            self._leave_out(element, "its type is in a file that is nowhere")
+        elif found is None:
+            self._joint.lost.add(element.attributes.get("name", ""))
+        return found
+
+    def _without_values(self, element: Element) -> str | None:
+        """Why a feature holds nothing: see `without_values`; of a transient pair of opposites neither does."""
+        word = without_values(element)
+        if word is None and element.attributes.get("transient") == "true":
+            other = [one.element for one in self.quietly(element, "eOpposite")]
+            word = (
+                "transient"
+                if any(one and one.attributes.get("transient") == "true" for one in other)
+                else None
+            )
+        return word
+
+    def _leave_out(self, element: Element, why: str) -> None:
+        name = element.attributes.get("name", "")
+        self._joint.lost.add(name)
+        self._joint.left_out.setdefault(name, {})[element] = why
+
+    def _type(self, element: Element, what: str) -> Target | None:
+        """The one type of a feature; None if it has none or it cannot be read, which has been reported."""
+        before = len(self._joint.diagnostics)
+        found = [*self._targets(element, "eType"), *self._generic(element, "eGenericType")]
+        if found:
+            return found[0]
+        if len(self._joint.diagnostics) == before and not self._mentions(element, ("eType", "eGenericType")):
+            name = element.attributes.get("name", "")
+            self._error(
+                "missing-type", f"{what} `{name}` has no type", self.named(element), 'write `eType="..."`'
+            )
+        return None
+
+    def _attribute(self, element: Element) -> Attribute | None:
+        target = self._type(element, "attribute")
+        lower, upper = self._bounds(element)
+        name = self._name(element, "attribute")
+        data = self._data_type(target, name) if target else None
+        if data is None or target is None:
+            return None
+        many = upper != 1
+        default = None if many else self._default(element, name, data.type)
+        places = [("type", target.span), ("default", self._at(element, "defaultValueLiteral"))]
+        bound = next((one for one in ("upperBound", "lowerBound") if one in element.attributes), None)
+        if bound:
+            places.append(("multiplicity", self._at(element, bound)))
+        return Attribute(
+            name,
+            data.type,
+            default,
+            doc=self._doc(element),
+            annotations=self._annotations(element),
+            span=self.named(element),
+            places=tuple(places),
+            lower=lower if many else 0 if lower == 0 and data.nullable and default is None else 1,
+            upper=upper,
+            unique=self._boolean(element, "unique", True),
+            identifier=self._boolean(element, "iD", False),
+        )
+
+    def _data_type(self, target: Target, name: str) -> DataType | None:
+        if target.data is not None:
+            self._check_exact(target.data, name, target.span)
+            return target.data
+        if target.element is None:
+            return None
+        kind = self._kinds.get(target.element)
+        if target.element is self._joint.any_object:  # a type parameter
+            return ECORE_TYPES["EJavaObject"]
+        if kind == "EEnum":
+            return DataType(self._joint.enums[target.element])
+        type_name = target.element.attributes.get("name", "")
+        if kind == "EDataType":
+            java = target.element.attributes
+            data = java_type(java.get("instanceTypeName", java.get("instanceClassName", "")))
+            self._check_exact(data, name, target.span)
+            return data
+        if kind == "EClass":
+            hint = 'write `xsi:type="ecore:EReference"`'
+            self._error("wrong-type", f"`{type_name}` is a class, not a data type", target.span, hint)
+        elif kind is not None:
+            hint = 'name a data type or an enum, such as `eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"`'
+            self._error("wrong-type", f"`{type_name}` is no data type", target.span, hint)
+        return None
+
+    def _check_exact(self, data: DataType, name: str, span: Span) -> None:
+        if not data.exact:
+            hint = "take `EInt`, `EDouble` or an enum for values to calculate with"
+            self._warn("read-as-string", f"values of `{name}` are read as strings", span, hint)
+
+    def _default(self, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:
+        text = element.attributes.get("defaultValueLiteral")
+        if text is None:
+            return None
+        value = value_of(text, type_)
+        if value is None:
+            wanted = type_.name if isinstance(type_, EnumType) else str(type_)
+            words = type_.labels or type_.literals if isinstance(type_, EnumType) else ("true", "false")
+            numeric = type_ in (Scalar.INT, Scalar.FLOAT)
+            hint = too_large(text, type_) if numeric else name_hint(text, words)
+            if numeric and hint is None:
+                hint = f"write {'a whole' if type_ is Scalar.INT else 'a'} number, or leave it out"
+            message = f"default of `{name}` is not of type `{wanted}`"
+            self._error("wrong-type", message, self._at(element, "defaultValueLiteral"), hint)
+        return value
+
+    def _reference(self, element: Element) -> Reference | None:
+        target = self._type(element, "reference")
+        lower, upper = self._bounds(element)
+        name = self._name(element, "reference")
+        if target is None:
+            return None
+        kind = self._kinds.get(target.element) if target.element else "EDataType"
+        if target.element is None or kind != "EClass":
+            data = kind in ("EEnum", "EDataType")
+            hint = 'write `xsi:type="ecore:EAttribute"`' if data else "name a class"
+            if kind:  # else not even that is known, which has been reported
+                self._error("wrong-type", "a reference leads to a class", target.span, hint)
+            return None
+        if upper != 1 and not self._boolean(element, "unique", True):
+            where = self.places.name_of(element.byte, "unique")
+            hint = "make a class for each time, with a reference to the object"
+            self._warn("unique", f"`{name}` holds an object once, and not several times", where, hint)
+        opposite = self._opposite(element, target.element)
+        places = [("target", target.span)]
+        bound = next((one for one in ("upperBound", "lowerBound") if one in element.attributes), None)
+        if bound:
+            places.append(("multiplicity", self._at(element, bound)))
+        if opposite:
+            places.append(("opposite", opposite[1]))
+        return Reference(
+            name,
+            self._joint.names.get(target.element, ""),
+            lower,
+            upper,
+            containment=self._boolean(element, "containment", False),
+            opposite=opposite[0] if opposite else None,
+            doc=self._doc(element),
+            annotations=self._annotations(element),
+            span=self.named(element),
+            places=tuple(places),
+        )
+
+    def _opposite(self, element: Element, there: Element) -> tuple[str, Span] | None:
+        """The name of the opposite, checked here: what a `.metamodel` file would say about it does not help."""
+        for target in self._targets(element, "eOpposite"):
+            other = target.element
+            if other is None or other not in self._kinds:
+                return None
+            if self._kinds[other] != "EReference":
+                self._error(
+                    "opposite-mismatch",
+                    "an opposite is a reference",
+                    target.span,
+                    "name a reference, or leave it out",
+                )
+                return None
+            there_reader = target.reader
+            if without_values(other):
+                return None
+            back = {one.element for one in there_reader.quietly(other, "eOpposite")}
+            types = {one.element for one in there_reader.quietly(other, "eType", "eGenericType")}
+            told = ("eOpposite",), ("eType", "eGenericType")
+            if not (back and types) and all(self._mentions(other, names) for names in told):
+                return None  # what it says of itself cannot be read, which is reported there
+            owner = self._owners[element]
+            if self._owners[other] is not there or owner not in types or element not in back:
+                mine, its = self._path(element), self._path(other)
+                note = Note("the other reference is here", there_reader.named(other))
+                cls = owner.attributes.get("name", "")
+                file = "" if there_reader is self else self.places.source.name.rpartition("/")[2]
+                hint = f'write `eOpposite="{file}{self._fragment(element)}"` there, and `{cls}` as its type'
+                if self._owners[other] is not there:
+                    hint = (
+                        f"declare the opposite in `{there.attributes.get('name')}`, to which `{mine}` leads"
+                    )
+                message = f"`{mine}` and `{its}` are not each other's opposites"
+                self._error("opposite-mismatch", message, target.span, hint, (note,))
+                return None
+            return other.attributes.get("name", ""), target.span
+        return None
+
+    def _fragment(self, element: Element) -> str:
+        names: list[str] = []
+        while element is not self._root:
+            names.append(element.attributes.get("name", ""))
+            element = self._owners[element]
+        return "#//" + "/".join(reversed(names))
+
+    def _path(self, element: Element) -> str:
+        return f"{self._owners[element].attributes.get('name', '')}.{element.attributes.get('name', '')}"
+
+    # --- parts of an element ---
+
+    def _name(self, element: Element, what: str) -> str:
+        name = element.attributes.get("name", "")
+        if not name:
+            where = self.places.tag(element.byte)
+            self._error("missing-name", f"the {what} has no name", where, 'write `name="..."`')
+            return f"unnamed_{element.byte}"
+        return name
+
+    def _called(self, element: Element, what: str) -> str:
+        """What a class or an enum is called in the metamodel."""
+        return self._name(element, what) and (self._joint.names[element] or f"unnamed_{element.byte}")
+
+    def _doc(self, element: Element) -> str | None:
+        for annotation in inside(element, "eAnnotations"):
+            if annotation.attributes.get("source") == _GENMODEL:
+                for one in inside(annotation, "details"):
+                    if one.attributes.get("key") == "documentation":
+                        return one.attributes.get("value")
+        return None
+
+    def _boolean(self, element: Element, name: str, otherwise: bool) -> bool:
+        text = element.attributes.get(name)
+        if text not in (None, "true", "false"):
+            hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
+            self._error(
+                "wrong-type", f"`{name}` is true or false, not `{text}`", self._at(element, name), hint
+            )
+            return otherwise
+        return otherwise if text is None else text == "true"
+
+    def _integer(self, element: Element, name: str, otherwise: int) -> int:
+        text = element.attributes.get(name)
+        if text is None:
+            return otherwise
+        if not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
+            hint = "write `-1` for any number" if name == "upperBound" else "write a whole number from 0"
+            self._error("wrong-type", f"`{name}` is a number, not `{text}`", self._at(element, name), hint)
+            return otherwise
+        return int(text)
+
+    def _bounds(self, element: Element) -> tuple[int, int | None]:
+        lower, upper = self._integer(element, "lowerBound", 0), self._integer(element, "upperBound", 1)
+        return lower, None if upper < 0 else upper
+
+    def check_instance(self, element: Element) -> None:
+        if self._kinds.get(element) == "EDataType":
+            self._name(element, "data type")

@@ -1,0 +1,280 @@
+"""What the words of `.ecore` files name: other parts of them, of other files, and data types.
+
+Also what the readings of several files share.
+"""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from urllib.parse import unquote
+
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.lang.interchange._ecore_document import EcoreDocument
+from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, DataType, library_types
+from envgraph.lang.read._imports import near_uri
+from envgraph.lang.syntax._xml import Element
+from envgraph.metamodel import EnumType
+
+_MOST = 100
+"""After so many mistakes the rest is not read, and after so many warnings the others are not shown."""
+
+
+class Enough(Exception):
+    """There have been enough mistakes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What a reference between the parts of files names: `span` is where it does, `reader` reads its file."""
+
+    element: Element | None
+    data: DataType | None
+    span: Span
+    reader: Names
+
+
+@dataclass(slots=True)
+class Joint:
+    """What the readings of all files share.
+
+    Attributes:
+        lost: names of what is in the files but could not be read: to mention them is no mistake.
+        left_out: names of features that are left out, with the features that have them.
+        names: what classes and enums are called in the metamodel.
+        missing: files that are named and are not there, which has been reported.
+        any_object: the class of Ecore that every class extends, where some class names it.
+    """
+
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    lost: set[str] = field(default_factory=set)
+    left_out: dict[str, dict[Element, str]] = field(default_factory=dict)
+    readers: list[Names] = field(default_factory=list)
+    by_file: dict[str, Names] = field(default_factory=dict)
+    owners: dict[Element, Element] = field(default_factory=dict)
+    kinds: dict[Element, str] = field(default_factory=dict)
+    names: dict[Element, str] = field(default_factory=dict)
+    enums: dict[Element, EnumType] = field(default_factory=dict)
+    missing: set[tuple[str, str]] = field(default_factory=set)
+    any_object: Element | None = None
+    allow_unresolved: bool = False
+    errors: int = 0
+    warnings: int = 0
+    quiet: bool = False
+
+
+def inside(element: Element, name: str) -> Iterator[Element]:
+    """The tags of this name in another."""
+    return (child for child in element.children if child.name == name)
+
+
+class Names:
+    """What one file names, and what is said about it.
+
+    Attributes:
+        packages: with their paths.
+        span: the name of the outermost package, as soon as that is known.
+    """
+
+    def __init__(self, document: EcoreDocument, joint: Joint) -> None:
+        self.document = document
+        self.places = document.places
+        self.packages: list[tuple[str, Element]] = []
+        self.span = self.places.source.span(0, 0)
+        self._others: dict[str, tuple[Names | None, Element | None]] = {}
+        self._joint = joint
+        self._kinds = joint.kinds
+        self._owners = joint.owners
+
+    @property
+    def _root(self) -> Element:
+        assert self.document.root is not None
+        return self.document.root
+
+    def _mentions(self, element: Element, names: Sequence[str]) -> bool:
+        return any(name in element.attributes for name in names) or any(
+            child.name in names for child in element.children
+        )
+
+    def _generic(self, element: Element, tag: str) -> Iterator[Target]:
+        """Types that are written as generic ones, by erasure: without arguments, and a parameter by its first bound."""
+        for child in inside(element, tag):
+            if "eTypeParameter" in child.attributes or child.children:
+                self._erase(
+                    child, f"`{element.attributes.get('name', '')}` is read without its type arguments"
+                )
+            yield from self._targets(child, "eClassifier")
+            for parameter in self._targets(child, "eTypeParameter"):
+                yield from self._erased(parameter)
+
+    def _erase(self, element: Element, message: str) -> None:
+        where = self.places.tag(element.byte)
+        self._warn("generic-type", message, where, "it takes more objects than it says")
+
+    def _erased(self, parameter: Target) -> Iterator[Target]:
+        """What a type parameter is at most; parameters may be bounds of each other."""
+        span, seen = parameter.span, set()
+        while parameter.element is not None and parameter.element not in seen:
+            seen.add(parameter.element)
+            bounds = list(inside(parameter.element, "eBounds"))[:1]
+            above = [one for bound in bounds for one in parameter.reader._targets(bound, "eTypeParameter")]
+            if not above:
+                found = [one for bound in bounds for one in parameter.reader._targets(bound, "eClassifier")]
+                yield from (Target(one.element, one.data, span, one.reader) for one in found)
+                if not bounds:
+                    yield Target(self._joint.any_object, None, span, self)
+                return
+            parameter = above[0]
+        self._error("generic-type", "this type parameter has no end", span, "give it a class as its bound")
+
+    def _targets(self, element: Element, name: str) -> Iterator[Target]:
+        """What an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
+        words = element.attributes.get(name, "").split()
+        for index, word in enumerate(words):
+            after = words[index + 1] if index + 1 < len(words) else ""
+            if "#" not in word and ":" in word and "#" in after:
+                continue  # the type of what comes next
+            target = self._find(word, self.places.attribute(element.byte, name, word))
+            if target:
+                yield target
+        for child in inside(element, name):
+            if "href" in child.attributes:
+                target = self._find(child.attributes["href"], self._at(child, "href"))
+                if target:
+                    yield target
+
+    def _find(self, text: str, span: Span) -> Target | None:
+        document, mark, fragment = text.rpartition("#")
+        if not mark:
+            document = ""
+        last = fragment.rpartition("/")[2]
+        types = library_types(document)
+        if types is not None and last in types:
+            return Target(None, types[last], span, self)
+        reader, base = self._reader_of(ECORE if types is ECORE_TYPES else document)
+        if types is not None and (base is None or reader is None or not reader.document.at(fragment, base)):
+            self._unknown_library_type(last, types, span)
+            return None
+        if reader is None:
+            self._no_file(document, last, span)
+            return None
+        if base is None:
+            return None  # the file is no metamodel, which has been reported
+        element = reader.document.at(fragment, base)
+        if element is None:
+            self._unknown_part(fragment, span, reader, base)
+            return None
+        return Target(element, None, span, reader)
+
+    def _reader_of(self, text: str) -> tuple[Names | None, Element | None]:
+        """Who reads the file that is called so, and the package in it that is meant."""
+        if text not in self._others:
+            self._others[text] = self._look_for(text)
+        return self._others[text]
+
+    def _look_for(self, text: str) -> tuple[Names | None, Element | None]:
+        if not text:
+            return self, self._root
+        for reader in self._joint.readers:
+            for package in reader.document.packages:
+                if package.attributes.get("nsURI") == text:
+                    return reader, package
+        known = self._joint.by_file
+        path = unquote(text)
+        here = self.places.source.name.rpartition("/")[0]
+        exact = self.document.paths.get(text) or posixpath.normpath(posixpath.join(here, path))
+        found = known.get(exact)
+        # Files that were given, but not where this one says.
+        last = path.rpartition("/")[2]
+        near = [name for name, one in known.items() if name.rpartition("/")[2] == last and one is not self]
+        if found is None and near and "://" not in path:
+            near.sort(key=lambda name: len(posixpath.commonprefix([name[::-1], path[::-1]])))
+            found = known[near[-1]]
+        return found, found.document.root if found and found.document.is_package else None
+
+    def _no_file(self, text: str, part: str, span: Span) -> None:
+        key = (self.places.source.name, text)
+        if self._joint.quiet or key in self._joint.missing:
+            return
+        self._joint.missing.add(key)
+        if "://" in text:
+            known = [uri for one in self._joint.readers for uri in one.document.calls()]
+            message, file = f"none of the files has the package `{text}`", "its file"
+            hint = near_uri(text, known)
+        else:
+            last = unquote(text).rpartition("/")[2]
+            message, file, hint = f"`{text}`: there is no such file", f"`{last}`", None
+        name = f"name {file}, which has `{part}`, too: for example with `--metamodel`"
+        hint = hint or f"{name}; `--allow-unresolved` leaves out what needs it"
+        if self._joint.allow_unresolved:
+            self._warn("missing-file", message, span, "what needs it is left out")
+        else:
+            self._error("missing-file", message, span, hint)
+
+    def _unknown_library_type(self, name: str, types: Mapping[str, DataType], span: Span) -> None:
+        if self._joint.quiet:
+            return
+        message = f"Ecore has no type `{name}`" if types is ECORE_TYPES else f"unknown type `{name}`"
+        self._error("unknown-type", message, span, did_you_mean(name, types))
+
+    def _unknown_part(self, fragment: str, span: Span, reader: Names, base: Element) -> None:
+        if self._joint.quiet:
+            return
+        document = reader.document
+        steps = [step for step in fragment.split("/") if step]
+        name = steps[-1] if steps else fragment
+        if name in self._joint.lost:
+            return
+        around = document.at("/" + "/".join(["", *steps[:-1]]), base) if len(steps) > 1 else base
+        if around is None:  # the class is unknown, and not only its feature
+            name, around = steps[0], base
+        known = list(document.parts(around))
+        hint = did_you_mean(name, known)
+        if self._kinds.get(around) == "EClass":
+            message = f"`{around.attributes.get('name')}` has no feature `{name}`"
+            self._error("unknown-reference", message, span, hint)
+            return
+        file = "" if reader is self else f" in {document.source.name.rpartition('/')[2]}"
+        if hint is None and name in ECORE_TYPES:
+            hint = f"write `ecore:EDataType {ECORE}#//{name}` for the data type"
+        elif hint is None and not fragment.startswith("/"):
+            hint = f"write `#//{name}` for a class of this file" if name in known and not file else None
+        self._error("unknown-class", f"unknown class or data type `{name}`{file}", span, hint)
+
+    def quietly(self, element: Element, *names: str) -> list[Target]:
+        """The targets, without another word on what is wrong with them."""
+        self._joint.quiet = True
+        found = [one for name in names for one in self._targets(element, name)]
+        self._joint.quiet = False
+        return found
+
+    # --- messages ---
+
+    def named(self, element: Element) -> Span:
+        return self._at(element, "name")
+
+    def _at(self, element: Element, attribute: str) -> Span:
+        return self.places.attribute(element.byte, attribute)
+
+    def _error(
+        self, code: str, message: str, where: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
+    ) -> None:
+        if self._joint.quiet:
+            return
+        self._joint.diagnostics.append(Diagnostic(code, message, where, hint, notes=notes))
+        self._joint.errors += 1
+        if self._joint.errors == _MOST:
+            message = "too many mistakes: the rest of the file is not read"
+            self._joint.diagnostics.append(Diagnostic("too-many-errors", message, where, "mend these first"))
+            raise Enough
+
+    def _warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
+        if self._joint.quiet:
+            return
+        self._joint.warnings += 1
+        if self._joint.warnings > _MOST + 1:
+            return
+        if self._joint.warnings > _MOST:
+            code, message, hint = "too-many-warnings", "too many warnings: the others are not shown", None
+        self._joint.diagnostics.append(Diagnostic(code, message, where, hint, Severity.WARNING))

@@ -1,0 +1,322 @@
+"""JSON with the position of every value, for diagnostics about files that people may have edited."""
+
+from __future__ import annotations
+
+import json
+import posixpath
+import re
+from collections.abc import Iterator, Mapping
+from collections.abc import Set as AbstractSet
+from dataclasses import replace
+from functools import cached_property
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+from envgraph.errors import Diagnostic, LoadError, Source, Span, sort_diagnostics
+from envgraph.graph import Model, model_from_json
+from envgraph.lang.read._model import ModelText
+from envgraph.metamodel import LARGEST_INT, Metamodel
+
+if TYPE_CHECKING:
+    from jsonschema import ValidationError
+
+JsonPath = tuple[str | int, ...]
+"""Keys and indices from the root to a value."""
+
+_PLACE = re.compile("`([^`]+)`: ")
+_STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
+_LONG = re.compile(r"-?[0-9]{4300,}")
+"""Numbers that Python does not read."""
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
+_ESCAPE = re.compile(
+    r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}|\\u[0-9a-fA-F]{4}|\\.", re.DOTALL
+)
+"""Escapes one by one, two halves of a character together."""
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
+
+
+_KINDS = {
+    dict: "an object",
+    list: "a list",
+    str: "a string",
+    int: "a number",
+    float: "a number",
+    bool: "a truth value",
+    type(None): "null",
+}
+_WANTED = {
+    "object": "an object",
+    "array": "a list",
+    "string": "a string",
+    "number": "a number",
+    "boolean": "a truth value",
+}
+
+
+def parse_json(source: Source) -> tuple[object, dict[JsonPath, Span]]:
+    """The value of a JSON text, and where in the text each of its parts stands.
+
+    Raises:
+        LoadError: the text is no JSON.
+
+    >>> value, spans = parse_json(Source("a.json", '{"x": [1, 20]}'))
+    >>> value, spans["x", 1].text
+    ({'x': [1, 20]}, '20')
+    """
+    return _decoded(source), dict(locate(source))
+
+
+def read_json_model(source: Source, metamodel: Metamodel | None) -> tuple[ModelText, tuple[Diagnostic, ...]]:
+    """The model of a JSON text, and all that is wrong with it; without a metamodel only whether it is JSON."""
+    start = source.span(0, 0)
+    name = posixpath.basename(source.name).rpartition(".")[0] or source.name
+    try:
+        if metamodel is None:
+            _decoded(source)
+            return ModelText(name, start, "", None, {}), ()
+        model = parse_model(source, metamodel)
+    except LoadError as error:
+        return ModelText(name, start, "", None, {}), tuple(error.diagnostics)
+    return ModelText(model.name, start, metamodel.name, model, _Places(source)), ()
+
+
+class _Places(Mapping[int, Span]):
+    """Where each object of a model stands; looked for when somebody asks."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    @cached_property
+    def _spans(self) -> Mapping[int, Span]:
+        ids = [one["id"] for one in json.loads(self._source.text)["objects"]]
+        spans = {
+            path[1]: span for path, span in locate(self._source) if len(path) == 2 and path[0] == "objects"
+        }
+        return {node: spans[index] for index, node in enumerate(ids)}
+
+    def __getitem__(self, node: int) -> Span:
+        return self._spans[node]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._spans)
+
+    def __len__(self) -> int:
+        return len(self._spans)
+
+
+def check_json(value: object, spans: Mapping[JsonPath, Span], schema: Mapping[str, Any]) -> list[Diagnostic]:
+    """Where a value is not what a JSON Schema says, in the order of the text.
+
+    >>> value, spans = parse_json(Source("a.json", '{"x": [1, "2"]}'))
+    >>> schema = {"properties": {"x": {"items": {"type": "number"}}}}
+    >>> [str(one).split("\\n")[0] for one in check_json(value, spans, schema)]
+    ['a.json:1:11: `x[1]` is a string, not a number']
+    """
+    from jsonschema import Draft202012Validator  # takes a tenth of a second, and few commands need it
+
+    problems = [_schema_problem(error, spans) for error in Draft202012Validator(schema).iter_errors(value)]
+    return sort_diagnostics(problems)
+
+
+def _schema_problem(error: ValidationError, spans: Mapping[JsonPath, Span]) -> Diagnostic:
+    path: JsonPath = tuple(error.absolute_path)
+    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
+    what, wanted = f"`{where}`" if where else "the document", error.validator_value
+    match error.validator:
+        case "type":
+            message = f"{what} is {_KINDS[type(error.instance)]}, not {_WANTED[wanted]}"
+        case "required":
+            message = f"{what} has no `{next(key for key in wanted if key not in error.instance)}`"
+        case "const":
+            found = f", not `{error.instance}`" if isinstance(error.instance, str) else ""
+            message = f"{what} is to be `{wanted}`{found[:100]}"
+        case "minItems":
+            message = f"{what} is empty"
+        case _:
+            message = f"{what}: {error.message[:200]}"
+    return Diagnostic("bad-format", message, spans[path])
+
+
+def model_at(
+    value: object, metamodel: Metamodel, spans: Mapping[JsonPath, Span], path: JsonPath, file: str
+) -> Model:
+    """A model in a larger document, at a path.
+
+    Raises:
+        LoadError: it is no model of the metamodel; each diagnostic is at the value it is about.
+    """
+    try:
+        return model_from_json(value, metamodel, file=file)  # type: ignore[arg-type]  # it looks for itself
+    except LoadError as error:
+        placed = [
+            replace(problem, span=problem.span or spans[path + _path(problem, value)])
+            for problem in error.diagnostics
+        ]
+        raise LoadError(placed) from error
+
+
+def parse_model(source: Source, metamodel: Metamodel) -> Model:
+    """A model from the JSON text that `envgraph.graph.model_to_json` describes.
+
+    Raises:
+        LoadError: the text is no JSON, or no model of the metamodel; each diagnostic is at the value it is about.
+    """
+    value = _decoded(source)
+    if not isinstance(value, dict):
+        raise LoadError(
+            [Diagnostic("bad-format", "a model is an object", source.span(0, 1), "write `{ .. }`")]
+        )
+    try:
+        return model_from_json(value, metamodel, file=source.name)
+    except LoadError as error:
+        paths = [_path(problem, value) for problem in error.diagnostics]
+        spans = _located(source, set(paths))
+        placed = zip(error.diagnostics, paths, strict=True)
+        raise LoadError(
+            [replace(problem, span=problem.span or spans[path]) for problem, path in placed]
+        ) from error
+
+
+def _decoded(source: Source) -> object:
+    if not source.text.strip():
+        raise LoadError(
+            [
+                Diagnostic(
+                    "empty-file",
+                    "the file is empty",
+                    source.span(0, 0),
+                    "`envgraph convert` writes models as JSON",
+                )
+            ]
+        )
+    try:
+        value: object = json.loads(source.text, parse_constant=_finite, parse_float=_finite)
+    except _NotFinite as error:
+        span = next(span for _, span in locate(source) if span.text == error.text)
+        hint = 'JSON has finite numbers only; in a model an infinite float is written `"inf"`'
+        raise LoadError([Diagnostic("bad-number", f"`{error.text}` is no number", span, hint)]) from None
+    except json.JSONDecodeError as error:
+        span = source.span(error.pos, error.pos + 1)
+        raise LoadError(
+            [
+                Diagnostic(
+                    "syntax", f"not JSON: {error.msg.lower().removesuffix(' at')}", span, _json_hint(error)
+                )
+            ]
+        ) from error
+    except RecursionError:
+        hint = "a model has lists inside of objects inside of a list, and nothing deeper"
+        problem = Diagnostic("syntax", "the JSON is nested too deeply", source.span(0, 1), hint)
+        raise LoadError([problem]) from None
+    except ValueError as error:
+        found = _LONG.search(source.text)
+        if found is None:  # nothing else raises it
+            raise
+        span, hint = source.span(*found.span()), f"an int has 64 bits: it is {LARGEST_INT} at most"
+        problem = Diagnostic("number-too-large", "the number is too large", span, hint)
+        raise LoadError([problem]) from error
+    found = next(_lone_surrogates(source.text), None)
+    if found is not None:
+        message = f"`{found.group()}` is half of a character"
+        hint = "write the character itself, or both halves"
+        raise LoadError([Diagnostic("bad-escape", message, source.span(*found.span()), hint)])
+    return value
+
+
+class _NotFinite(Exception):
+    """What Python takes for a number, and JSON does not; or a number that is too large for a float."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.text = text
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise _NotFinite(text)
+    return value
+
+
+def _json_hint(error: json.JSONDecodeError) -> str | None:
+    """How to mend what Python's reader of JSON complains about."""
+    before, here = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos : error.pos + 1]
+    if before == "," and here in ("}", "]", "", '"', ","):
+        return "take out the comma before it: nothing comes after it" if here in ("}", "]") else None
+    if here == "'":
+        return 'names and texts stand between `"`'
+    if "delimiter" in error.msg:
+        return "a comma separates entries, and a colon a name from its value"
+    if "property name" in error.msg:
+        return 'names of entries stand between `"`'
+    if "Unterminated" in error.msg:
+        return 'close it with `"`'
+    return (
+        "a value is a text, a number, `true`, `false`, `null`, a list or an object"
+        if here
+        else "the file ends too soon"
+    )
+
+
+def _lone_surrogates(text: str) -> Iterator[re.Match[str]]:
+    """The escapes that stand for no character: a text with them cannot be written again."""
+    if _SURROGATE.search(text) is None:
+        return
+    for found in _ESCAPE.finditer(text):
+        if _SURROGATE.fullmatch(found.group()):
+            yield found
+
+
+def _path(problem: Diagnostic, value: object) -> JsonPath:
+    """The way to the value that a message begins with, or to the nearest one around it."""
+    found = _PLACE.match(problem.message)
+    steps: JsonPath = ()
+    for key, index in _STEP.findall(found.group(1)) if found else ():
+        if isinstance(value, dict) and key in value:
+            value = value[key]
+            steps = (*steps, key)
+        elif isinstance(value, list) and index and int(index) < len(value):
+            value = value[int(index)]
+            steps = (*steps, int(index))
+        else:
+            break
+    return steps
+
+
+def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath, Span]:
+    """Where some of the values stand; what comes after the last of them is not looked at."""
+    spans: dict[JsonPath, Span] = {}
+    for path, span in locate(source):
+        if path in wanted:
+            spans[path] = span
+            if len(spans) == len(wanted):
+                break
+    return spans
+
+
+def locate(source: Source) -> Iterator[tuple[JsonPath, Span]]:
+    """Path and span of every value of a text that is known to be JSON."""
+    path: list[str | int] = []  # of the value that comes next
+    opened: list[int] = []  # where the enclosing objects and lists begin
+    expects_key = False
+    for token in _TOKEN.finditer(source.text):
+        text = token.group()
+        if text in "{[":
+            opened.append(token.start())
+            path.append(0 if text == "[" else "")
+            expects_key = text == "{"
+        elif text in "}]":
+            path.pop()
+            yield tuple(path), source.span(opened.pop(), token.end())
+            expects_key = False
+        elif text == ",":
+            last = path[-1]
+            expects_key = isinstance(last, str)
+            if isinstance(last, int):
+                path[-1] = last + 1
+        elif text == ":":
+            expects_key = False
+        elif expects_key:
+            path[-1] = json.loads(text)
+        else:
+            yield tuple(path), source.span(token.start(), token.end())

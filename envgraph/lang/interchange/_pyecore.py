@@ -1,0 +1,251 @@
+"""Packages and objects of pyecore, and back, for programs that use both.
+
+They cross as text in memory: so they are checked as files are, and pyecore is needed here alone. It comes with the
+extra `emf`.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
+from urllib.parse import quote
+
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source, sort_diagnostics
+from envgraph.graph import Model, model_to_xmi
+from envgraph.lang.interchange._ecore import read_ecore
+from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself
+from envgraph.lang.interchange._xmi import read_xmi
+from envgraph.lang.read._ecore_types import ECORE
+from envgraph.metamodel import Metamodel, metamodel_to_ecore
+
+_XML_TYPES = "http://www.eclipse.org/emf/2003/XMLType"
+_TOLD: Final = 5
+"""So many losses are told one by one."""
+_PLACE = re.compile(r"#/(\d+)/")
+"""How pyecore names what is in one of several roots."""
+
+
+def metamodel_from_pyecore(package: Any, *others: Any) -> Metamodel:
+    """The metamodel of a `pyecore.ecore.EPackage`, the packages in it, and those that they refer to.
+
+    The logger `envgraph` is told how many features are left out; `Metamodel.left_out` says why.
+
+    Args:
+        package: the metamodel's own package; that of Ecore (`pyecore.ecore.eClass`) stands for the classes of Ecore.
+        *others: packages to be part of it that nothing refers to.
+
+    Raises:
+        LoadError: all that cannot be represented; positions are those of the packages as `.ecore` files.
+        InvalidArgument: this is no package, or pyecore is not installed.
+    """
+    ecore = _module("pyecore.ecore")
+    for one in (package, *others):
+        if not isinstance(one, ecore.EPackage):
+            raise InvalidArgument(f"a metamodel is made from an EPackage, not from {one!r}")
+    roots = _with_referenced([package, *others], ecore)
+    plain = [one for one in roots if one.nsURI != ECORE]
+    documents = [EcoreDocument(source) for source in _sources(plain, ecore)] if plain else []
+    if len(plain) < len(roots):
+        documents.insert(0 if roots[0].nsURI == ECORE else len(documents), ecore_itself())
+    found = read_ecore(documents)
+    if found.metamodel is None:
+        raise LoadError(sort_diagnostics(found.diagnostics))
+    _tell(one for one in found.diagnostics if one.code == "left-out")
+    return found.metamodel
+
+
+def _tell(losses: Iterable[Diagnostic]) -> None:
+    """Tell the logger what is lost, the first few of it."""
+    said = [one.message for one in losses]
+    if said:
+        more = f", and {len(said) - _TOLD} more" if len(said) > _TOLD else ""
+        logging.getLogger("envgraph").warning("%s", "; ".join(said[:_TOLD]) + more)
+
+
+def metamodel_to_pyecore(metamodel: Metamodel) -> Any:
+    """A `pyecore.ecore.EPackage` with the classes and enums of a metamodel.
+
+    Raises:
+        InvalidArgument: pyecore is not installed.
+    """
+    (package,) = _read("metamodel.ecore", metamodel_to_ecore(metamodel), ())
+    return package
+
+
+def model_from_pyecore(*roots: Any, metamodel: Metamodel) -> Model:
+    """The model of objects of pyecore, with all that they contain.
+
+    Args:
+        *roots: the objects at the top.
+        metamodel: of their package, as `metamodel_from_pyecore` makes it.
+
+    Raises:
+        LoadError: what the metamodel does not allow; positions are those of the objects as an `.xmi` file.
+        InvalidArgument: there are no objects, or pyecore is not installed.
+    """
+    _module("pyecore.ecore")
+    if not roots:
+        raise InvalidArgument("a model is made from one object at least")
+    found = read_xmi(Source("model.xmi", _written(list(roots))), metamodel)
+    if found.text.model is None:
+        raise LoadError(sort_diagnostics(found.diagnostics))
+    _tell(one for one in found.diagnostics if one.code == "values-left-out")
+    return found.text.model
+
+
+def model_to_pyecore(model: Model, package: Any = None) -> list[Any]:
+    """The objects of a model as objects of pyecore: those at the top, which contain the others.
+
+    Args:
+        model: the model.
+        package: an `EPackage` with its classes; None for one made of its metamodel.
+
+    Raises:
+        InvalidArgument: a string has a character that XML does not have, or pyecore is not installed.
+    """
+    _module("pyecore.ecore")
+    if package is None:
+        package = metamodel_to_pyecore(model.metamodel)
+    packages = _with_referenced([package], _module("pyecore.ecore"))
+    return _read("model.xmi", model_to_xmi(model), [one for root in packages for one in _packages(root)])
+
+
+def _module(name: str) -> Any:
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ImportError as error:
+        message = "this needs pyecore, which is not installed: pip install 'envgraph[emf]'"
+        raise InvalidArgument(message) from error
+
+
+def _memory(name: str, text: str = "") -> Any:
+    """A text that pyecore takes for a file; `written` has what it writes."""
+    base = _module("pyecore.resources.resource").URI
+
+    class Memory(base):  # type: ignore[misc, valid-type]  # pyecore has no types
+        written = io.BytesIO()
+
+        def create_instream(self) -> io.BytesIO:
+            return io.BytesIO(text.encode())
+
+        def create_outstream(self) -> io.BytesIO:
+            return self.written
+
+        def close_stream(self) -> None:
+            return
+
+    return Memory(name)
+
+
+def _read(name: str, text: str, packages: Any) -> list[Any]:
+    resources = _module("pyecore.resources").ResourceSet()
+    for package in packages:
+        resources.metamodel_registry[package.nsURI] = package
+    return list(resources.get_resource(_memory(name, text)).contents)
+
+
+def _written(roots: list[Any]) -> str:
+    """What pyecore writes of objects; they stay in the resources where they are."""
+    target = _memory("objects.xmi")
+    resource = _module("pyecore.resources.xmi").XMIResource(target)
+    homes = [root._eresource for root in roots]
+    resource.contents = roots
+    try:
+        for root in roots:
+            root._eresource = resource
+        resource.save(output=target)
+    finally:
+        for root, home in zip(roots, homes, strict=True):
+            root._eresource = home
+    return str(target.written.getvalue(), "utf-8")
+
+
+def _packages(package: Any) -> Iterator[Any]:
+    yield package
+    for inner in package.eSubpackages:
+        yield from _packages(inner)
+
+
+def _with_referenced(packages: Sequence[Any], ecore: Any) -> list[Any]:
+    """The outermost packages of these, and of all that they refer to, in the order in which they are met."""
+    found: list[Any] = []
+    asked = [_outermost(package) for package in packages]
+    open_ = list(asked)
+    while open_:
+        root = open_.pop(0)
+        known = root.nsURI in (ECORE, _XML_TYPES)
+        if root in found or (known and root not in asked):
+            continue
+        found.append(root)
+        if not known:
+            open_.extend(
+                _outermost(other) for inner in _packages(root) for other in _referenced(inner, ecore)
+            )
+    return found
+
+
+def _referenced(package: Any, ecore: Any) -> Iterator[Any]:
+    for classifier in package.eClassifiers:
+        if isinstance(classifier, ecore.EClass):
+            types = [feature.eType for feature in classifier.eStructuralFeatures]
+            for type_ in (*classifier.eSuperTypes, *types):
+                if type_ is not None and type_.ePackage is not None:
+                    yield type_.ePackage
+
+
+def _outermost(package: Any) -> Any:
+    while package.eSuperPackage is not None:
+        package = package.eSuperPackage
+    return package
+
+
+def _sources(packages: Sequence[Any], ecore: Any) -> Iterator[Source]:
+    """The texts of packages as `.ecore` files that name each other."""
+    etree = _module("lxml.etree")  # which pyecore writes with
+    tree = etree.fromstring(_written(list(packages)).encode())
+    elements = [tree] if len(packages) == 1 else list(tree)
+    names: list[str] = []
+    for package in packages:
+        name = package.name or "package"
+        names.append(name if name not in names else f"{name}-{len(names)}")
+    for name, element, package in zip(names, elements, packages, strict=True):
+        files = [("" if other == name else f"{quote(other)}.ecore") for other in names]
+        _name_files(element, files)
+        _add_opposites(element, package, ecore, dict(zip(packages, files, strict=True)))
+        yield Source(f"{name}.ecore", str(etree.tostring(element, encoding="unicode")))
+
+
+def _name_files(tree: Any, files: Sequence[str]) -> None:
+    """Names what is in other roots by their files."""
+    for part in tree.iter():
+        for attribute in ("eType", "eSuperTypes"):
+            if attribute in part.attrib:
+                text = part.attrib[attribute]
+                part.attrib[attribute] = _PLACE.sub(lambda found: f"{files[int(found[1])]}#//", text)
+
+
+def _add_opposites(element: Any, package: Any, ecore: Any, files: Mapping[Any, str]) -> None:
+    """Writes the `eOpposite`s into a tree of a package: pyecore 0.15 leaves them out."""
+    for tag, classifier in zip(element.findall("eClassifiers"), package.eClassifiers, strict=True):
+        if isinstance(classifier, ecore.EClass):
+            features = zip(tag.findall("eStructuralFeatures"), classifier.eStructuralFeatures, strict=True)
+            for inner, feature in features:
+                if isinstance(feature, ecore.EReference) and feature.eOpposite is not None:
+                    inner.set("eOpposite", _address(feature.eOpposite, files))
+    for tag, inside in zip(element.findall("eSubpackages"), package.eSubpackages, strict=True):
+        _add_opposites(tag, inside, ecore, files)
+
+
+def _address(feature: Any, files: Mapping[Any, str]) -> str:
+    """Where a feature stands: `#//Class/feature`, with the packages around the class, and the file."""
+    steps = [feature.name, feature.eContainingClass.name]
+    package = feature.eContainingClass.ePackage
+    while package.eSuperPackage is not None:
+        steps.append(package.name)
+        package = package.eSuperPackage
+    return f"{files[package]}#//{'/'.join(reversed(steps))}"

@@ -1,0 +1,217 @@
+"""Traces as text: `envgraph.rewrite.trace_to_text` and back, with every mistake at its place."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+from envgraph.errors import Diagnostic, InvalidArgument, Source, Span, TraceError, TypeMismatch, name_hint
+from envgraph.lang.interchange._json import JsonPath, locate
+from envgraph.metamodel import Value
+from envgraph.rewrite import TRACE_FORMAT, Engine, Firing, Trace
+
+_STATE: Final = re.compile("[0-9a-f]{16}")
+_KEYS: Final = {
+    "format": ("format", "model", "metamodel", "state"),
+    "rule": ("rule", "match", "state"),
+    "end": ("end", "state"),
+}
+_WRITTEN: Final = "`envgraph apply --trace` and `trace_to_text` write traces"
+_CHANGED: Final = "the trace was changed, or the rule is not what it was"
+_MOST: Final = 100
+"""So many mistakes are reported."""
+
+
+def parse_trace(source: Source, engine: Engine) -> Trace:
+    """A trace from its text, for `Engine.replay` of an engine with these rules.
+
+    Raises:
+        TraceError: it is no trace, or names what the engine does not have; all mistakes, each at its place.
+    """
+    reader = _Reader(source, engine)
+    reader.read()
+    if reader.problems:
+        raise TraceError(reader.problems[:_MOST])
+    return reader.trace
+
+
+class _Reader:
+    def __init__(self, source: Source, engine: Engine) -> None:
+        self.source = source
+        self.engine = engine
+        self.trace = Trace()
+        self.problems: list[Diagnostic] = []
+        self._states: list[Span] = []
+        self._matches: list[Span] = []
+        self._ended = False
+
+    def read(self) -> None:
+        start = 0
+        for number, line in enumerate(self.source.text.split("\n")):
+            if line.strip():
+                self._line(number, Source(self.source.name, line), start)
+            start += len(line) + 1
+            if len(self.problems) >= _MOST:
+                return
+        end = len(self.source.text)
+        if not self._states and not self.problems:
+            self._problem(
+                "empty-file", "the file has no trace in it", self.source.span(0, min(1, end)), _WRITTEN
+            )
+        elif not self._ended and not self.problems:
+            message = f"the trace ends after {len(self.trace)} applications, without its last line"
+            hint = (
+                f'the last line is `{{"end": {len(self.trace)}, "state": ..}}`: a part of the file is missing'
+            )
+            self._problem("unfinished-trace", message, self.source.span(max(0, end - 1), end), hint)
+        self.trace.spans, self.trace.matches = tuple(self._states), tuple(self._matches)
+
+    def _line(self, number: int, line: Source, start: int) -> None:
+        whole = self.source.span(start, start + len(line.text))
+        try:
+            value = json.loads(line.text)
+        except json.JSONDecodeError as error:
+            place = start + error.pos
+            span = self.source.span(place, place + 1)
+            self._problem("syntax", f"not JSON: {error.msg.lower()}", span, "each line is one JSON object")
+            return
+        except (ValueError, RecursionError):  # a number of thousands of digits; thousands of brackets
+            self._problem("syntax", "not JSON: a number or what is nested is too large", whole, _WRITTEN)
+            return
+        spans = {path: self.source.span(start + span.start, start + span.end) for path, span in locate(line)}
+        first = next(iter(value), None) if isinstance(value, dict) else None
+        if first not in _KEYS:
+            hint = 'a line begins with "format", "rule" or "end"'
+            self._problem("bad-format", "this is no line of a trace", whole, hint)
+        elif self._has_keys(value, _KEYS[first], spans):
+            read = {"format": self._start, "rule": self._application, "end": self._end}[first]
+            if self._in_order(first, whole):
+                read(value, spans)
+
+    def _in_order(self, first: str, whole: Span) -> bool:
+        if (first == "format") is bool(self._states):
+            if self.problems and not self._states:
+                self._states = [whole]  # the first line is what is wrong
+                return False
+            message = "the trace has begun already" if self._states else "the first line is missing"
+            hint = f'the first line, and no other, is `{{"format": "{TRACE_FORMAT}", ..}}`'
+            self._problem("bad-format", message, whole, hint)
+            self._states = self._states or [whole]  # say it once
+            return False
+        if self._ended:
+            self._problem(
+                "bad-format", "the trace has ended", whole, "nothing comes after the line with `end`"
+            )
+            return False
+        return True
+
+    def _has_keys(
+        self, value: Mapping[str, Any], known: tuple[str, ...], spans: Mapping[JsonPath, Span]
+    ) -> bool:
+        strange = [key for key in value if key not in known]
+        for key in strange:
+            self._problem("bad-format", f"unknown entry `{key}`", spans[key,], name_hint(key, known))
+        if known[1] == "match" and "match" not in value:
+            hint = 'write `"match": {"variable": value, ..}`'
+            self._problem("bad-format", "an application has a `match`", spans[()], hint)
+            return False
+        return not strange
+
+    def _start(self, value: Mapping[str, Any], spans: Mapping[JsonPath, Span]) -> None:
+        if value["format"] != TRACE_FORMAT:
+            hint = (
+                "a newer envgraph may have written it"
+                if str(value["format"]).startswith("envgraph")
+                else _WRITTEN
+            )
+            message = f"the format is `{TRACE_FORMAT}`, not {json.dumps(value['format'])}"
+            self._problem("bad-format", message, spans["format",], hint)
+        metamodel = self.engine.model.metamodel.name
+        if value.get("metamodel", metamodel) != metamodel:
+            message = f"the trace is about models of {json.dumps(value['metamodel'])}, and this is one of `{metamodel}`"
+            hint = "replay it on the model that it was recorded on"
+            self._problem("other-metamodel", message, spans["metamodel",], hint)
+        self._state(value, spans)
+
+    def _application(self, value: Mapping[str, Any], spans: Mapping[JsonPath, Span]) -> None:
+        firing = self._firing(value, spans)
+        if firing is not None:
+            self.trace.append(firing)
+            self._matches.append(spans["match",])
+            self._state(value, spans)
+
+    def _firing(self, value: Mapping[str, Any], spans: Mapping[JsonPath, Span]) -> Firing | None:
+        try:
+            if not isinstance(value["rule"], str):
+                raise InvalidArgument("the name of a rule is a string")
+            rule = self.engine.prepare(value["rule"])
+        except InvalidArgument as error:
+            message, _, hint = str(error).partition(": ")
+            self._problem("unknown-rule", message, spans["rule",], hint or None)
+            return None
+        match, names = value["match"], rule.shape.names
+        if not isinstance(match, dict):
+            hint = 'write `{"variable": value, ..}`'
+            self._problem("bad-format", "a match names what each variable stands for", spans["match",], hint)
+            return None
+        missing = [name for name in names if name not in match]
+        if missing:
+            listed = ", ".join(f"`{name}`" for name in missing)
+            self._problem(
+                "wrong-match", f"the match of `{rule.name}` lacks {listed}", spans["match",], _CHANGED
+            )
+        values: dict[str, Value] = {}
+        for name, given in match.items():
+            try:
+                if type(given) is int and rule.shape.is_object(rule.shape.position(name)):
+                    values[name] = given  # the object may not be there yet
+                else:
+                    values.update(self.engine.ids(rule.shape, {name: given}))
+            except (InvalidArgument, TypeMismatch) as error:
+                message, _, hint = str(error).partition(": ")
+                self._problem("wrong-match", message, spans["match", name], hint or _CHANGED)
+        if missing or len(values) != len(names):
+            return None
+        return Firing(rule.name, tuple(values[name] for name in names))
+
+    def _end(self, value: Mapping[str, Any], spans: Mapping[JsonPath, Span]) -> None:
+        self._ended = True
+        count = value["end"]
+        if (type(count) is not int or count != len(self.trace)) and not self.problems:
+            message = f"the trace has {len(self.trace)} applications, not {json.dumps(count)}"
+            self._problem("wrong-count", message, spans["end",], "lines are missing, or there are too many")
+        before = self.trace.states.get(len(self.trace))
+        # After a mistake an application may be missing, and the state before is not the last one.
+        whole = not self.problems
+        span = self._state(value, spans, again=True, known=before is not None)
+        if whole and before is not None and self.trace.states[len(self.trace)] != before and span is not None:
+            self._problem("other-state", "this is not the state after the last application", span, _CHANGED)
+
+    def _state(
+        self,
+        value: Mapping[str, Any],
+        spans: Mapping[JsonPath, Span],
+        *,
+        again: bool = False,
+        known: bool = False,
+    ) -> Span | None:
+        """Take in the state on a line, if there is one."""
+        span = spans.get(("state",))
+        if not again:
+            self._states.append(span or spans[()])
+        if span is None:
+            return None
+        state = value["state"]
+        if not isinstance(state, str) or not _STATE.fullmatch(state):
+            hint = "leave it out, and nothing is compared here"
+            self._problem("bad-format", "a state is 16 hexadecimal digits", span, hint)
+            return None
+        self.trace.states[len(self.trace)] = int(state, 16)
+        if again and not known:
+            self._states[-1] = span
+        return span
+
+    def _problem(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
+        self.problems.append(Diagnostic(code, message, span, hint))

@@ -1,0 +1,488 @@
+"""The tags of an `.xmi` file become objects as they stream by."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+from envgraph.errors import Note, Span, did_you_mean, with_article
+from envgraph.lang.interchange._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
+from envgraph.lang.read._ecore_types import too_large, value_of
+from envgraph.lang.read._imports import near_uri
+from envgraph.lang.syntax._xml import XMI, XSI, Handlers, Reader, Stop, namespaces
+from envgraph.metamodel import Attribute, EnumType, Package, Reference, Scalar, Value, simple_name, type_name
+
+XMI_SPACES = re.compile(r"http://(www\.omg\.org|schema\.omg\.org/spec)/(spec/)?XMI(/\d+(\.\d+)*)?")
+
+
+@dataclass(slots=True)
+class _Frame:
+    """A tag that is open: an object, or an attribute that stands as a tag.
+
+    Attributes:
+        node: the object, or the one whose attribute it is.
+        table: None where nothing inside can be understood.
+        parent: the container, to which the object is linked by `reference` at the end.
+        text: what stands in an attribute's tag; None for objects.
+        values: of the object's attributes with many, each with the place of its tag.
+    """
+
+    node: int
+    table: Table | None = None
+    parent: int = LOST
+    reference: Reference | None = None
+    attribute: Attribute | None = None
+    text: list[str] | None = None
+    values: dict[str, list[tuple[Value, int]]] = field(default_factory=dict)
+
+
+class TagReader:
+    """Reads the tags of one document."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._reading = document.reading
+        self._model = document.model
+        self._xml = Reader(document.places)
+        self._stack: list[_Frame] = []
+        self._skipped = 0
+        self._top = False
+        self._scope: dict[str, str] = {}
+        self._scopes: list[tuple[int, dict[str, str]]] = []
+        self._types: dict[str, str | None] = {}
+        self._type_keys: tuple[str, ...] = ()
+        self._id_key: str | None = None
+
+    def check_syntax(self) -> None:
+        """Only whether the file is XML."""
+        problem = self._xml.read(Handlers(self._open_only, self._close_only, lambda _: None))
+        if problem:
+            self._reading.diagnostics.append(problem)
+
+    def _open_only(self, tag: str, _: dict[str, str]) -> None:
+        self._xml.begin(tag)
+
+    def _close_only(self, _: str) -> None:
+        self._xml.open.pop()
+
+    def read(self) -> None:
+        """Creates the objects.
+
+        Raises:
+            Stop: the file is no XML, or has too many mistakes.
+        """
+        self._document.first = self._model.store.next_id
+        problem = self._xml.read(Handlers(self._start, self._end, self._text))
+        found = self._reading.diagnostics
+        if problem:
+            # What stands in a tag that is not closed may not belong there, and references may lead to what comes later.
+            opened = [note.span.start for note in problem.notes if note.span]
+            found[:] = [one for one in found if not (opened and one.span and one.span.start > opened[0])]
+            self._reading.add(problem)
+        if problem or self._reading.errors >= MOST_ERRORS:
+            raise Stop
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        at = self._xml.begin(tag)
+        for key in attributes:
+            if key[:5] == "xmlns":
+                self._declare(attributes)
+                break
+        if self._skipped:
+            self._skipped += 1
+        elif self._stack:
+            self._inner(tag, attributes, at)
+        else:
+            self._root(tag, attributes, at)
+
+    def _end(self, _: str) -> None:
+        self._xml.open.pop()
+        while self._scopes and self._scopes[-1][0] > len(self._xml.open):
+            self._enter_scope(self._scopes.pop()[1])
+        if self._skipped:
+            self._skipped -= 1
+            return
+        if not self._stack:
+            return
+        frame = self._stack.pop()
+        if frame.text is not None:
+            self._close_attribute(frame)
+            return
+        for name, values in frame.values.items():
+            assert frame.table is not None
+            spans = [partial(self._document.places.tag, at) for _, at in values]
+            self._set_many(frame.node, frame.table.attributes[name], [one for one, _ in values], spans)
+        if frame.reference is not None:
+            self._contain(frame)
+
+    def _text(self, text: str) -> None:
+        if self._skipped:
+            return
+        if self._stack and self._stack[-1].text is not None:
+            self._stack[-1].text.append(text)
+        elif not text.isspace():
+            # It is told when the next tag begins.
+            line = text.strip().split("\n")[0]
+            start = max(
+                self._document.source.text.rfind(line, 0, self._document.places.offset(self._xml.at)), 0
+            )
+            span = self._document.source.span(start, start + len(line))
+            self._document.report(
+                "stray-text",
+                "a text stands here, where only tags can stand",
+                span,
+                "take it out, or make an attribute of it",
+            )
+
+    # --- namespaces ---
+
+    def _declare(self, attributes: dict[str, str]) -> None:
+        own = namespaces(attributes)
+        for key in [key for key in attributes if key[:5] == "xmlns"]:
+            del attributes[key]
+        self._scopes.append((len(self._xml.open), self._scope))
+        self._enter_scope({**self._scope, **own})
+
+    def _enter_scope(self, scope: dict[str, str]) -> None:
+        self._scope = scope
+        self._types = {}
+        spaces = [prefix for prefix, uri in scope.items() if uri == XSI or XMI_SPACES.fullmatch(uri)]
+        self._type_keys = tuple(f"{prefix}:type" for prefix in spaces)
+        self._id_key = next((f"{one}:id" for one in spaces if scope[one] != XSI), None)
+
+    def _class_named(self, name: str, at: int, key: str | None) -> str | None:
+        """The class of a tag or an `xsi:type`, such as `railway:Region`; None, reported, if there is none."""
+        if name in self._types:
+            return self._types[name]
+        found = self._look_up(name, at, key)
+        self._types[name] = found
+        return found
+
+    def _look_up(self, name: str, at: int, key: str | None) -> str | None:
+        span = self._document.places.attribute(at, key) if key else self._document.places.tag(at)
+        prefix, _, simple = name.rpartition(":")
+        metamodel, package = self._reading.metamodel, None
+        if prefix and prefix not in self._scope:
+            hint = (
+                did_you_mean(prefix, self._scope)
+                or f'write `xmlns:{prefix}="{metamodel.uri or metamodel.name}"`'
+            )
+            self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
+        elif prefix or "" in self._scope:
+            package = self._package(self._scope[prefix], span)
+            if package is None and not near_uri(self._scope[prefix], self._reading.packages):
+                return None
+        cls = self._home(simple, package, span)
+        if cls is None:
+            return None
+        if metamodel.classes[cls].abstract:
+            kinds = metamodel.concrete(cls)
+            names = ", ".join(f"`{one}`" for one in kinds)
+            hint = f"its concrete classes are {names}" if kinds else "it has no concrete subclass"
+            self._document.report("abstract-class", f"`{simple}` is abstract", span, hint)
+            return None
+        return cls
+
+    def _home(self, simple: str, package: Package | None, span: Span) -> str | None:
+        """The class of this name in a package; without one the class that alone has the name."""
+        metamodel = self._reading.metamodel
+        homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}
+        if package and package.path in homes:
+            return homes[package.path]
+        if not package and len(homes) == 1:
+            return next(iter(homes.values()))
+        message = f"unknown class `{simple}`"
+        hint = did_you_mean(simple, (simple_name(one) for one in metamodel.classes))
+        if homes:
+            uris = [f"`{one.uri}`" for one in metamodel.packages if one.path in homes]
+            hint = "it is in " + " and ".join(uris)
+            message = f"`{simple}` is in several packages"
+            if package:
+                message = f"`{simple}` is not in the package `{package.uri}`"
+        self._document.report("unknown-class", message, span, hint)
+        return None
+
+    def _package(self, uri: str, span: Span) -> Package | None:
+        packages = self._reading.packages
+        if uri not in packages and uri not in self._reading.foreign:
+            self._reading.foreign.add(uri)
+            message = f"the metamodel `{self._reading.metamodel.name}` has no namespace `{uri}`"
+            near = near_uri(uri, packages)
+            if near:  # then classes are looked for by their names alone
+                self._document.report("unknown-uri", message, span, near)
+            else:
+                hint = "it has " + ", ".join(f"`{one}`" for one in packages)
+                self._reading.unresolved("unknown-uri", message, span, hint, "objects of it are left out")
+        return packages.get(uri)
+
+    # --- tags ---
+
+    def _root(self, tag: str, attributes: dict[str, str], at: int) -> None:
+        prefix, _, simple = tag.rpartition(":")
+        if not self._top and simple == "XMI" and XMI_SPACES.fullmatch(self._scope.get(prefix, "")):
+            self._top = True
+            return
+        self._top = True
+        if prefix and XMI_SPACES.fullmatch(self._scope.get(prefix, "")):
+            self._skipped = 1  # what other tools note
+            return
+        cls = self._class_named(tag, at, None)
+        if cls is None:
+            self._document.roots.append(LOST)
+            self._skipped = 1
+            return
+        table = self._reading.table(cls)
+        self._type_of(attributes)
+        node = self._create(table, attributes, at)
+        self._document.roots.append(node)
+        self._stack.append(_Frame(node, table))
+
+    def _type_of(self, attributes: dict[str, str]) -> tuple[str | None, str | None]:
+        for key in self._type_keys:
+            if key in attributes:
+                return attributes.pop(key), key
+        return None, None
+
+    def _inner(self, tag: str, attributes: dict[str, str], at: int) -> None:
+        frame = self._stack[-1]
+        table = frame.table
+        if table is None:
+            self._skipped = 1
+            return
+        reference = table.references.get(tag)
+        if reference is None:
+            self._other_tag(frame, table, tag, attributes, at)
+            return
+        if "href" in attributes or any(key.rpartition(":")[2] == "idref" for key in attributes):
+            self._href(frame.node, reference, attributes, at)
+            self._skipped = 1
+            return
+        if self._is_nil(attributes):
+            self._skipped = 1
+            return
+        if not reference.containment:
+            message = f"`{reference}` does not contain its targets"
+            hint = f'write `{reference.name}="..."`, or `<{reference.name} href="..."/>`'
+            self._document.report("wrong-type", message, self._document.places.tag(at), hint)
+            self._skipped = 1
+            return
+        self._child(frame, reference, attributes, at)
+
+    def _child(self, frame: _Frame, reference: Reference, attributes: dict[str, str], at: int) -> None:
+        type_, key = self._type_of(attributes)
+        # The name alone would be looked up in the namespace of the tag, and a reference has none.
+        cls = self._class_named(type_, at, key) if type_ else self._declared(reference, at)
+        if cls is not None and not self._reading.metamodel.is_a(cls, reference.target):
+            message = f"`{reference}` takes objects of class `{reference.target}`, not {with_article(cls)}"
+            where = self._document.places.attribute(at, key) if key else self._document.places.tag(at)
+            known = [f"`{one}`" for one in self._reading.metamodel.concrete(reference.target)]
+            self._document.report("wrong-type", message, where, f"write {' or '.join(known[:5])}")
+            cls = None
+        if cls is None:
+            place = len(self._model.targets(frame.node, reference))
+            gaps = self._document.gaps.setdefault((frame.node, reference.name), [])
+            gaps.append(place + len(gaps))
+            self._skipped = 1
+            return
+        table = self._reading.table(cls)
+        node = self._create(table, attributes, at)
+        self._stack.append(_Frame(node, table, frame.node, reference))
+
+    def _declared(self, reference: Reference, at: int) -> str | None:
+        """The class that a reference leads to, where a tag has no `xsi:type`."""
+        metamodel = self._reading.metamodel
+        if not metamodel.classes[reference.target].abstract:
+            return reference.target
+        kinds = metamodel.concrete(reference.target)
+        prefix = next((one for one, uri in self._scope.items() if uri in self._reading.packages), "")
+        if kinds:
+            home = metamodel.classes[kinds[0]].package
+            uris = [one.uri for one in metamodel.packages if one.path == home]
+            prefix = next((one for one, uri in self._scope.items() if uri in uris), prefix)
+        hint = f'write `xsi:type="{prefix}:{simple_name(kinds[0])}"` for example' if kinds else None
+        message = f"`{reference.target}` is abstract: the tag needs an `xsi:type`"
+        self._document.report("abstract-class", message, self._document.places.tag(at), hint)
+        return None
+
+    def _other_tag(self, frame: _Frame, table: Table, tag: str, attributes: dict[str, str], at: int) -> None:
+        """A tag that is no reference: an attribute, an extension of a tool, or a mistake."""
+        attribute = table.attributes.get(tag)
+        if attribute is not None:
+            nil = self._is_nil(attributes)
+            if nil and attribute.many:
+                message, span = f"a value of `{attribute}` is missing", self._document.places.tag(at)
+                self._document.report("missing-value", message, span, "write it, or leave the tag out")
+                self._skipped = 1
+            elif nil:
+                self._model.set_value(frame.node, attribute, None)
+                self._skipped = 1
+            else:
+                self._stack.append(_Frame(frame.node, attribute=attribute, text=[]))
+            return
+        self._skipped = 1
+        prefix = tag.rpartition(":")[0]
+        if prefix and XMI_SPACES.fullmatch(self._scope.get(prefix, "")):
+            return
+        known = [*table.references, *table.attributes]
+        self._unknown_feature(table, tag, self._document.places.tag(at), known)
+
+    def _unknown_feature(self, table: Table, name: str, span: Span, known: Sequence[str]) -> None:
+        if self._reading.metamodel.left_out(table.name, name):
+            self._reading.omit(table.name, name, span)
+        if name in self._reading.lost or self._reading.metamodel.left_out(table.name, name):
+            return
+        hint = did_you_mean(name, known)
+        if hint is None:
+            hint = "it has " + ", ".join(f"`{one}`" for one in known) if known else "it has no features"
+        self._document.report("unknown-feature", f"`{table.name}` has no feature `{name}`", span, hint)
+
+    def _is_nil(self, attributes: dict[str, str]) -> bool:
+        return any(
+            value == "true"
+            and key.rpartition(":")[2] == "nil"
+            and self._scope.get(key.rpartition(":")[0]) == XSI
+            for key, value in attributes.items()
+        )
+
+    # --- objects ---
+
+    def _create(self, table: Table, attributes: dict[str, str], at: int) -> int:
+        """The object of a tag, with the values of its attributes."""
+        model = self._model
+        name = attributes.pop(self._id_key, None) if self._id_key else None
+        own = name
+        if name is not None and name in model:  # of an object of another document, perhaps
+            if name in self._document.ids:
+                self._duplicate(name, at)
+            name = None
+        node = model.new(table.name, name)
+        self._document.bytes.append(at)
+        if own is not None:
+            self._document.ids.setdefault(own, node)
+        known, references = table.attributes, table.references
+        for key, value in attributes.items():
+            if key in known:
+                self._set(node, known[key], value, at)
+            elif key in references:
+                self._document.links.append(Link(node, references[key], value, at, key))
+            else:
+                self._other_attribute(table, key, at)
+        for attribute in table.unset:
+            if attribute.name not in attributes:
+                model.set_value(node, attribute, None)
+        if table.identifier and table.identifier in attributes:
+            self._document.identified.setdefault(attributes[table.identifier], node)
+        return node
+
+    def _duplicate(self, name: str, at: int) -> None:
+        first = self._document.ids.get(name)
+        notes = (Note("the first one is here", self._document.tag(first)),) if first is not None else ()
+        key = self._id_key or ""
+        message = f"there are two objects `{name}`"
+        where, hint = self._document.places.attribute(at, key), "give each object an id of its own"
+        self._document.report("duplicate-object", message, where, hint, notes=notes)
+
+    def _set(self, node: int, attribute: Attribute, text: str, at: int) -> None:
+        """Set an attribute that stands in the tag; many values have white space between them, as in EMF."""
+
+        def span() -> Span:
+            return self._document.places.attribute(at, attribute.name)
+
+        if attribute.many:
+            found = [self._value(attribute, one, span) for one in text.split()]
+            values = [one for one in found if one is not None]
+            self._set_many(node, attribute, values, [span] * len(values))
+            return
+        value = self._value(attribute, text, span)
+        if value is not None:
+            self._model.set_value(node, attribute, value)
+
+    def _set_many(
+        self, node: int, attribute: Attribute, values: Sequence[Value], spans: Sequence[Callable[[], Span]]
+    ) -> None:
+        """Add to the values of an attribute with many."""
+        kept = list(self._model.values(node, attribute))
+        seen = set(kept)
+        for value, span in zip(values, spans, strict=True):
+            if attribute.unique and value in seen:
+                message = f"`{attribute}` has this value already"
+                hint = 'leave it out; `unique="false"` in the metamodel would allow it'
+                self._document.report("duplicate-value", message, span(), hint)
+            elif len(kept) == attribute.upper:
+                message = f"`{attribute}` takes {plural(attribute.upper, 'value')} at most"
+                self._document.report("too-many-values", message, span(), "leave the others out")
+                break
+            else:
+                kept.append(value)
+                seen.add(value)
+        self._model.set_value(node, attribute, kept)
+
+    def _value(self, attribute: Attribute, text: str, where: Callable[[], Span]) -> Value | None:
+        """The value of a text; None if it is none of the attribute's type, which is reported."""
+        value = value_of(text, attribute.type)
+        if value is not None:
+            return value
+        type_, hint = attribute.type, too_large(text, attribute.type)
+        span = where()
+        if isinstance(type_, EnumType):
+            names = type_.labels or type_.literals
+            hint = did_you_mean(text, names) or "its literals are " + ", ".join(f"`{one}`" for one in names)
+            self._document.report(
+                "unknown-literal", f"`{type_.name}` has no literal `{short(text)}`", span, hint
+            )
+            return None
+        message = f"`{attribute}` takes {with_article(type_name(type_))}, not `{short(text)}`"
+        if hint is None and type_ in (Scalar.INT, Scalar.FLOAT):
+            hint = (
+                f"write {'a whole number, such as `3`' if type_ is Scalar.INT else 'a number, such as `2.5`'}"
+            )
+        if type_name(type_) == "bool":
+            hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
+        self._document.report("wrong-type", message, span, hint)
+        return None
+
+    def _other_attribute(self, table: Table, key: str, at: int) -> None:
+        prefix, _, simple = key.rpartition(":")
+        if prefix:
+            uri = self._scope.get(prefix)
+            if uri is None and prefix != "xml":
+                space = XSI if prefix == "xsi" else XMI if prefix == "xmi" else "..."
+                hint = (
+                    did_you_mean(prefix, self._scope) or f'write `xmlns:{prefix}="{space}"` in the first tag'
+                )
+                span = self._document.places.name_of(at, key)
+                self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
+            return  # what other tools note
+        known = [*table.attributes, *table.references]
+        self._unknown_feature(table, simple, self._document.places.name_of(at, key), known)
+
+    def _close_attribute(self, frame: _Frame) -> None:
+        assert frame.attribute is not None and frame.text is not None
+        at = self._xml.at
+        # Positions of texts are not kept: the tag that ends it stands for the value.
+        attribute = frame.attribute
+        value = self._value(attribute, "".join(frame.text), lambda: self._document.places.tag(at))
+        if value is not None and attribute.many:
+            self._stack[-1].values.setdefault(attribute.name, []).append((value, at))
+        elif value is not None:
+            self._model.set_value(frame.node, attribute, value)
+
+    def _contain(self, frame: _Frame) -> None:
+        """Links an object that is complete to its container: then no chain of containers is walked."""
+        assert frame.reference is not None
+        upper = frame.reference.upper
+        count = len(self._model.targets(frame.parent, frame.reference))
+        if upper is not None and count >= upper:
+            if count == upper and (frame.parent, frame.reference.name) not in self._document.gaps:
+                message = f"`{frame.reference}` takes {plural(upper, 'object')} at most"
+                hint = "leave this one out"
+                self._document.report("too-many-targets", message, self._document.tag(frame.node), hint)
+            self._document.gaps.setdefault((frame.parent, frame.reference.name), []).append(count)
+            return
+        self._model.link(frame.parent, frame.reference, frame.node)
+
+    def _href(self, node: int, reference: Reference, attributes: dict[str, str], at: int) -> None:
+        key = next(key for key in attributes if key == "href" or key.rpartition(":")[2] == "idref")
+        self._document.links.append(Link(node, reference, attributes[key], at, key))

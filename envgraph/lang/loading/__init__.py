@@ -1,0 +1,1 @@
+"""Files with all that they import, read and checked together."""

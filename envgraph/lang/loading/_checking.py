@@ -1,0 +1,140 @@
+"""Names and types across files: the definitions of a workspace against its metamodel and each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from envgraph.behaviour import Behaviour, check_behaviour
+from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors
+from envgraph.graph import Model, Violation, check_conformance
+from envgraph.lang.loading._workspace import Workspace
+from envgraph.lang.read._imports import without_consequences
+from envgraph.lang.read._model import ModelText
+from envgraph.lang.syntax._formats import HEAD, format_of
+from envgraph.metamodel import Reference
+from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
+from envgraph.rewrite import Engine
+
+_MOST = 100
+"""So many of the things that a model lacks are told one by one."""
+
+Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
+
+
+def check(workspace: Workspace, lost: frozenset[str]) -> list[Diagnostic]:
+    """What is wrong with patterns, rules, units, derivations and behaviours; names that are `lost` are not unknown."""
+    problems = list(_same_names(workspace.behaviours, "environment"))
+    metamodel = workspace.metamodel
+    if metamodel is None:
+        return [*problems, *_no_metamodel(workspace)]
+    engine = Engine(Model(metamodel))
+    found = without_consequences(engine.check(*workspace.definitions), lost)
+    problems.extend(found)
+    if workspace.behaviours:
+        broken = _add(engine, workspace.definitions)
+        for behaviour in workspace.behaviours:
+            about = check_behaviour(behaviour, engine)
+            problems.extend(one for one in without_consequences(about, lost) if not _mentions(one, broken))
+    return problems
+
+
+def conformance(text: ModelText) -> list[Diagnostic]:
+    """What a model lacks to conform to its metamodel (multiplicities, values): a diagnostic at each object.
+
+    A model may be worked on while it does not conform, so these are warnings.
+    """
+    if text.model is None:
+        return []
+    violations = check_conformance(text.model)
+    found = [
+        Diagnostic(
+            "conformance",
+            violation.message,
+            text.spans.get(violation.node, text.span),
+            _completion(violation, text.span.source.text.lstrip()[:1]),
+            Severity.WARNING,
+        )
+        for violation in violations[:_MOST]
+    ]
+    if len(violations) > _MOST:
+        message = f"{len(violations) - _MOST} more of these are not shown"
+        found.append(replace(found[-1], message=message, hint=None))
+    return found
+
+
+def _completion(violation: Violation, start: str) -> str:
+    """What to write so that an object has what it lacks, in a text that starts so."""
+    feature = violation.feature
+    if violation.kind == "too-many":
+        return f"leave some of `{feature.name}` out"
+    many = isinstance(feature, Reference) and feature.many
+    if start == "{":
+        return f'add `"{feature.name}": {"[..]" if many else ".."}` to its features'
+    if start == "<":
+        inside = isinstance(feature, Reference) and feature.containment
+        return f"add a tag `<{feature.name} ..>` inside" if inside else f'add `{feature.name}="..."`'
+    return f"add `{feature.name} = {'[..]' if many else '..'}`"
+
+
+def _add(engine: Engine, definitions: Sequence[Definition]) -> set[str]:
+    """Adds what has no errors; returns the names of the rest."""
+    left = list(definitions)
+    while left:
+        try:
+            engine.add(*left)
+            return set()
+        except ResolutionError:
+            sound = [one for one in left if _added(engine, one)]
+            if not sound:
+                break
+            left = [one for one in left if one not in sound]
+    return {one.name for one in left}
+
+
+def _added(engine: Engine, definition: Definition) -> bool:
+    try:
+        engine.add(definition)
+    except ResolutionError:
+        return False
+    return True
+
+
+def _mentions(problem: Diagnostic, names: Iterable[str]) -> bool:
+    return any(f"`{name}`" in problem.message for name in names)
+
+
+def _same_names(behaviours: Iterable[Behaviour], what: str) -> list[Diagnostic]:
+    first: dict[str, Span | None] = {}
+    problems = []
+    for behaviour in behaviours:
+        if behaviour.name in first:
+            notes = (Note("the first definition is here", first[behaviour.name]),)
+            message = f"{what} `{behaviour.name}` is defined twice"
+            problems.append(
+                Diagnostic(
+                    "duplicate-definition",
+                    message,
+                    behaviour.span,
+                    "choose another name, or leave one out",
+                    notes=notes,
+                )
+            )
+        first.setdefault(behaviour.name, behaviour.span)
+    return problems
+
+
+def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
+    """One diagnostic, where something needs a metamodel and no file has or imports one."""
+    formats = [format_of(name, text[:HEAD].encode()) for name, text in workspace.sources.items()]
+    if has_errors(workspace.diagnostics) or {"metamodel", "ecore"} & set(formats):
+        return []
+    about = (one for one in workspace.definitions if not isinstance(one, FunctionDeclaration))
+    needing = [one.span for one in (*about, *workspace.behaviours) if one.span]
+    ours = [one.span for one in workspace.models if one.span.source.text.lstrip()[:1] not in ("<", "{")]
+    needing = ours + needing
+    hint = 'write `import "name.metamodel"` at the top'
+    if not needing:
+        needing = [text.span for text in workspace.models]
+        hint = "name its `.ecore` or `.metamodel` file too, for example with `--metamodel`"
+    return [Diagnostic("no-metamodel", "no file imports a metamodel", span, hint) for span in needing[:1]]

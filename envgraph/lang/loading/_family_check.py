@@ -1,0 +1,267 @@
+"""Whether the names in a family file mean something."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+
+from envgraph.errors import Diagnostic, Span, did_you_mean, listed, name_hint
+from envgraph.lang.family._family import ComponentSpec, FamilySpec, Name
+from envgraph.lang.loading._workspace import Workspace
+from envgraph.metamodel import Metamodel, Reference
+from envgraph.pattern import Derivation, Rule, Unit
+
+COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "measure": ("path_complexity", "shortest_path", "shortest_plan", "count"),
+        "diversity": ("binned_entropy", "gini", "variance"),
+        "parents": ("random", "tournament", "elitist"),
+        "survivors": ("simulated_annealing", "hill_climbing", "beam", "exact"),
+    }
+)
+"""The kinds of components that come with envgraph, by role."""
+
+# For each kind of measure: the options, and what they name.
+_OPTIONS: Mapping[str, Mapping[str, str]] = {
+    "path_complexity": {"transform": "", "from": "class", "to": "class", "along": "path", "avoid": "class"},
+    "shortest_path": {"from": "class", "to": "class", "along": "path", "avoid": "class"},
+    "shortest_plan": {},
+    "count": {"of": "pattern"},
+}
+
+
+def check_family(
+    spec: FamilySpec, workspace: Workspace, components: Mapping[str, Collection[str]] = COMPONENTS
+) -> list[Diagnostic]:
+    """Names of patterns, rules, classes, references and components in a family file that mean nothing.
+
+    Args:
+        spec: the family.
+        workspace: of the files that it names.
+        components: the kinds that are known, by role ("measure", "diversity", "parents", "survivors").
+    """
+    return list(_Checker(spec, workspace, components).check())
+
+
+class _Checker:
+    def __init__(
+        self, spec: FamilySpec, workspace: Workspace, components: Mapping[str, Collection[str]]
+    ) -> None:
+        self._spec = spec
+        self._workspace = workspace
+        self._components = components
+        self._patterns = _named((one.name, one.qualified_name) for one in workspace.patterns)
+        rules: list[Rule | Unit | Derivation] = [*workspace.rules, *workspace.units, *workspace.derivations]
+        self._rules = _named((one.name, one.qualified_name) for one in rules)
+
+    def check(self) -> Iterator[Diagnostic]:
+        spec = self._spec
+        constraints = spec.constraints
+        for name in (*constraints.require, *constraints.forbid, *(name for name, _ in constraints.count)):
+            yield from self._known(name.text, name.span, self._patterns, "pattern")
+        for name in spec.mutation.rules:
+            yield from self._rule(name)
+        for measure in spec.measures:
+            yield from self._component(measure, "measure")
+            yield from self._measure(measure)
+        yield from self._component(spec.diversity, "diversity")
+        yield from self._component(spec.search.parents, "parents")
+        yield from self._component(spec.search.survivors, "survivors")
+        for name in spec.ga4cl:
+            yield from self._class(name.text, name.span)
+        yield from self._needs_behaviour()
+        models = [one.span for one in self._workspace.models]
+        yield from self._one(spec.model, models, "model")
+        behaviours = [one.span for one in self._workspace.behaviours]
+        if spec.environment is not None:
+            yield from self._one(spec.environment, behaviours, "environment")
+
+    def _one(self, file: Name, spans: Iterable[Span | None], what: str) -> Iterator[Diagnostic]:
+        """A family begins with the one model, and has the one environment, that its file defines."""
+        count = sum(1 for span in spans if span and span.source.name == file.text)
+        if count != 1 and self._workspace.sources.get(file.text) is not None:
+            message = f"the file defines {'no' if not count else 'more than one'} {what}"
+            hint = f"name a `.{what}` file with one {what}"
+            yield Diagnostic(f"no-single-{what}", message, file.span, hint)
+
+    def _needs_behaviour(self) -> Iterator[Diagnostic]:
+        if self._spec.environment is not None:
+            return
+        plans = [measure.span() for measure in self._spec.measures if measure.kind == "shortest_plan"]
+        outcomes = [outcome.span for outcome in self._spec.constraints.reachable]
+        for span in (*plans, *outcomes):
+            hint = 'write `environment = "name.environment"` at the top'
+            yield Diagnostic(
+                "missing-key", "this needs an environment, and the family names none", span, hint
+            )
+
+    def _rule(self, name: Name) -> Iterator[Diagnostic]:
+        group, dot, member = name.text.partition(".")
+        if dot and group in self._rules and member.count(".") == 1 and self._metamodel_has(member.split(".")):
+            return  # a member of a derived group, such as `retypings.Road.Water`
+        if name.text not in self._rules and name.text in self._patterns:
+            hint = "a pattern changes nothing: name a rule that does"
+            yield Diagnostic("unknown-rule", f"`{name}` is a pattern, not a rule", name.span, hint)
+            return
+        yield from self._known(name.text, name.span, self._rules, "rule")
+
+    def _metamodel_has(self, classes: Iterable[str]) -> bool:
+        metamodel = self._workspace.metamodel
+        return metamodel is not None and all(cls in metamodel.classes for cls in classes)
+
+    def _known(
+        self, name: str, span: Span | None, known: Mapping[str, int], what: str
+    ) -> Iterator[Diagnostic]:
+        count = known.get(name, 0)
+        if count == 1:
+            return
+        if count > 1:
+            full = ", ".join(f"`{one}`" for one in known if one.endswith(f".{name}"))
+            message = f"there are several {what}s `{name}`"
+            yield Diagnostic(f"ambiguous-{what}", message, span, f"write one of {full}")
+            return
+        hint = did_you_mean(name, known) or self._elsewhere(name, what)
+        hint = hint or name_hint(name, [one for one in known if "." not in one])
+        hint = hint or f'none of the files has a {what}: name the one with it in `imports = [".."]`'
+        yield Diagnostic(f"unknown-{what}", f"unknown {what} `{name}`", span, hint)
+
+    def _elsewhere(self, name: str, what: str) -> str | None:
+        if what == "pattern" and name in self._rules:
+            return f"`{name}` is a rule; constraints and counts are patterns"
+        return None
+
+    # --- components ---
+
+    def _component(self, component: ComponentSpec, role: str) -> Iterator[Diagnostic]:
+        known = self._components.get(role, ())
+        if component.kind not in known:
+            word = "name" if role in {"parents", "survivors"} else "kind"
+            hint = did_you_mean(component.kind, known) or "there are " + ", ".join(
+                f"`{one}`" for one in known
+            )
+            message = f"unknown {word} of {role} `{component.kind}`"
+            yield Diagnostic("unknown-component", message, component.span(), hint)
+
+    def _measure(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
+        expected = _OPTIONS.get(measure.kind)
+        if expected is None or measure.kind not in COMPONENTS["measure"]:
+            return
+        for option, value in measure.options.items():
+            span = measure.key_span(option)
+            if option == "otherwise":
+                continue
+            if option not in expected:
+                known = ", ".join(f"`{one}`" for one in (*expected, "otherwise"))
+                hint = did_you_mean(option, (*expected, "otherwise")) or f"`{measure.kind}` has {known}"
+                yield Diagnostic("unknown-key", f"unknown key `{option}` in `{measure.name}`", span, hint)
+            elif expected[option]:
+                yield from self._option(measure, option, value, expected[option])
+        if measure.kind == "path_complexity":
+            yield from self._steps(measure)
+
+    def _option(self, measure: ComponentSpec, option: str, value: object, what: str) -> Iterator[Diagnostic]:
+        span = measure.span(option)
+        names = value if isinstance(value, list) else [value]
+        if (
+            not names
+            or not all(isinstance(name, str) for name in names)
+            or (what != "path" and value is names)
+        ):
+            wanted = "a list of names of references" if what == "path" else f"the name of a {what}"
+            hint = f'write `{option} = ["..."]`' if what == "path" else f'write `{option} = "..."`'
+            yield Diagnostic("wrong-type", f"`{option}` is {wanted}", span, hint)
+            return
+        for index, name in enumerate(names):
+            span = measure.spans.get(f"{option}[{index}]", span)
+            match what:
+                case "class":
+                    yield from self._class(str(name), span)
+                case "pattern":
+                    yield from self._known(str(name), span, self._patterns, "pattern")
+                case _:
+                    yield from self._path(str(name), span, measure.kind)
+
+    def _class(self, name: str, span: Span | None) -> Iterator[Diagnostic]:
+        metamodel = self._workspace.metamodel
+        if metamodel is not None and name not in metamodel.classes:
+            yield Diagnostic(
+                "unknown-class", f"unknown class `{name}`", span, name_hint(name, metamodel.classes)
+            )
+
+    def _path(self, name: str, span: Span | None, kind: str) -> Iterator[Diagnostic]:
+        """A reference (`right`, `Tile.right`) or a binary pattern."""
+        metamodel = self._workspace.metamodel
+        if metamodel is None:
+            return
+        references = [one for one in metamodel.references if name in {one.name, str(one)}]
+        if name in self._patterns and not references and kind == "path_complexity":
+            message = f"`{name}` is a pattern, and `{kind}` follows references"
+            yield Diagnostic("wrong-type", message, span, "`shortest_path` follows patterns, too")
+            return
+        if references or name in self._patterns:
+            yield from self._binary(name, span, references)
+            return
+        patterns = () if kind == "path_complexity" else self._patterns
+        known = [*(one.name for one in metamodel.references), *patterns]
+        message = f"no reference {'or pattern ' if patterns else ''}is called `{name}`"
+        yield Diagnostic("unknown-reference", message, span, name_hint(name, known))
+
+    def _binary(self, name: str, span: Span | None, references: list[Reference]) -> Iterator[Diagnostic]:
+        if references:
+            return
+        found = next(one for one in self._workspace.patterns if name in {one.name, one.qualified_name})
+        if len(found.parameters) != 2:
+            message = f"`{name}` is no pattern of two parameters, which a path could follow"
+            hint = "a step goes from the object of the first parameter to that of the second"
+            yield Diagnostic("wrong-arity", message, span, hint)
+
+    def _steps(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
+        """Whether paths of a measure can go where it says, by the classes of the objects."""
+        metamodel, given = self._workspace.metamodel, measure.options
+        along = given.get("along")
+        names = along if isinstance(along, list) else [along]
+        classes = [given.get(option) for option in ("from", "to", "avoid")]
+        if metamodel is None or not all(isinstance(one, str) and one in metamodel.classes for one in classes):
+            return
+        found = [[r for r in metamodel.references if name in {r.name, str(r)}] for name in names]
+        start, goal, avoid = map(str, classes)
+        reached = _reached(metamodel, start, [one for references in found for one in references])
+        for index, (name, references) in enumerate(zip(names, found, strict=True)):
+            span = measure.spans.get(f"along[{index}]", measure.span("along"))
+            if references and reached.isdisjoint(c for r in references for c in metamodel.concrete(r.owner)):
+                owners = listed(r.owner for r in references)
+                hint = (
+                    f"`{name}` starts at {owners}: name a reference that starts at a `{start}` or further on"
+                )
+                message = f"no path from a `{start}` comes to where `{name}` starts"
+                yield Diagnostic("unreachable-step", message, span, hint)
+        if not all(found):
+            return
+        for option, cls in (("to", goal), ("avoid", avoid)):
+            if reached.isdisjoint(metamodel.concrete(cls)):
+                message = f"no path along these references leads from a `{start}` to a `{cls}`"
+                hint = (
+                    f"paths come to {listed(reached)}" if reached else f"`{start}` has no objects of its own"
+                )
+                yield Diagnostic("unreachable-step", message, measure.span(option), hint)
+
+
+def _reached(metamodel: Metamodel, start: str, references: Sequence[Reference]) -> set[str]:
+    """The concrete classes of the objects that paths may come to."""
+    reached = set(metamodel.concrete(start))
+    before = -1
+    while before < len(reached):
+        before = len(reached)
+        for reference in references:
+            if not reached.isdisjoint(metamodel.concrete(reference.owner)):
+                reached.update(metamodel.concrete(reference.target))
+    return reached
+
+
+def _named(names: Iterable[tuple[str, str]]) -> dict[str, int]:
+    """How many qualified names each name may mean; one, if it is a qualified name itself."""
+    counts: dict[str, int] = {}
+    distinct = dict.fromkeys(names)  # a second definition of a name is reported where it stands
+    for simple, _ in distinct:
+        counts[simple] = counts.get(simple, 0) + 1
+    return counts | {qualified: 1 for _, qualified in distinct}

@@ -1,0 +1,131 @@
+"""Imports that lead to nothing, and files that are imported for nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from envgraph.errors import Diagnostic, Severity, did_you_mean
+from envgraph.lang.read._ecore_types import library_types
+from envgraph.lang.read._imports import Import
+from envgraph.lang.read._query_header import PatternImport
+from envgraph.metamodel import Metamodel, simple_name
+from envgraph.pattern import Pattern
+
+
+@dataclass(slots=True)
+class ImportedFile:
+    """What is known about a file, to tell which of its imports are of use.
+
+    Attributes:
+        imports: of files, with the names of these; None for an import that none of the files is.
+        patterns: that it imports by name.
+        mentioned: the names that stand in a file of queries; None for others, which may import what runs by itself.
+        defined: the names that stand for something because of this file.
+        metamodel: whether it is one.
+    """
+
+    imports: list[tuple[Import, str | None]] = field(default_factory=list)
+    patterns: Sequence[PatternImport] = ()
+    mentioned: frozenset[str] | None = None
+    defined: set[str] = field(default_factory=set)
+    metamodel: bool = False
+
+
+def names_of(metamodel: Metamodel, calls: Collection[str] | None = None) -> set[str]:
+    """The names that a metamodel gives a meaning, or only the packages of these uris."""
+    paths = {one.path for one in metamodel.packages if calls is None or one.uri in calls}
+    found = {metamodel.name} if calls is None else set()
+    for enum in (one for one in metamodel.enum_types if one.package in paths):
+        found.update((simple_name(enum.name), *enum.literals))
+    for cls in (one for one in metamodel.class_list if one.package in paths):
+        found.add(simple_name(cls.name))
+        found.update(feature.name for feature in cls.features)
+    return found
+
+
+def imported_patterns(file: ImportedFile, patterns: Mapping[str, Pattern], name: str) -> Iterator[Diagnostic]:
+    """Patterns that a file, of this name, imports, and that none of the files has or shows.
+
+    Args:
+        file: the file.
+        patterns: of all files, by qualified name.
+        name: of the file.
+    """
+    for one in file.patterns:
+        found = patterns.get(one.name)
+        if found is None:
+            near = did_you_mean(one.name, (known for known, each in patterns.items() if not each.private))
+            hint = f'import the file of the pattern too; a file stands in quotes, `import "{one.name}"`'
+            if one.name.rpartition(".")[2] in ("metamodel", "ecore", "query", "vql", "rules"):
+                near = f'the path of a file stands in quotes: `import "{one.name}"`'
+            yield Diagnostic("unknown-pattern", f"unknown pattern `{one.name}`", one.span, near or hint)
+        elif found.private and found.span is not None and found.span.source.name != name:
+            hint = "a private pattern is visible in its own file only"
+            yield Diagnostic("private-pattern", f"pattern `{one.name}` is private", one.span, hint)
+
+
+def without_calls(found: Iterable[Diagnostic], wrong: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Leaves out that a pattern is unknown where it is called, if the import of it has been reported."""
+    reported = {
+        (one.span.source.name, one.span.text.rpartition(".")[2]) for one in wrong if one.span is not None
+    }
+    return [
+        one
+        for one in found
+        if one.code not in ("unknown-pattern", "private-pattern")
+        or one.span is None
+        or (one.span.source.name, one.span.text.rpartition(".")[2]) not in reported
+    ]
+
+
+def unused_files(files: Mapping[str, ImportedFile]) -> Iterator[Diagnostic]:
+    """Warns of files that are imported where nothing of them, or of what they import, is mentioned."""
+    for name, file in files.items():
+        if file.mentioned is None or not file.defined:
+            continue  # the file is there to put others together
+        kept = [target for _, target in file.imports if target in files and target != name]
+        known: set[str] = set()
+        for import_, target in file.imports:
+            if target is None:
+                types = library_types(import_.path) or {}
+                if types and not file.mentioned & types.keys():
+                    yield _unused(import_, f"nothing here is of a type of `{import_.path}`")
+            elif target in known and import_.alias is None:
+                yield _unused(import_, f"`{import_.path}` is imported already")
+            elif target in kept and not _useful(files, name, target, kept):
+                kept = [other for other in kept if other != target]
+                yield _unused(import_, f"nothing here is defined in `{import_.path}`")
+            if import_.alias is None:
+                known.add(target or "")
+
+
+def _unused(import_: Import, message: str) -> Diagnostic:
+    return Diagnostic("unused-import", message, import_.span, "leave the import out", Severity.WARNING)
+
+
+def _useful(
+    files: Mapping[str, ImportedFile], name: str, target: str, imported: Iterable[str | None]
+) -> bool:
+    """Whether a file mentions what another defines, or knows something from it that no other import tells."""
+    mentioned = files[name].mentioned or frozenset()
+    if mentioned & files[target].defined:
+        return True
+    others = set(_reached(files, (one for one in imported if one != target), name))
+    return any(
+        files[one].metamodel or mentioned & files[one].defined
+        for one in _reached(files, [target], name)
+        if one not in others
+    )
+
+
+def _reached(files: Mapping[str, ImportedFile], starts: Iterable[str | None], without: str) -> Iterator[str]:
+    """Files and all that they import, but not one of them."""
+    seen = {without}
+    waiting = list(starts)
+    while waiting:
+        one = waiting.pop()
+        if one is not None and one not in seen and one in files:
+            seen.add(one)
+            yield one
+            waiting += [target for _, target in files[one].imports]

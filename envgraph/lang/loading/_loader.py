@@ -1,0 +1,698 @@
+"""Reads files and what they import, and checks them together."""
+
+from __future__ import annotations
+
+import gc
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from os import PathLike, fspath
+from typing import NoReturn
+
+from envgraph.behaviour import Behaviour
+from envgraph.errors import (
+    RAISE_LIMIT,
+    Diagnostic,
+    InvalidArgument,
+    LoadError,
+    Note,
+    Severity,
+    Source,
+    did_you_mean,
+    limit,
+)
+from envgraph.lang.family._family import FamilySpec
+from envgraph.lang.family._family_reader import FAMILY_FILE, read_family
+from envgraph.lang.interchange._ecore import read_ecore
+from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, ecore_path
+from envgraph.lang.interchange._json import read_json_model
+from envgraph.lang.interchange._xmi import read_xmi, schema_paths
+from envgraph.lang.loading._checking import check, conformance
+from envgraph.lang.loading._family_check import COMPONENTS, check_family
+from envgraph.lang.loading._import_check import (
+    ImportedFile,
+    imported_patterns,
+    names_of,
+    unused_files,
+    without_calls,
+)
+from envgraph.lang.loading._workspace import Workspace
+from envgraph.lang.read._ecore_types import ECORE
+from envgraph.lang.read._environment import EnvironmentFile, read_environment, with_enums
+from envgraph.lang.read._expressions import Reading
+from envgraph.lang.read._imports import Import, near_uri, without_consequences
+from envgraph.lang.read._metamodel import MetamodelFile, read_metamodel
+from envgraph.lang.read._model import ModelText, imports_of, read_models
+from envgraph.lang.read._query import QueryFile, read_query
+from envgraph.lang.read._query_header import header_of
+from envgraph.lang.read._rules import RulesFile, read_rules
+from envgraph.lang.read._suppress import Suppression, suppressions_of, unsuppressed
+from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.syntax._consequences import (
+    once_for_each_name,
+    unread_names,
+    without_echoes,
+    without_misread,
+)
+from envgraph.lang.syntax._data import bundled_domains, data_path
+from envgraph.lang.syntax._files import DiskFiles, Files, file_format, in_directory, read_source
+from envgraph.lang.syntax._formats import FORMATS, suffix_of
+from envgraph.lang.syntax._grammar import grammar
+from envgraph.lang.syntax._lexer import Lexeme
+from envgraph.lang.syntax._parsing import Parsed, parse_tokens
+from envgraph.lang.syntax._xml import as_utf8
+from envgraph.metamodel import Metamodel
+from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
+from envgraph.rewrite import Engine
+
+_DEFINED_ELSEWHERE = {"unknown-pattern", "unknown-rule", "unknown-reference", "no-metamodel"}
+
+_ABSENT = {"no-actions", "no-observation", "no-success"}
+"""What an environment lacks may stand where it could not be read."""
+
+LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
+
+_FOREIGN = {"ecore": "metamodel", "xmi": "model", "json": "model", "vql": "query"}
+"""Formats that are none of the five languages, and what they are read as."""
+
+_LANGUAGE_OF = {**{language: language for language in LANGUAGES}, **_FOREIGN}
+
+_LIBRARIES = (ECORE, "http://www.eclipse.org/emf/2003/XMLType")
+"""Packages that every `.vql` file may import: they hold the data types."""
+
+_MOST_FILES = 10_000
+"""With all imports."""
+
+_NAME_IT = "name its file too, for example with `--metamodel`, or import the path of a file"
+
+StrPath = str | PathLike[str]
+
+
+def open(*paths: StrPath, seed: int = 0, allow_unresolved: bool = False) -> Engine:
+    """An engine with everything that the files and their imports say.
+
+    Args:
+        paths: files of any language, a family file, a directory that holds one, or the name of a bundled domain.
+            Without a model among them and what they import, the engine's model is empty.
+        seed: of the engine's random choices.
+        allow_unresolved: whether links of EMF models to files and objects that are nowhere are left out; else they are
+            mistakes.
+
+    Raises:
+        LoadError: all that is wrong with all of the files, together.
+        InvalidArgument: no path leads to a metamodel, or several lead to a model.
+
+    >>> engine = open("burning_forest")
+    >>> engine.count("burningTile")
+    20
+    """
+    return open_workspace(*paths, allow_unresolved=allow_unresolved).engine(seed=seed)
+
+
+def open_workspace(*paths: StrPath, allow_unresolved: bool = False) -> Workspace:
+    """What `open` makes an engine of, and all that is wrong with it, warnings too."""
+    return load_workspace(_family_first(paths), allow_unresolved=allow_unresolved)
+
+
+def load(engine: Engine, *paths: StrPath) -> None:
+    """Adds the patterns, rules, units and derived groups of files and their imports to an engine.
+
+    What the engine has already is left alone: a definition that is equal to a known one of the same name is no error.
+    Models and behaviours among the files are not used.
+
+    Raises:
+        LoadError: all that is wrong with all of the files, together. Nothing is added.
+        InvalidArgument: the files are about another metamodel than the engine's model.
+    """
+    own = engine.model.metamodel
+    workspace = load_workspace(paths, metamodel=own)
+    workspace.raise_errors()
+    if workspace.metamodel is not None and not _same(workspace.metamodel, own):
+        raise InvalidArgument(
+            f"the files are about metamodel `{workspace.metamodel.name}`, the engine's model is of `{own.name}`"
+        )
+    known = {one.qualified_name: one for one in engine.definitions}
+    new = [one for one in workspace.definitions if known.get(one.qualified_name) != one]
+    engine.add(*new)
+
+
+def load_behaviour(path: StrPath, name: str | None = None) -> Behaviour:
+    """The behaviour of an `.environment` file (the one of that name if there are several).
+
+    Raises:
+        LoadError: all that is wrong with the file and its imports.
+        InvalidArgument: there is none, or several to choose from.
+    """
+    return load_workspace([path]).behaviour(name)
+
+
+def load_workspace(
+    paths: Iterable[StrPath],
+    *,
+    files: Files | None = None,
+    components: Mapping[str, Collection[str]] = COMPONENTS,
+    metamodel: Metamodel | None = None,
+    allow_unresolved: bool = False,
+    overrides: Sequence[str] = (),
+) -> Workspace:
+    """Reads and checks files and what they import; errors are in `diagnostics` of the result.
+
+    Args:
+        paths: files of any language; family files, whose model and environment are read too; directories, of which all
+            files are read; names of bundled domains.
+        files: where files are read from; the disk if None. `TextFiles` for texts at hand.
+        components: the kinds of measures and selections that a family file may name, by role (see `check_family`).
+        metamodel: what the files are about if none of them is a metamodel, or imports one by its path; they may
+            import this one by its uri or its name.
+        allow_unresolved: whether links of EMF models to what is nowhere are warnings, and left out.
+        overrides: what holds instead of what family files say, such as "search.population=10".
+    """
+    with _without_collection():
+        loader = _Loader(files or DiskFiles(), components, metamodel, allow_unresolved, overrides)
+        for path in paths:
+            loader.add_root(fspath(path))
+        return loader.workspace()
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Stops looking for garbage: nearly all that is made while reading stays, and to look takes a third of the time."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _family_first(paths: Sequence[StrPath]) -> list[str]:
+    """The paths, with the family file in place of a directory or domain that has one."""
+    files = DiskFiles()
+    chosen = []
+    for path in (fspath(one) for one in paths):
+        directory = _directory(files, path)
+        family = in_directory(directory, FAMILY_FILE) if directory else None
+        chosen.append(family if family and family in files.entries(directory or "") else path)
+    return chosen
+
+
+def _directory(files: Files, path: str) -> str | None:
+    """The directory that a path means, which may be the name of a bundled domain; None for a file."""
+    name = files.name(path)
+    if files.is_directory(name):
+        return name
+    if isinstance(files, DiskFiles) and path in bundled_domains() and name not in files.entries("."):
+        return DiskFiles().name(str(data_path("rules", path)))
+    return None
+
+
+def _same(one: Metamodel, other: Metamodel) -> bool:
+    return one is other or (one.class_list == other.class_list and one.enum_types == other.enum_types)
+
+
+@dataclass(slots=True)
+class _Loader:
+    """Reads each file once; a file's imports are read right after it, so that the order is that of the text."""
+
+    files: Files
+    components: Mapping[str, Collection[str]]
+    given: Metamodel | None = None
+    allow_unresolved: bool = False
+    overrides: Sequence[str] = ()
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    roots: list[str] = field(default_factory=list)
+    order: dict[str, int] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
+    lost: set[str] = field(default_factory=set)
+    metamodels: dict[str, tuple[MetamodelFile, Import | None]] = field(default_factory=dict)
+    ecore: dict[str, tuple[EcoreDocument, Import | None]] = field(default_factory=dict)
+    """The `.ecore` files, of which one metamodel is made when all are there."""
+    texts: list[tuple[str, Parsed, Sequence[Lexeme]]] = field(default_factory=list)
+    """Files with definitions, which are read when it is known what the names in them mean."""
+    models: list[Parsed | Source] = field(default_factory=list)
+    patterns: list[Pattern] = field(default_factory=list)
+    functions: list[FunctionDeclaration] = field(default_factory=list)
+    definitions: list[Rule | Unit | Derivation] = field(default_factory=list)
+    behaviours: list[Behaviour] = field(default_factory=list)
+    families: list[FamilySpec] = field(default_factory=list)
+    suppressions: list[Suppression] = field(default_factory=list)
+    unclear: set[str] = field(default_factory=set)
+    named: list[tuple[Import, str]] = field(default_factory=list)
+    """Imports that may be the uri or the name of a metamodel, with the file that has them."""
+    schemas: list[str] = field(default_factory=list)
+    """Metamodels that models mention, in case that there is no other."""
+    xml: dict[str, Source] = field(default_factory=dict)
+    read: dict[str, ImportedFile] = field(default_factory=dict)
+    incomplete: bool = False
+    """Whether a file is missing: then names that it may define are not reported as unknown."""
+
+    # --- reading ---
+
+    def add_root(self, path: str) -> None:
+        """Reads a path that was asked for."""
+        directory = _directory(self.files, path)
+        if directory is None:
+            name = self.files.name(path)
+            self.roots.append(name)
+            self._read(name)
+            return
+        family, known = in_directory(directory, FAMILY_FILE), self._known_files(directory)
+        found = [name for name in known if not name.endswith(".toml")] + [family] * (family in known)
+        if not found:
+            self.order.setdefault(directory, len(self.order))
+            place = Source(directory, "").span(0, 0)
+            message = "the directory holds no file of any of the languages"
+            self.diagnostics.append(Diagnostic("missing-file", message, place, _extensions()))
+        for name in found:
+            self.roots.append(name)
+            self._read(name)
+
+    def _known_files(self, directory: str) -> list[str]:
+        known = (*_LANGUAGE_OF.keys() - {"json"}, "toml")  # many things are kept as JSON
+        return [name for name in self.files.entries(directory) if suffix_of(name) in known]
+
+    def _read(self, first: str, asked: Import | None = None) -> None:
+        """Reads a file and all that it imports, depth first, without recursion: chains of imports may be long."""
+        waiting: list[tuple[str, Import | None]] = [(first, asked)]
+        most = limit(_MOST_FILES)
+        while waiting:
+            name, asked = waiting.pop()
+            if name not in self.order:
+                if len(self.order) == most:
+                    span = asked.span if asked else Source(name, "").span(0, 0)
+                    message = f"this is one more than {most} files that are read together"
+                    self.diagnostics.append(Diagnostic("too-many-files", message, span, RAISE_LIMIT))
+                    self.incomplete = True
+                    return
+                self.order[name] = len(self.order)
+                waiting.extend(reversed(self._read_one(name, asked)))
+
+    def _read_one(self, name: str, asked: Import | None) -> list[tuple[str, Import | None]]:
+        """Reads one file and returns the names of what it imports."""
+        format = file_format(self.files, name)
+        try:
+            if format == "toml" and asked is None:
+                return self._family(name)
+            if format not in _LANGUAGE_OF and self.files.exists(name):
+                self._no_language(name, format, asked)
+            source = read_source(self.files, name)
+        except LoadError as error:
+            self.diagnostics.extend(self._at_import(one, asked, name) for one in error.diagnostics)
+            self.incomplete = True
+            return []
+        assert format is not None
+        self.sources[name] = as_utf8(source.text) if format in ("ecore", "xmi") else source.text
+        file = self.read[name] = ImportedFile()
+        imports = self._take(format, source, asked)
+        self.named.extend((one, name) for one in imports if not _is_path(one.path))
+        found = [(one, self.files.name(one.path, beside=name)) for one in imports if _is_path(one.path)]
+        if format == "ecore":
+            found = self._other_packages(self.ecore[name][0])
+        file.imports += found
+        return [(target, one) for one, target in found]
+
+    def _other_packages(self, document: EcoreDocument) -> list[tuple[Import, str]]:
+        """The files that an `.ecore` file names and that are there; for the others, others may have been given."""
+        name, found = document.source.name, []
+        for text, span in document.mentioned().items():
+            target = ecore_path(self.files, text, name)
+            if target and target != name:
+                document.paths[text] = target
+                found.append((Import(text, span), target))
+        return found
+
+    def _no_language(self, name: str, format: str | None, asked: Import | None) -> NoReturn:
+        span = asked.span if asked else Source(name, "").span(0, 0)
+        suffix = suffix_of(name)
+        hint = did_you_mean(suffix, _LANGUAGE_OF) if suffix and format is None else None
+        what = f"{FORMATS[format]}, and" if format else "a file"
+        message = f"`{name.rpartition('/')[2]}` is {what} of none of the languages"
+        raise LoadError([Diagnostic("unknown-language", message, span, hint or _extensions())])
+
+    def _at_import(self, problem: Diagnostic, asked: Import | None, name: str) -> Diagnostic:
+        """A file that cannot be read is the mistake of who asks for it."""
+        if asked is None or (problem.span and problem.span.source.text):
+            if problem.code == "missing-file" and problem.hint is None and "." not in name:
+                hint = did_you_mean(name, bundled_domains())
+                return Diagnostic(problem.code, problem.message, problem.span, hint)
+            return problem
+        if not asked.path.strip():
+            hint = 'write `import "name.metamodel"`'
+            return Diagnostic("missing-file", "the import names no file", asked.span, hint)
+        message = f"`{asked.path}`: {problem.message}"
+        if problem.code == "missing-file" and problem.hint is None and not _is_path(asked.path):
+            message = f"`{asked.path}` is the uri or the name of none of the metamodels, and no file"
+            return Diagnostic("missing-file", message, asked.span, _NAME_IT)
+        return Diagnostic(problem.code, message, asked.span, problem.hint)
+
+    def _take(self, format: str, source: Source, asked: Import | None) -> Sequence[Import]:
+        """Keeps what a file says, and returns its imports."""
+        if format == "ecore":
+            self.ecore[source.name] = EcoreDocument(source), asked
+            return ()
+        if format == "json":
+            self.models.append(source)
+            return ()
+        if format == "xmi":
+            self.models.append(source)
+            self.xml[source.name] = source
+            self.schemas += [self.files.name(path, source.name) for path in schema_paths(source)]
+            return ()
+        return self._take_text(_LANGUAGE_OF[format], source, asked)
+
+    def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
+        parsed, lexemes = parse_tokens(grammar(language), source)
+        self.lost |= parsed.lost | unread_names(parsed)
+        self.incomplete |= any(one.code == "other-language" for one in parsed.diagnostics)
+        suppressions, problems = suppressions_of(parsed)
+        self.suppressions += suppressions
+        self.diagnostics += problems
+        match language:
+            case "metamodel":
+                self.metamodels[parsed.source.name] = read_metamodel(parsed), asked
+                return ()
+            case "model":
+                self.models.append(parsed)
+                return imports_of(parsed)
+        self.texts.append((language, parsed, lexemes))
+        return header_of(Reading(parsed)).imports
+
+    def _read_definitions(self, metamodel: Metamodel | None) -> None:
+        """Reads the files with definitions."""
+        for language, parsed, lexemes in self.texts:
+            self._define(language, parsed, lexemes, self._types(parsed.source.name, metamodel))
+
+    def _types(self, name: str, metamodel: Metamodel | None) -> TypeNames | None:
+        """What the names of types mean in a file."""
+        if metamodel is None:
+            return None
+        aliases: dict[str, tuple[str, ...]] = {}
+        imported: list[str] = []
+        for import_, target in self.read[name].imports:
+            paths = tuple(one.path for one in metamodel.packages if one.uri == import_.path)
+            if not paths and target in self.ecore:
+                calls = set(self.ecore[target][0].calls())
+                paths = tuple(one.path for one in metamodel.packages if one.uri in calls)
+            if import_.alias is None:
+                imported += paths
+            elif paths or target is not None:
+                aliases[import_.alias] = paths or tuple(one.path for one in metamodel.packages)
+        return TypeNames(metamodel, aliases, tuple(imported))
+
+    def _define(
+        self, language: str, parsed: Parsed, lexemes: Sequence[Lexeme], types: TypeNames | None
+    ) -> None:
+        """Keeps the definitions of a file."""
+        file: QueryFile | RulesFile | EnvironmentFile
+        defined: Iterable[Pattern | FunctionDeclaration | Rule | Unit | Derivation | Behaviour]
+        match language:
+            case "query":
+                file = read_query(parsed, types)
+                self.patterns.extend(file.patterns)
+                self.functions.extend(file.functions)
+                defined = file.definitions
+            case "rules":
+                file = read_rules(parsed, types)
+                self.definitions.extend(file.definitions)
+                defined = file.definitions
+            case _:
+                file = read_environment(parsed, types)
+                self.behaviours.extend(file.behaviours)
+                defined = file.behaviours
+        self._note(file.diagnostics, file.lost)
+        known = self.read[parsed.source.name]
+        known.patterns, known.defined = file.header.patterns, {one.name for one in defined}
+        if language == "query":
+            known.mentioned = frozenset(one.value for one in lexemes if one.kind == "NAME")
+
+    def _note(self, diagnostics: Iterable[Diagnostic], lost: frozenset[str]) -> None:
+        self.diagnostics.extend(diagnostics)
+        self.lost |= lost
+
+    def _family(self, name: str) -> list[tuple[str, Import | None]]:
+        self.sources[name] = read_source(self.files, name).text
+        found = read_family(name, self.files, self.overrides)
+        spec = found.spec
+        self.diagnostics.extend(found.diagnostics)
+        self.families.append(spec)
+        if not found.complete:
+            self.unclear.add(spec.path)
+        named = (spec.model, *spec.imports, spec.environment)
+        return [(one.text, Import(one.text, one.span)) for one in named if one and one.span]
+
+    # --- checking ---
+
+    def workspace(self) -> Workspace:
+        """Everything that was read, checked together."""
+        self._read_schemas()
+        self._resolve_names()
+        metamodel = self._metamodel()
+        self._read_definitions(None if self._others() else metamodel)
+        lost = frozenset(self.lost)
+        models = self._models(None if self._others() else metamodel, lost)
+        workspace = Workspace(
+            metamodel,
+            tuple(models),
+            tuple(self.patterns),
+            tuple(one for one in self.definitions if isinstance(one, Rule)),
+            tuple(one for one in self.definitions if isinstance(one, Unit)),
+            tuple(one for one in self.definitions if isinstance(one, Derivation)),
+            tuple(with_enums(one, metamodel) if metamodel else one for one in self.behaviours),
+            tuple(self.families),
+            functions=tuple(self.functions),
+            roots=tuple(dict.fromkeys(self.roots)),
+            sources=self.sources,
+        )
+        found: list[Diagnostic] = []
+        unread = {_file(one) for one in self.diagnostics if one.severity is Severity.ERROR}
+        if not self._others():  # else nobody knows which of them the names are of
+            imports = self._wrong_imports(lost)
+            checked = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
+            checked = [*imports, *without_calls(checked, imports)]
+            # The import next to a mistake may be lost with it.
+            cut = {_file(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
+            broken = {_file(one) for one in self.diagnostics} & set(self.xml) | cut
+            found += [one for one in checked if one.code != "no-metamodel" or _file(one) not in broken]
+            found = [one for one in found if one.code not in _ABSENT or _file(one) not in unread]
+            for spec in self.families:
+                if spec.path in self.unclear:
+                    continue
+                named = {
+                    "no-single-model": str(spec.model),
+                    "no-single-environment": str(spec.environment or ""),
+                }
+                wrong = without_consequences(check_family(spec, workspace, self.components), lost)
+                found += [one for one in wrong if named.get(one.code) not in unread]
+        found += self._conformance(models)
+        self.diagnostics.extend(
+            one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)
+        )
+        return replace(workspace, diagnostics=self._sorted())
+
+    def _wrong_imports(self, lost: frozenset[str]) -> list[Diagnostic]:
+        """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""
+        patterns = {one.qualified_name: one for one in self.patterns}
+        wrong = [one for name, file in self.read.items() for one in imported_patterns(file, patterns, name)]
+        places = {one.span for one in wrong}
+        # Not also that nothing calls it.
+        self.diagnostics = [
+            one for one in self.diagnostics if one.code != "unused-import" or one.span not in places
+        ]
+        wrong = without_consequences(wrong, lost)
+        if wrong or lost or self.incomplete:
+            return wrong
+        for name, (file, _) in self.metamodels.items():
+            self.read[name].metamodel = True
+            self.read[name].defined = names_of(file.metamodel) if file.metamodel else set()
+            if name in self.ecore and file.metamodel:
+                for other, (document, _) in self.ecore.items():
+                    self.read[other].metamodel = True
+                    self.read[other].defined = names_of(file.metamodel, set(document.calls()))
+        if self.given is not None and not self.metamodels:
+            self.read[""] = ImportedFile(defined=names_of(self.given), metamodel=True)
+        return list(unused_files(self.read))
+
+    def _conformance(self, models: Iterable[ModelText]) -> list[Diagnostic]:
+        """What models lack; the model of a family has to conform, others may still be worked on."""
+        initial = {spec.model.text for spec in self.families}
+        return [
+            replace(one, severity=Severity.ERROR) if text.span.source.name in initial else one
+            for text in models
+            for one in conformance(text)
+        ]
+
+    def _metamodel(self) -> Metamodel | None:
+        self._put_together()
+        for file, _ in self.metamodels.values():
+            self._note(file.diagnostics, file.lost)
+        self._one_metamodel()
+        found = [file.metamodel for file, _ in self.metamodels.values()]
+        return found[0] if found else self.given
+
+    def _put_together(self) -> None:
+        """Makes one metamodel of the `.ecore` files."""
+        first: dict[str, EcoreDocument] = {}
+        doubles: dict[str, EcoreDocument] = {}
+        homes: dict[str, EcoreDocument] = {}
+        for name, (document, asked) in self.ecore.items():
+            uris = [one for one in document.uris if one in homes]
+            known = homes[uris[0]] if uris else document
+            homes.update((one, document) for one in document.uris if one not in homes)
+            if known is document:
+                first[document.uri or name] = document
+            else:
+                doubles[name] = known
+                if known.uri != document.uri or not self._alike(known, document):
+                    message = f"the package `{uris[0]}` is in another file already, and is not the same there"
+                    notes = (Note("the first one is here", known.span),)
+                    span = asked.span if asked else document.span
+                    hint = "leave one of the files out"
+                    self.diagnostics.append(Diagnostic("two-metamodels", message, span, hint, notes=notes))
+        if first:
+            name, (_, asked) = next(iter(self.ecore.items()))
+            documents = tuple(first.values())
+            read = read_ecore(documents, doubles, allow_unresolved=self.allow_unresolved)
+            self.metamodels[name] = read, asked
+            ordered = sorted(self.metamodels.items(), key=lambda one: self.order[one[0]])
+            self.metamodels = dict(ordered)
+
+    def _alike(self, one: EcoreDocument, other: EcoreDocument) -> bool:
+        """Whether two files say the same."""
+        if one.source.text == other.source.text:
+            return True
+        documents = {each.uri or name: each for name, (each, _) in reversed(self.ecore.items())}
+        names = [name for name, (each, _) in self.ecore.items() if each.uri == one.uri]
+        first, second = (
+            read_ecore(
+                tuple({**documents, each.uri or "": each}.values()), dict.fromkeys(names, each)
+            ).metamodel
+            for each in (one, other)
+        )
+        return first is not None and second is not None and _same(first, second)
+
+    def _read_schemas(self) -> None:
+        """Reads the metamodels that models mention, if nothing else says what they are made of."""
+        if not self.metamodels and not self.ecore and self.given is None:
+            for name in dict.fromkeys(self.schemas):
+                if self.files.exists(name):
+                    self._read(name)
+
+    def _resolve_names(self) -> None:
+        """Finds the metamodels that are imported by uri or name; the rest are paths after all."""
+        uris = {one.path for one, _ in self.named}
+        if ECORE in uris and uris <= set(_LIBRARIES) and not (self.metamodels or self.ecore or self.given):
+            self.ecore[ECORE] = ecore_itself(), None
+            self.order.setdefault(ECORE, len(self.order))
+            self.read[ECORE] = ImportedFile()
+        while self.named:
+            import_, beside = self.named.pop(0)
+            known = self._known_names()
+            if import_.path in known or import_.path in _LIBRARIES:
+                self.read[beside].imports.append((import_, known.get(import_.path)))
+                continue
+            if not re.match(r"[a-zA-Z][\w+.-]+:", import_.path):
+                target = self.files.name(import_.path, beside=beside)
+                self.read[beside].imports.append((import_, target))
+                self._read(target, import_)
+                continue
+            unread = any(file.metamodel is None for file, _ in self.metamodels.values())
+            if unread or any(document.root is None for document, _ in self.ecore.values()):
+                continue  # it may be one that cannot be read
+            hint = near_uri(import_.path, known)
+            if hint is None:
+                hint = _NAME_IT
+            message = f"no metamodel has the uri `{import_.path}`"
+            self.incomplete = True
+            self.diagnostics.append(Diagnostic("unknown-uri", message, import_.span, hint))
+
+    def _known_names(self) -> dict[str, str]:
+        """By which metamodels can be imported, with the files that they are in, "" for the one at hand."""
+        found = {file: one.metamodel for file, (one, _) in self.metamodels.items()}
+        if not found and not self.ecore:
+            found = {"": self.given}
+        known = {
+            name: file
+            for file, metamodel in found.items()
+            if metamodel
+            for name in (*(package.uri for package in metamodel.packages), metamodel.name)
+        }
+        calls = {name: file for file, (one, _) in self.ecore.items() for name in one.calls()}
+        return {**calls, **known}
+
+    def _models(self, metamodel: Metamodel | None, lost: frozenset[str]) -> list[ModelText]:
+        """The models of all files; an XMI document that another one names is part of that one's model."""
+        models: list[ModelText] = []
+        parts: set[str] = set()
+        for parsed in self.models:
+            if isinstance(parsed, Parsed):
+                read = read_models(parsed, metamodel, lost)
+                models.extend(read.models)
+                self.diagnostics.extend(read.diagnostics)
+            elif parsed.name not in self.xml:
+                json, problems = read_json_model(parsed, metamodel)
+                models.append(json)
+                self.diagnostics.extend(problems)
+            elif parsed.name not in parts:
+                document = read_xmi(
+                    parsed, metamodel, lost, self._fetch, allow_unresolved=self.allow_unresolved
+                )
+                models.append(document.text)
+                self.diagnostics.extend(document.diagnostics)
+                parts.update(name for name in document.documents if name != parsed.name)
+        return [one for one in models if one.span.source.name not in parts]
+
+    def _fetch(self, path: str, beside: str) -> Source:
+        """Another XMI document."""
+        name = self.files.name(path, beside=beside)
+        if name not in self.xml:
+            self.order.setdefault(name, len(self.order))
+            self.xml[name] = read_source(self.files, name)
+            self.sources[name] = as_utf8(self.xml[name].text)
+        return self.xml[name]
+
+    def _others(self) -> list[tuple[MetamodelFile, Import | None]]:
+        """The metamodels that are not the first one, in another format perhaps."""
+        found = list(self.metamodels.values())
+        first = found[0][0].metamodel if found else None
+        return [
+            (file, asked)
+            for file, asked in found[1:]
+            if not (first and file.metamodel and _same(first, file.metamodel))
+        ]
+
+    def _one_metamodel(self) -> None:
+        for other, asked in self._others():
+            first = next(iter(self.metamodels.values()))[0]
+            notes = (Note("the first one is here", first.span),)
+            hint = "one engine has one metamodel: put the classes together"
+            if any(one.name.endswith(".ecore") for one in (other.span.source, first.span.source)):
+                hint = f"{hint}, or name `.ecore` files only: those become one metamodel"
+            span = asked.span if asked else other.span
+            message = "this is a second metamodel"
+            self.diagnostics.append(Diagnostic("two-metamodels", message, span, hint, notes=notes))
+
+    def _sorted(self) -> tuple[Diagnostic, ...]:
+        """In the order of reading, and each file in the order of its text."""
+
+        def key(one: Diagnostic) -> tuple[int, int, int]:
+            if one.span is None:
+                return (-1, 0, 0)
+            return (self.order.get(one.span.source.name, -1), one.span.start, one.span.end)
+
+        found = dict.fromkeys(unsuppressed(without_misread(self.diagnostics), self.suppressions))
+        return tuple(once_for_each_name(sorted(found, key=key)))
+
+
+def _file(problem: Diagnostic) -> str | None:
+    return problem.span.source.name if problem.span else None
+
+
+def _is_path(text: str) -> bool:
+    """Whether an import is a path by its looks; else it may be the uri or the name of a metamodel."""
+    return "://" not in text and suffix_of(text) in _LANGUAGE_OF
+
+
+def _extensions() -> str:
+    return "the languages are " + ", ".join(f"`.{language}`" for language in _LANGUAGE_OF)

@@ -1,0 +1,1 @@
+"""Trees to data: one module a language."""

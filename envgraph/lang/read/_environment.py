@@ -1,0 +1,163 @@
+"""`.environment` files: the tree to a behaviour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from lark import Token, Tree
+
+from envgraph.behaviour import Action, Agent, Behaviour, Domain, Effect, Observation, OnReset
+from envgraph.errors import Diagnostic
+from envgraph.lang.read._environment_clauses import (
+    action_of,
+    drawing_of,
+    each_step_of,
+    observation_of,
+    on_find_of,
+    on_reset_of,
+)
+from envgraph.lang.read._expressions import Reading, type_of, type_span_of
+from envgraph.lang.read._query import name_of, parameters_of
+from envgraph.lang.read._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
+from envgraph.metamodel import SUPPRESS, Annotation, Metamodel
+
+_OUTSIDE = {
+    "reset": "on reset",
+    "agent": "agent",
+    "limit": "limit",
+    "draw_grid": "draw",
+    "draw_graph": "draw",
+}
+"""Clauses that cannot stand in an agent, and how they are spelt."""
+
+
+@dataclass(frozen=True, slots=True)
+class EnvironmentFile:
+    """What an `.environment` file says, as far as it can be read.
+
+    Attributes:
+        behaviours: one for each environment, in the order of the text.
+        lost: names that may be defined or used in what could not be read.
+    """
+
+    header: Header
+    behaviours: tuple[Behaviour, ...]
+    diagnostics: tuple[Diagnostic, ...]
+    lost: frozenset[str] = frozenset()
+
+
+def read_environment(parsed: Parsed, types: TypeNames | None = None) -> EnvironmentFile:
+    """The behaviours of a parsed file, and what is wrong with it before any name is looked up."""
+    reading = Reading(parsed, list(parsed.diagnostics), types=types)
+    header = header_of(reading)
+    found = [*definitions_of(reading)]
+    read = [(_behaviour(reading, tree), tree) for tree in found]
+    # That there are no actions is no mistake where they may stand in what could not be read.
+    behaviours = tuple(one for one, tree in read if _acts(one) or not reading.broken(tree))
+    if not found and not parsed.diagnostics:
+        end = parsed.source.span(len(parsed.source.text), len(parsed.source.text))
+        hint = "write `environment Name { ... }`"
+        reading.error("missing-environment", "the file describes no environment", end, hint)
+    unused_imports(reading, header)
+    return EnvironmentFile(header, behaviours, reading.result(), reading.all_lost())
+
+
+def _acts(behaviour: Behaviour) -> bool:
+    return bool(behaviour.actions) or any(agent.actions for agent in behaviour.agents)
+
+
+def with_enums(behaviour: Behaviour, metamodel: Metamodel) -> Behaviour:
+    """The behaviour with the parameters of actions that count through an enum told from those that count objects."""
+
+    def told(actions: tuple[Action, ...]) -> tuple[Action, ...]:
+        return tuple(
+            replace(
+                action,
+                parameters=tuple((name, _told(domain, metamodel)) for name, domain in action.parameters),
+            )
+            for action in actions
+        )
+
+    agents = tuple(replace(agent, actions=told(agent.actions)) for agent in behaviour.agents)
+    return replace(behaviour, actions=told(behaviour.actions), agents=agents)
+
+
+def _told(domain: Domain, metamodel: Metamodel) -> Domain:
+    return replace(domain, cls=None, enum=domain.cls) if domain.cls in metamodel.enums else domain
+
+
+def _behaviour(reading: Reading, tree: Tree[Token]) -> Behaviour:
+    name = name_of(tree)
+    clauses = _clauses(tree)
+    drawings, limits = trees(clauses, "draw_grid", "draw_graph"), trees(clauses, "limit")
+    reading.once("`draw`", drawings)
+    reading.once("`limit`", limits)
+    return Behaviour(
+        name=str(name),
+        parameters=parameters_of(reading, tree),
+        actions=_actions(reading, clauses),
+        effects=_effects(reading, clauses),
+        resets=_resets(reading, clauses),
+        observations=_observations(reading, clauses),
+        agents=tuple(_agent(reading, part) for part in trees(clauses, "agent")),
+        limit=int(tokens(limits[0].children)[0]) if limits else None,
+        draw=drawing_of(reading, drawings[0]) if drawings else None,
+        annotations=tuple(_annotation(reading, part) for part in trees(tree.children, "annotation")),
+        doc=reading.parsed.doc(tree),
+        span=reading.span(name),
+    )
+
+
+def _annotation(reading: Reading, tree: Tree[Token]) -> Annotation:
+    annotation = annotation_of(reading.parsed.source, tree)
+    if annotation.name != SUPPRESS:
+        reading.warn("unknown-annotation", f"`@{annotation.name}` means nothing here", tree, "leave it out")
+    return annotation
+
+
+def _agent(reading: Reading, tree: Tree[Token]) -> Agent:
+    name = name_of(tree)
+    type_ = trees(tree.children, "type")[0]
+    clauses = _clauses(tree)
+    for clause in trees(clauses, *_OUTSIDE):
+        word = _OUTSIDE[str(clause.data)]
+        hint = "move it out of the agent"
+        reading.error("misplaced-clause", f"`{word}` belongs to the whole environment", clause, hint)
+    return Agent(
+        variable=str(name),
+        cls=type_of(reading, type_),
+        actions=_actions(reading, clauses),
+        effects=_effects(reading, clauses),
+        observations=_observations(reading, clauses),
+        span=reading.span(name),
+        cls_span=type_span_of(reading, type_),
+    )
+
+
+def _clauses(tree: Tree[Token]) -> list[Tree[Token]]:
+    return trees(trees(tree.children, "clauses")[0].children)
+
+
+def _actions(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Action, ...]:
+    return tuple(action_of(reading, part) for part in trees(clauses, "action"))
+
+
+def _effects(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Effect, ...]:
+    """Both kinds in the order of the text: rewards are summed in that order."""
+    read = (
+        each_step_of(reading, part) if part.data == "each" else on_find_of(reading, part)
+        for part in trees(clauses, "each", "on")
+    )
+    return tuple(effect for effect in read if effect is not None)
+
+
+def _resets(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[OnReset, ...]:
+    read = (on_reset_of(reading, part) for part in trees(clauses, "reset"))
+    return tuple(reset for reset in read if reset is not None)
+
+
+def _observations(reading: Reading, clauses: Sequence[Tree[Token]]) -> tuple[Observation, ...]:
+    return tuple(observation_of(reading, part) for part in trees(clauses, "observation"))

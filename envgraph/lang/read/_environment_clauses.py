@@ -1,0 +1,343 @@
+"""The clauses of an environment: actions, effects, observations, drawing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Literal, cast
+
+from lark import Token, Tree
+
+from envgraph.behaviour import (
+    Action,
+    Branch,
+    Domain,
+    DrawGraph,
+    DrawGrid,
+    DrawnLink,
+    EachStep,
+    Observation,
+    ObserveAttribute,
+    ObserveFind,
+    ObserveObject,
+    ObserveRange,
+    OnFind,
+    OnReset,
+    RuleCall,
+)
+from envgraph.behaviour import Token as DrawnToken
+from envgraph.errors import Span
+from envgraph.lang.read._expressions import (
+    Reading,
+    expression_of,
+    expressions_of,
+    number_of,
+    type_of,
+    type_span_of,
+    variable_of,
+)
+from envgraph.lang.read._query_conditions import condition_of, pattern_call_of
+from envgraph.lang.syntax._parsing import qualified_name_of, tokens, trees
+from envgraph.pattern import Expression, Navigation, Negation, Parameter, PatternCall
+
+_NOTHING = "nothing"
+
+
+# --- actions ---
+
+
+def action_of(reading: Reading, tree: Tree[Token]) -> Action:
+    """The data of `action name(parameters) = branches reward e else reward e`."""
+    name = tokens(tree.children, "NAME")[0]
+    domains = [part for group in trees(tree.children, "domains") for part in trees(group.children)]
+    rewards, others = trees(tree.children, "reward"), trees(tree.children, "other")
+    reading.once("`reward`", rewards, "add the rewards up")
+    reading.once("`else`", others)
+    for other in others:
+        if not tokens(other.children, "REWARD"):
+            reading.error(
+                "missing-token", "`reward` is missing after `else`", other, "write `else reward ...`"
+            )
+    branches = branches_of(reading, trees(tree.children, "branches")[0])
+    return Action(
+        name=str(name),
+        branches=branches,
+        parameters=tuple((str(tokens(part.children)[0]), _domain(reading, part)) for part in domains),
+        reward=_amount(reading, rewards),
+        else_reward=_amount(reading, others),
+        span=reading.span(name),
+        parameter_spans=tuple(reading.span(tokens(part.children)[0]) for part in domains),
+    )
+
+
+def _amount(reading: Reading, rewards: list[Tree[Token]]) -> Expression | None:
+    return expression_of(reading, trees(rewards[0].children)[0]) if rewards else None
+
+
+def _domain(reading: Reading, tree: Tree[Token]) -> Domain:
+    """A bare name is kept as a class; whether it is an enum is known with the metamodel."""
+    part = trees(tree.children)[0]
+    if part.data == "range":
+        low, high = _bounds(part)
+        return Domain(low=low, high=high, span=reading.span(part))
+    return Domain(cls=type_of(reading, part), span=type_span_of(reading, part))
+
+
+def _bounds(tree: Tree[Token]) -> tuple[int, int]:
+    low, high = (_bound(part) for part in trees(tree.children))
+    return low, high
+
+
+def _bound(tree: Tree[Token]) -> int:
+    *sign, digits = tokens(tree.children)
+    return -int(digits) if sign else int(digits)
+
+
+def branches_of(reading: Reading, tree: Tree[Token]) -> tuple[Branch, ...]:
+    """The data of `a(x)`, or of `0.9: a(x) | 0.1: b(x)`."""
+    parts = trees(tree.children, "branch")
+    branches: list[Branch] = []
+    for part in parts:
+        call = _rule_call(reading, trees(part.children)[0])
+        numbers = tokens(part.children)
+        if not numbers and len(parts) > 1:
+            hint = f"write `0.5: {reading.text(part)}`"
+            reading.error("missing-probability", "each of several branches needs a probability", part, hint)
+        branches.append(
+            Branch(
+                float(number_of(numbers[0])) if numbers else 1.0 if len(parts) == 1 else 0.0,
+                call,
+                reading.span(part),
+                probability_span=reading.span(numbers[0]) if numbers else None,
+            )
+        )
+    return tuple(branches)
+
+
+def _rule_call(reading: Reading, tree: Tree[Token]) -> RuleCall:
+    name = trees(tree.children, "qualified_name")[0]
+    rule = qualified_name_of(name)
+    parts = trees(tree.children, "arguments")
+    if not parts:
+        written = f"{rule}()" if rule == _NOTHING else f"{rule}(...)"
+        reading.error("missing-token", "missing `(`", name, f"write `{written}`")
+    arguments = tuple(item for part in parts for item in expressions_of(reading, part))
+    return RuleCall(
+        None if rule == _NOTHING else rule, arguments, reading.span(tree), rule_span=reading.span(name)
+    )
+
+
+# --- effects ---
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """`reward`, `terminate` and `apply` of an effect, each at most once."""
+
+    reward: Tree[Token] | None
+    terminate: Tree[Token] | None
+    apply: Tree[Token] | None
+
+
+def _parts(reading: Reading, tree: Tree[Token]) -> _Parts:
+    found = {word: trees(tree.children, word) for word in ("reward", "terminate", "apply")}
+    for word, parts in found.items():
+        reading.once(f"`{word}`", parts)
+    return _Parts(*(next(iter(parts), None) for parts in found.values()))
+
+
+def each_step_of(reading: Reading, tree: Tree[Token]) -> EachStep | None:
+    """The data of `each step reward e apply branches`."""
+    parts = _parts(reading, tree)
+    if parts.terminate:
+        hint = "write `on find` and a pattern for when it ends"
+        reading.error("misplaced-part", "`each step` would terminate the first one", parts.terminate, hint)
+    elif not (parts.reward or parts.apply):
+        reading.error("empty-clause", "this does nothing", tree, "add `reward` or `apply`")
+    return EachStep(
+        expression_of(reading, trees(parts.reward.children)[0]) if parts.reward else None,
+        branches_of(reading, trees(parts.apply.children)[0]) if parts.apply else (),
+        reading.span(tree),
+    )
+
+
+def on_find_of(reading: Reading, tree: Tree[Token]) -> OnFind | None:
+    """The data of `on find p(..) ...`; None when its condition cannot be asked."""
+    asked = trees(tree.children)[0]
+    parts = _parts(reading, tree)
+    if not (parts.reward or parts.terminate or parts.apply):
+        reading.error("empty-clause", "this does nothing", tree, "add `reward`, `terminate` or `apply`")
+    condition = _condition(reading, asked)
+    call = _one_call(reading, parts.apply) if parts.apply else None
+    if condition is None:
+        return None
+    return OnFind(
+        condition,
+        expression_of(reading, trees(parts.reward.children)[0]) if parts.reward else None,
+        _end(parts.terminate) if parts.terminate else None,
+        call,
+        reading.span(tree),
+    )
+
+
+def _condition(reading: Reading, tree: Tree[Token]) -> PatternCall | Negation | None:
+    condition = condition_of(reading, tree)
+    if isinstance(condition, PatternCall):
+        return condition
+    if isinstance(condition, Negation) and isinstance(condition.relation, PatternCall):
+        return condition
+    if condition is not None:
+        hint = "put the condition into a pattern, and write `on find` and its name"
+        called = re.fullmatch(r"(neg\s+)?([\w.]+\s*\([^()]*\))", reading.span(tree).text)
+        if called is not None:
+            written = f"`on {called[1] or ''}find {called[2]}`"
+            hint = f"write {written} if this is a pattern; else put it into one, and ask for that"
+        reading.error("wrong-condition", "`on` asks `find` or `neg find`", tree, hint)
+    return None
+
+
+def _end(tree: Tree[Token]) -> Literal["success", "failure"]:
+    return cast("Literal['success', 'failure']", str(tree.children[1]))
+
+
+def on_reset_of(reading: Reading, tree: Tree[Token]) -> OnReset | None:
+    """The data of `on reset apply r(..)`."""
+    parts = _parts(reading, tree)
+    for part in (parts.reward, parts.terminate):
+        if part is not None:
+            hint = "leave it out"
+            reading.error("misplaced-part", "a reset has no reward and no end, only `apply`", part, hint)
+    if parts.apply is None:
+        if not (parts.reward or parts.terminate):
+            reading.error("empty-clause", "this does nothing", tree, "write `on reset apply rule(...)`")
+        return None
+    call = _one_call(reading, parts.apply)
+    return OnReset(call, reading.span(tree)) if call else None
+
+
+def _one_call(reading: Reading, apply: Tree[Token]) -> RuleCall | None:
+    """The one rule after `apply` of an `on` clause."""
+    branches = trees(apply.children)[0]
+    first = trees(branches.children)[0]
+    if len(trees(branches.children)) > 1 or tokens(first.children):
+        hint = "write `each step apply` for what happens by chance"
+        reading.error("misplaced-part", "`on` applies one rule, without a probability", branches, hint)
+        return None
+    return _rule_call(reading, trees(first.children)[0])
+
+
+# --- observations ---
+
+
+def observation_of(reading: Reading, tree: Tree[Token]) -> Observation:
+    """The data of `observe ...`."""
+    observed, *each = trees(tree.children)
+    span = reading.span(tree)
+    parameter = _each(reading, each[0]) if each else None
+    inner = trees(observed.children)
+    match observed.data:
+        case "holds" | "count":
+            return _observe_find(reading, observed, each, span)
+        case "among":
+            or_none = bool(trees(inner, "or_none"))
+            type_ = type_of(reading, inner[1])
+            path = chain_of(reading, inner[0])
+            return ObserveObject(
+                path, type_, or_none, parameter, span, among_span=type_span_of(reading, inner[1])
+            )
+        case "within":
+            return ObserveRange(chain_of(reading, inner[0]), *_bounds(inner[1]), parameter, span)
+    return ObserveAttribute(chain_of(reading, inner[0]), parameter, span)
+
+
+def _observe_find(reading: Reading, tree: Tree[Token], each: list[Tree[Token]], span: Span) -> ObserveFind:
+    for part in each:
+        parameter = _each(reading, part)
+        path = f"`observe {parameter.name}.attribute for {parameter.name} : {parameter.type}`"
+        hint = f"keep it in an attribute and write {path}, or write `observe count find p(..) up to n`"
+        reading.error("misplaced-part", "`for` goes with a path, not with `find`", part, hint)
+    bounds = tokens(tree.children, "INT")
+    return ObserveFind(
+        pattern_call_of(reading, trees(tree.children)[0]), int(bounds[0]) if bounds else None, span
+    )
+
+
+def _each(reading: Reading, tree: Tree[Token]) -> Parameter:
+    name, type_ = tokens(tree.children)[0], trees(tree.children)[0]
+    return Parameter(
+        str(name),
+        type_of(reading, type_),
+        span=reading.span(name),
+        type_span=type_span_of(reading, type_),
+    )
+
+
+def chain_of(reading: Reading, tree: Tree[Token]) -> Expression:
+    """The data of the path `a.b.c`."""
+    first, *features = tokens(tree.children)
+    path: Expression = variable_of(reading, first)
+    start = reading.span(first)
+    for feature in features:
+        span = reading.span(feature)
+        path = Navigation(path, str(feature), start.to(span), feature_span=span)
+    return path
+
+
+# --- drawing ---
+
+
+def drawing_of(reading: Reading, tree: Tree[Token]) -> DrawGrid | DrawGraph:
+    """The data of `draw grid ...` or `draw graph ...`."""
+    span = reading.span(tree)
+    drawn = _drawn_tokens(reading, trees(tree.children, "tokens"))
+    if tree.data == "draw_graph":
+        nodes, *links = (_drawn_link(reading, part) for part in trees(tree.children, "drawn"))
+        return DrawGraph(
+            nodes.cls,
+            nodes.label,
+            drawn,
+            tuple(links),
+            span,
+            cls_span=nodes.cls_span,
+            label_span=nodes.label_span,
+        )
+    type_ = trees(tree.children, "type")[0]
+    names = tokens(tree.children, "NAME")
+    spans = reading.spans(names)
+    column, row = (str(name) for name in names)
+    return DrawGrid(
+        type_of(reading, type_),
+        column,
+        row,
+        drawn,
+        span,
+        cls_span=type_span_of(reading, type_),
+        column_span=spans[0],
+        row_span=spans[1],
+    )
+
+
+def _drawn_link(reading: Reading, tree: Tree[Token]) -> DrawnLink:
+    type_, labels = trees(tree.children)[0], tokens(tree.children, "NAME")
+    return DrawnLink(
+        type_of(reading, type_),
+        str(labels[0]) if labels else None,
+        reading.span(tree),
+        type_span_of(reading, type_),
+        next(iter(reading.spans(labels)), None),
+    )
+
+
+def _drawn_tokens(reading: Reading, groups: Iterable[Tree[Token]]) -> tuple[DrawnToken, ...]:
+    return tuple(_drawn_token(reading, part) for group in groups for part in trees(group.children))
+
+
+def _drawn_token(reading: Reading, tree: Tree[Token]) -> DrawnToken:
+    name = tokens(tree.children)[0]
+    token = DrawnToken(
+        str(name), chain_of(reading, trees(tree.children, "chain")[0]), span=reading.span(tree)
+    )
+    for type_ in trees(tree.children, "type"):
+        token = replace(token, cls=type_of(reading, type_), cls_span=type_span_of(reading, type_))
+    return token

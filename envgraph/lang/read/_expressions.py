@@ -1,0 +1,478 @@
+"""Expressions: the tree to data. Also what all readers of trees with expressions share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
+
+from lark import Token, Tree
+
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, name_hint, sort_diagnostics
+from envgraph.lang.read._ecore_types import ECORE_TYPES
+from envgraph.lang.read._imports import without_consequences
+from envgraph.lang.read._java import (
+    CASTS,
+    CONSTANTS,
+    JAVA_CLASSES,
+    JAVA_DOMAINS,
+    JAVA_TYPES,
+    METHODS,
+    OPERATORS,
+    function_of,
+)
+from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.syntax._parsing import Parsed, follows, span_of, tokens, trees
+from envgraph.metamodel import type_name
+from envgraph.pattern import (
+    Binary,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    Unary,
+    Variable,
+)
+
+_MEANT = {"=": "==", "===": "==", "!==": "!=", "and": "&&", "or": "||"}
+_REFUSED = frozenset({"=", "and", "or"})
+_ORDERINGS = frozenset({"<", "<=", ">", ">="})
+
+
+@dataclass(slots=True)
+class Reading:
+    """One file while its tree becomes data.
+
+    Attributes:
+        diagnostics: what the tree says that no data can hold, added to while reading.
+        aliases: the names after `as` of the imports, with their places.
+        imported: simple to qualified name of the patterns that are imported by name.
+        data_types: other names of data types that imports bring along.
+    """
+
+    parsed: Parsed
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    aliases: dict[str, Span] = field(default_factory=dict)
+    imported: dict[str, str] = field(default_factory=dict)
+    data_types: dict[str, str] = field(default_factory=dict)
+    java: dict[str, Span] = field(default_factory=dict)
+    """Imported classes of Java, with the imports."""
+    used: set[str] = field(default_factory=set)
+    """Aliases and imported patterns that the file mentions."""
+    gaps: list[tuple[int, int]] = field(default_factory=list)
+    """Stretches of the text that are in no data, besides those that the parser gave up."""
+    types: TypeNames | None = None
+    """What names of types mean; None where there is no metamodel."""
+    lost: set[str] = field(default_factory=set)
+    """Names of definitions that are left out because of gaps in them."""
+
+    def span(self, item: Tree[Token] | Token) -> Span:
+        """The characters that a tree or token was made of."""
+        return span_of(self.parsed.source, item)
+
+    def spans(self, items: Iterable[Tree[Token] | Token]) -> tuple[Span, ...]:
+        """The same for each of several."""
+        return tuple(self.span(item) for item in items)
+
+    def text(self, item: Tree[Token] | Token) -> str:
+        """The same as it is written, on one line."""
+        return " ".join(self.span(item).text.split())
+
+    def error(
+        self,
+        code: str,
+        message: str,
+        where: Tree[Token] | Token | Span,
+        hint: str | None = None,
+        notes: tuple[Note, ...] = (),
+    ) -> None:
+        """Adds an error."""
+        span = where if isinstance(where, Span) else self.span(where)
+        self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes))
+
+    def warn(
+        self, code: str, message: str, where: Tree[Token] | Token | Span, hint: str | None = None
+    ) -> None:
+        """Adds a warning."""
+        span = where if isinstance(where, Span) else self.span(where)
+        self.diagnostics.append(Diagnostic(code, message, span, hint, Severity.WARNING))
+
+    def once(self, what: str, items: Iterable[Tree[Token] | Token], hint: str | None = None) -> None:
+        """Reports all but the first of the items."""
+        first: Span | None = None
+        for item in items:
+            if first is None:
+                first = self.span(item)
+                continue
+            notes = (Note("the first one is here", first),)
+            self.error("duplicate-part", f"{what} stands here twice", item, hint or "leave one out", notes)
+
+    def gap(self, tree: Tree[Token]) -> None:
+        """Notes that the data lacks what a tree says; that has been reported."""
+        span = self.span(tree)
+        self.gaps.append((span.start, span.end))
+
+    def broken(self, tree: Tree[Token]) -> bool:
+        """Whether the data of a tree lacks something that it says, and may seem wrong for want of it."""
+        span = self.span(tree)
+        if any(span.start <= start < span.end for start, _ in self.parsed.gaps):
+            return True
+        # Definitions are read one after the other: the gaps of this one are the last.
+        recent = takewhile(lambda gap: gap[0] >= span.start, reversed(self.gaps))
+        return any(start < span.end for start, _ in recent)
+
+    def whole(self, name: Token, tree: Tree[Token]) -> bool:
+        """Whether a definition can be checked. If it has gaps, its name is lost: to mention it is no mistake."""
+        if self.broken(tree):
+            self.lost.add(str(name))
+            return False
+        return True
+
+    def result(self) -> tuple[Diagnostic, ...]:
+        """All diagnostics in the order of the text, without those that follow from others."""
+        return tuple(sort_diagnostics(without_consequences(self.diagnostics, self.all_lost())))
+
+    def all_lost(self) -> frozenset[str]:
+        """All names that may be defined in what is not in the data."""
+        return self.parsed.lost | self.lost
+
+    def alias(self, token: Token) -> None:
+        """A mention of an import by its alias, or of a package by its name."""
+        known = token in self.aliases or (
+            self.types is not None and (self.types.metamodel is None or self.types.packages(str(token)))
+        )
+        if not known:
+            hint = did_you_mean(token, self.aliases) or f'write `import "..." as {token}`'
+            self.error("unknown-alias", f"no import is called `{token}`", token, hint)
+        self.used.add(str(token))
+
+
+def variable_of(reading: Reading, token: Token) -> Variable:
+    """A name as a variable."""
+    return Variable(str(token), reading.span(token))
+
+
+def number_of(token: Token) -> int | float:
+    """The value of an INT, LONG or FLOAT."""
+    return float(token) if token.type == "FLOAT" else int(token)
+
+
+def type_of(reading: Reading, tree: Tree[Token]) -> str:
+    """The name of a `type` tree in the metamodel; what stands before it is looked up."""
+    alias, name = tree.children
+    if isinstance(alias, Token):
+        reading.alias(alias)
+    data = reading.data_types.get(str(name))
+    own = reading.types is not None and reading.types.metamodel is not None and reading.types.find(str(name))
+    if data is None and not own and not isinstance(alias, Token) and name in ECORE_TYPES:
+        data = type_name(ECORE_TYPES[str(name)].type)
+    return data or _type_named(reading, str(name), alias if isinstance(alias, Token) else None, tree)
+
+
+def _type_named(
+    reading: Reading, name: str, alias: Token | None, tree: Tree[Token], enums: bool = False
+) -> str:
+    """The class or enum of a name; where several packages have one, and no import decides, that is reported."""
+    types = reading.types
+    if types is None or (alias is None and types.plain(name)):
+        return name
+    if types.metamodel is None and alias in reading.aliases:
+        return name  # imports are not followed
+    found = types.find(name, None if alias is None else str(alias), enums)
+    if len(found) == 1:
+        return found[0]
+    where = next(token for token in reversed(tokens(tree.children)) if token == name)
+    if found:
+        reading.error("ambiguous-type", f"`{name}` is in several packages", where, types.others(name))
+        reading.gap(tree)
+    elif alias is not None and types.packages(str(alias)) and types.find(name):
+        message = f"package `{alias}` has no `{name}`"
+        reading.error("unknown-type", message, where, types.others(name))
+        reading.gap(tree)
+    return name
+
+
+def type_span_of(reading: Reading, tree: Tree[Token]) -> Span:
+    """Where the name itself stands in a `type` tree."""
+    return reading.span(tokens(tree.children)[-1])
+
+
+def value_of(reading: Reading, tree: Tree[Token]) -> Expression | tuple[Expression, ...]:
+    """What a feature is set to: an expression, or a list of them."""
+    if tree.data == "list":
+        return expressions_of(reading, tree)
+    return expression_of(reading, tree)
+
+
+def expressions_of(reading: Reading, tree: Tree[Token]) -> tuple[Expression, ...]:
+    """The expressions of the `expression_list` that a tree may have."""
+    return tuple(
+        expression_of(reading, item)
+        for part in trees(tree.children, "expression_list")
+        for item in trees(part.children)
+    )
+
+
+def expression_of(reading: Reading, tree: Tree[Token]) -> Expression:
+    """The data of an expression; errors in it are reported, and the nearest thing returned."""
+    return _READERS[tree.data](reading, tree)
+
+
+def literal_of(reading: Reading, tree: Tree[Token], sign: Token | None = None) -> Constant:
+    """The data of a `literal`, with the sign that stands before it."""
+    span = reading.span(sign).to(reading.span(tree)) if sign is not None else reading.span(tree)
+    if tree.data == "number":
+        number = number_of(tokens(tree.children)[0])
+        return Constant(number if sign is None else -number, span)
+    if sign is not None:
+        reading.error("unexpected-sign", "only a number takes a sign", sign, "leave the `-` out")
+    return _plain_literal(reading, tree)
+
+
+def _plain_literal(reading: Reading, tree: Tree[Token]) -> Constant:
+    span = reading.span(tree)
+    match tree.data:
+        case "number":
+            return Constant(number_of(tokens(tree.children)[0]), span)
+        case "string":
+            return Constant(str(tree.children[0]), span)
+        case "true":
+            return Constant(True, span)
+        case "false":
+            return Constant(False, span)
+    return Constant(None, span)
+
+
+def enum_literal_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral:
+    """The data of `Enum::literal`, `::literal` or `alias::Enum::literal`."""
+    parts = tokens(tree.children)
+    alias = None
+    if tree.data == "aliased_literal":
+        alias = parts.pop(0)
+        reading.alias(alias)
+    *enum, literal = parts
+    return EnumLiteral(
+        _type_named(reading, str(enum[0]), alias, tree, enums=True) if enum else None,
+        str(literal),
+        reading.span(tree),
+        enum_span=reading.span(enum[0]) if enum else None,
+        literal_span=reading.span(literal),
+    )
+
+
+def constant_of(reading: Reading, tree: Tree[Token]) -> EnumLiteral | Constant:
+    """The literal of an enum; `Integer::MAX_VALUE` and its kin are numbers."""
+    parts = tuple(map(str, tokens(tree.children)))
+    if len(parts) == 2 and parts in CONSTANTS and parts[0] not in reading.aliases:
+        return Constant(CONSTANTS[parts], reading.span(tree))
+    return enum_literal_of(reading, tree)
+
+
+def _variable(reading: Reading, tree: Tree[Token]) -> Variable | Constant:
+    name = tokens(tree.children)[0]
+    if name == "null":
+        reading.error("unexpected-token", "`null` is no name", name, "write `none`")
+        return Constant(None, reading.span(name))
+    return variable_of(reading, name)
+
+
+def dotted_literal(reading: Reading, owner: str, feature: Token, tree: Tree[Token]) -> EnumLiteral | None:
+    """`Way.west` for `Way::west`, which is reported; None for anything else."""
+    metamodel = reading.types.metamodel if reading.types else None
+    enum = metamodel.enums.get(owner) if metamodel else None
+    if enum is None:
+        return None
+    known = feature in enum.literals
+    meant = feature if known else did_you_mean(feature, enum.literals)
+    literal = str(meant).split("`")[1] if meant and not known else str(feature)
+    hint = f"write `{owner}::{literal}`" if meant else name_hint(feature, enum.literals)
+    reading.error("unexpected-token", f"a literal of the enum `{owner}` stands after `::`", tree, hint)
+    if not meant:
+        reading.gap(tree)
+    return EnumLiteral(owner, literal, reading.span(tree), literal_span=reading.span(feature))
+
+
+def _group(reading: Reading, tree: Tree[Token]) -> Expression:
+    inner = expression_of(reading, trees(tree.children)[0])
+    # Parentheses belong to what they group, so that a caret below an operand of `&&` is not lopsided.
+    return (
+        replace(inner, span=reading.span(tree)) if isinstance(inner, Binary | Conditional | Unary) else inner
+    )
+
+
+def _navigation(reading: Reading, tree: Tree[Token]) -> Navigation | Constant | EnumLiteral:
+    feature = tokens(tree.children)[0]
+    path = _steps(trees(tree.children)[0])
+    literal = dotted_literal(reading, path[0], feature, tree) if len(path) == 1 else None
+    if literal is not None:
+        return literal
+    if len(path) == 1 and (path[0], str(feature)) in CONSTANTS:
+        return Constant(CONSTANTS[path[0], str(feature)], reading.span(tree))
+    if _is_java(reading, path) and (len(path) > 1 or path[0] in reading.java or feature.isupper()):
+        cls = ".".join(path)
+        reading.used.add(path[-1])
+        hint = "write its value, or declare a function for it: `function name() : int;`"
+        reading.error("java-call", f"`{cls}.{feature}` is a constant of Java", tree, hint)
+        reading.gap(tree)
+    owner = expression_of(reading, trees(tree.children)[0])
+    return Navigation(owner, str(feature), reading.span(tree), feature_span=reading.span(feature))
+
+
+def _method(reading: Reading, tree: Tree[Token]) -> Expression:
+    """`text.startsWith("a")` is another spelling of `startsWith(text, "a")`."""
+    name = tokens(tree.children)[0]
+    path = _steps(trees(tree.children)[0])
+    if _is_java(reading, path):
+        return _static(reading, tree, ".".join(path), name)
+    owner = expression_of(reading, trees(tree.children)[0])
+    return _called(reading, tree, METHODS.get(name, str(name)), name, (owner, *expressions_of(reading, tree)))
+
+
+def _static_method(reading: Reading, tree: Tree[Token]) -> Expression:
+    """`Math::max(a, b)`."""
+    cls, name = tokens(tree.children)
+    return _static(reading, tree, str(cls), name)
+
+
+def _static(reading: Reading, tree: Tree[Token], cls: str, name: Token) -> Expression:
+    """A function of a class of Java: one of ours, or one that has to be declared."""
+    reading.used.add(cls.rpartition(".")[2])
+    ours = function_of(cls, str(name))
+    return _called(
+        reading, tree, ours or str(name), name, expressions_of(reading, tree), owner=None if ours else cls
+    )
+
+
+def _called(
+    reading: Reading,
+    tree: Tree[Token],
+    function: str,
+    name: Token,
+    arguments: tuple[Expression, ...],
+    owner: str | None = None,
+) -> Expression:
+    span = reading.span(tree)
+    if owner is None and function in OPERATORS and len(arguments) == 2:
+        return Binary(OPERATORS[function], arguments[0], arguments[1], span)
+    return FunctionCall(function, arguments, span, function_span=reading.span(name), owner=owner)
+
+
+def _is_java(reading: Reading, path: Sequence[str]) -> bool:
+    """Whether the names of `a.b.C` are those of a class of Java."""
+    if not path:
+        return False
+    full = path[0] in JAVA_DOMAINS and any(one[0].isupper() for one in path[1:])
+    return full or path[0] in JAVA_CLASSES or path[0] in reading.java
+
+
+def _steps(tree: Tree[Token]) -> list[str]:
+    """The names of `a.b.c`; [] for anything else."""
+    names: list[str] = []
+    while tree.data == "navigation":
+        names += tokens(tree.children)
+        tree = trees(tree.children)[0]
+    names += tokens(tree.children)
+    return list(map(str, reversed(names))) if tree.data == "variable" else []
+
+
+def _cast(reading: Reading, tree: Tree[Token]) -> Expression:
+    """`x as Integer` makes a number an int, as `toInt(x)` does; only values have casts."""
+    name = tokens(tree.children)[0]
+    inner = expression_of(reading, trees(tree.children)[0])
+    span = reading.span(tree)
+    type_ = JAVA_TYPES.get(name) or (type_name(ECORE_TYPES[name].type) if name in ECORE_TYPES else str(name))
+    if type_ == "bool":
+        return Binary("==", inner, Constant(True, reading.span(name)), span)
+    if type_ in CASTS:
+        return FunctionCall(CASTS[type_], (inner,), span, function_span=reading.span(name))
+    return _no_cast(reading, tree)
+
+
+def _no_cast(reading: Reading, tree: Tree[Token]) -> Expression:
+    """`x as Ship`, `x instanceof Ship`."""
+    name, inner = tokens(tree.children)[0], trees(tree.children)[0]
+    what = "casts to classes" if tree.data == "cast" else "tests of types"
+    hint = f"constrain it outside of the expression: `{name}({reading.text(inner)})`"
+    reading.error("cast", f"there are no {what} in expressions", tree, hint)
+    reading.gap(tree)
+    return expression_of(reading, inner)
+
+
+def _function(reading: Reading, tree: Tree[Token]) -> FunctionCall:
+    name = tokens(tree.children)[0]
+    arguments = expressions_of(reading, tree)
+    return FunctionCall(str(name), arguments, reading.span(tree), function_span=reading.span(name))
+
+
+def _unary(reading: Reading, tree: Tree[Token]) -> Expression:
+    operator = tokens(tree.children)[0]
+    inner = trees(tree.children)[0]
+    if operator == "-" and inner.data == "number":
+        return literal_of(reading, inner, operator)
+    return Unary(str(operator), expression_of(reading, inner), reading.span(tree))
+
+
+def _binary(reading: Reading, tree: Tree[Token]) -> Expression:
+    left, operator = trees(tree.children)[0], tokens(tree.children)[0]
+    if operator in _ORDERINGS and left.data == "binary" and str(left.children[1]) in _ORDERINGS:
+        return _compared_twice(reading, tree)
+    parts = [tree]
+    while follows(trees(parts[-1].children)[0], parts[-1]):
+        parts += trees(parts[-1].children)[:1]
+    found = expression_of(reading, trees(parts[-1].children)[0])
+    for part in reversed(parts):
+        right = expression_of(reading, trees(part.children)[1])
+        found = Binary(_operator(reading, tokens(part.children)[0]), found, right, reading.span(part))
+    return found
+
+
+def _operator(reading: Reading, token: Token) -> str:
+    """What an operator means; those of habit are refused."""
+    meant = _MEANT.get(token, str(token))
+    if token in _REFUSED:
+        what = "does not compare" if token == "=" else "is not an operator"
+        reading.error("unexpected-token", f"`{token}` {what}", token, f"write `{meant}`")
+    return meant
+
+
+def _compared_twice(reading: Reading, tree: Tree[Token]) -> Binary:
+    """`a < b < c`, read as what is meant by it."""
+    left, right = trees(tree.children)
+    operator = tokens(tree.children)[0]
+    middle = trees(left.children)[1]
+    hint = f"write `{reading.text(left)} && {reading.text(middle)} {operator} {reading.text(right)}`"
+    reading.error("chained-comparison", "comparisons do not chain", operator, hint)
+    last = Binary(
+        str(operator), expression_of(reading, middle), expression_of(reading, right), reading.span(tree)
+    )
+    return Binary("&&", expression_of(reading, left), last, reading.span(tree))
+
+
+def _conditional(reading: Reading, tree: Tree[Token]) -> Conditional:
+    test, then, otherwise = (expression_of(reading, part) for part in trees(tree.children))
+    return Conditional(test, then, otherwise, reading.span(tree))
+
+
+_READERS: Mapping[str, Callable[[Reading, Tree[Token]], Expression]] = {
+    "variable": _variable,
+    "number": _plain_literal,
+    "string": _plain_literal,
+    "true": _plain_literal,
+    "false": _plain_literal,
+    "none": _plain_literal,
+    "enum_literal": constant_of,
+    "aliased_literal": constant_of,
+    "group": _group,
+    "navigation": _navigation,
+    "method": _method,
+    "static_method": _static_method,
+    "cast": _cast,
+    "instance_test": _no_cast,
+    "function": _function,
+    "unary": _unary,
+    "binary": _binary,
+    "conditional": _conditional,
+    "if_else": _conditional,
+}

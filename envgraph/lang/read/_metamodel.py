@@ -1,0 +1,409 @@
+"""`.metamodel` files: the tree to a `Metamodel`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+
+from lark import Token, Tree
+
+from envgraph.errors import (
+    Diagnostic,
+    Note,
+    ResolutionError,
+    Severity,
+    Span,
+    has_errors,
+    name_hint,
+    with_article,
+)
+from envgraph.lang.read._imports import without_consequences
+from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
+from envgraph.metamodel import (
+    SUPPRESS,
+    Annotation,
+    Attribute,
+    AttributeType,
+    Class,
+    EnumType,
+    Feature,
+    Glyph,
+    Metamodel,
+    Places,
+    Reference,
+    Scalar,
+    Value,
+    type_name,
+)
+from envgraph.pattern import data_type_hint
+
+_REFERENCE_ANNOTATIONS = ("derived", "frozen")
+_ATTRIBUTE_ANNOTATIONS = (*_REFERENCE_ANNOTATIONS, "range", "glyph", "colour", "nonunique")
+_PLACES = {
+    "key": "classes",
+    "glyph": "classes and attributes",
+    "colour": "attributes",
+    "derived": "features",
+    "frozen": "classes and features",
+    "range": "attributes",
+    "nonunique": "attributes",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MetamodelFile:
+    """What a `.metamodel` file says.
+
+    Attributes:
+        metamodel: None when there are errors.
+        span: its name, or the start of the file.
+        lost: names that may be defined in what could not be read.
+    """
+
+    metamodel: Metamodel | None
+    span: Span
+    diagnostics: tuple[Diagnostic, ...]
+    lost: frozenset[str] = frozenset()
+
+
+def read_metamodel(parsed: Parsed) -> MetamodelFile:
+    """The metamodel of a parsed file, and all that is wrong with it, syntax errors included."""
+    reader = _Reader(parsed)
+    metamodel = reader.read()
+    lost = parsed.lost | reader.lost
+    return MetamodelFile(metamodel, reader.span, tuple(without_consequences(reader.diagnostics, lost)), lost)
+
+
+@dataclass(slots=True)
+class _Marks:
+    """What the annotations of a class say."""
+
+    key: tuple[str, ...] = ()
+    glyph: Glyph | None = None
+    frozen: bool = False
+    places: Places = ()
+
+
+@dataclass(slots=True)
+class _Reader:
+    parsed: Parsed
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    lost: set[str] = field(default_factory=set)
+    span: Span = field(init=False)
+    _enums: dict[str, EnumType] = field(default_factory=dict)
+    _class_names: list[str] = field(default_factory=list)
+
+    def read(self) -> Metamodel | None:
+        self.span = self.parsed.source.span(0, 0)
+        self.diagnostics.extend(self.parsed.diagnostics)
+        if self.parsed.tree is None:
+            return None
+        definitions = trees(self.parsed.tree.children)
+        name, uri = self._header(definitions)
+        enums = [self._enum(tree) for tree in trees(definitions, "enum")]
+        self._enums = {enum.name: enum for enum in reversed(enums)}
+        class_trees = trees(definitions, "class")
+        self._class_names = [str(tokens(tree.children, "NAME")[0]) for tree in class_trees]
+        classes = [self._class(tree) for tree in class_trees]
+        try:
+            metamodel = Metamodel(name, classes, enums, uri)
+        except ResolutionError as error:
+            self.diagnostics.extend(error.diagnostics)
+            return None
+        return None if has_errors(self.diagnostics) else metamodel
+
+    # --- definitions ---
+
+    def _header(self, definitions: list[Tree[Token]]) -> tuple[str, str | None]:
+        headers = trees(definitions, "header")
+        for header in headers[1:]:
+            first = self.parsed.span(tokens(headers[0].children)[0])
+            self._error(
+                "duplicate-definition",
+                "a file defines one metamodel",
+                tokens(header.children)[0],
+                "move it to a file of its own, or leave it out",
+                notes=(Note("the first definition is here", first),),
+            )
+        if not headers:
+            if not self.parsed.diagnostics:
+                start = self.parsed.source.span(0, 0)
+                hint = "start the file with `metamodel` and a name"
+                self.diagnostics.append(
+                    Diagnostic("missing-header", "the metamodel has no name", start, hint)
+                )
+            return "metamodel", None
+        if headers[0] is not definitions[0]:
+            span = self.parsed.span(tokens(headers[0].children)[0])
+            self.diagnostics.append(
+                Diagnostic(
+                    "misplaced-header",
+                    "the name of the metamodel comes first",
+                    span,
+                    "move this line to the top",
+                )
+            )
+        self._annotations(headers[0], ())
+        name, uri = tokens(headers[0].children, "NAME", "STRING")[0], tokens(headers[0].children, "STRING")
+        self.span = self._span(name)
+        following = self.parsed.source.text[self.span.end :].split(maxsplit=1)
+        if self.span.text == "abstract" and following[:1] == ["class"]:
+            self._error("unexpected-token", "unexpected `abstract`", name, "expected a name")
+        return str(name), str(uri[0]) if uri else None
+
+    def _enum(self, tree: Tree[Token]) -> EnumType:
+        self._annotations(tree, ())
+        name = tokens(tree.children, "NAME")[0]
+        literals = [tokens(literal.children)[0] for literal in trees(tree.children, "literal")]
+        return EnumType(
+            str(name),
+            tuple(str(literal) for literal in literals),
+            doc=self.parsed.doc(tree),
+            span=self._span(name),
+            places=tuple((f"literal {i}", self._span(literal)) for i, literal in enumerate(literals)),
+        )
+
+    def _class(self, tree: Tree[Token]) -> Class:
+        name = tokens(tree.children, "NAME")[0]
+        annotations, marks = self._marks(tree)
+        above = [token for part in trees(tree.children, "extends") for token in tokens(part.children)]
+        members = [member for body in trees(tree.children, "body") for member in trees(body.children)]
+        return Class(
+            name=str(name),
+            abstract=bool(tokens(tree.children, "ABSTRACT")),
+            supertypes=tuple(str(token) for token in above),
+            features=tuple(feature for member in members for feature in self._feature(member)),
+            key=marks.key,
+            glyph=marks.glyph,
+            frozen=marks.frozen,
+            doc=self.parsed.doc(tree),
+            annotations=annotations,
+            span=self._span(name),
+            places=(*((f"extends {token}", self._span(token)) for token in above), *marks.places),
+        )
+
+    # --- features ---
+
+    def _feature(self, tree: Tree[Token]) -> Iterator[Feature]:
+        if tree.data == "reference":
+            yield self._reference(tree)
+            return
+        attribute = self._attribute(tree)
+        if attribute is not None:
+            yield attribute
+
+    def _attribute(self, tree: Tree[Token]) -> Attribute | None:
+        type_token, name = tokens(tree.children, "NAME")
+        annotations = self._annotations(tree, _ATTRIBUTE_ANNOTATIONS)
+        multiplicity = trees(tree.children, "multiplicity")
+        bounds = self.parsed.span(multiplicity[0]).text if multiplicity else ""
+        type_ = self._type(type_token, f"{type_token}{bounds} {name}")
+        if type_ is None:
+            self.lost.add(str(name))
+            return None
+        lower, upper = self._bounds(multiplicity[0]) if multiplicity else (1, 1)
+        defaults = [part for part in trees(tree.children) if part.data not in ("annotation", "multiplicity")]
+        places = [("type", self._span(type_token))]
+        places.extend(("multiplicity", self.parsed.span(part)) for part in multiplicity)
+        value = None
+        if defaults:
+            places.append(("default", self.parsed.span(defaults[0])))
+            value = self._default(defaults[0], type_, str(name))
+        return Attribute(
+            str(name),
+            type_,
+            value,
+            doc=self.parsed.doc(tree),
+            annotations=annotations,
+            span=self._span(name),
+            places=tuple(places),
+            lower=lower,
+            upper=upper,
+            unique=not any(annotation.name == "nonunique" for annotation in annotations),
+        )
+
+    def _type(self, token: Token, rest: str) -> AttributeType | None:
+        if token in set(Scalar):
+            return Scalar(token)
+        if token in self._enums:
+            return self._enums[token]
+        if token in self._class_names:
+            hint = f"write `refers {rest}` or `contains {rest}`"
+            self._error("wrong-type", f"`{token}` is a class, not a data type", token, hint)
+            return None
+        known = [*Scalar, *self._enums, "contains", "refers"]
+        advice = data_type_hint(token) or name_hint(token, known)
+        self._error("unknown-type", f"unknown type `{token}`", token, advice)
+        return None
+
+    def _default(self, tree: Tree[Token], type_: AttributeType, name: str) -> Value | None:
+        parts = tokens(tree.children)
+        match tree.data:
+            case "true":
+                return True
+            case "false":
+                return False
+            case "number":
+                number: int | float = float(parts[-1]) if parts[-1].type == "FLOAT" else int(parts[-1])
+                return float(sign(parts, number)) if type_ is Scalar.FLOAT else sign(parts, number)
+            case "string":
+                if isinstance(type_, EnumType):
+                    self._wrong_default(tree, type_, name, f"write `::{parts[0]}` for a literal")
+                    return None
+                return str(parts[0])
+        return self._enum_default(tree, type_, name)
+
+    def _enum_default(self, tree: Tree[Token], type_: AttributeType, name: str) -> Value | None:
+        *enum, literal = tokens(tree.children)
+        if not isinstance(type_, EnumType):
+            hint = f'write `"{literal}"` for a string' if type_ is Scalar.STRING else None
+            self._wrong_default(tree, type_, name, hint)
+            return None
+        if enum and enum[0] != type_.name:
+            hint = f"write `{type_.name}::` or `::`"
+            self._error(
+                "wrong-type",
+                f"`{name}` is {with_article(type_.name)}, not {with_article(enum[0])}",
+                enum[0],
+                hint,
+            )
+            return None
+        return str(literal)
+
+    def _wrong_default(self, tree: Tree[Token], type_: AttributeType, name: str, hint: str | None) -> None:
+        hint = hint or "write a value of that type, or no default"
+        self._error("wrong-type", f"default of `{name}` is not of type `{type_name(type_)}`", tree, hint)
+
+    def _reference(self, tree: Tree[Token]) -> Reference:
+        annotations = self._annotations(tree, _REFERENCE_ANNOTATIONS)
+        target, name, *opposite = tokens(tree.children, "NAME")
+        multiplicity = trees(tree.children, "multiplicity")
+        lower, upper = self._bounds(multiplicity[0]) if multiplicity else (1, 1)
+        places = [("target", self._span(target))]
+        places.extend(("multiplicity", self.parsed.span(part)) for part in multiplicity)
+        places.extend(("opposite", self._span(part)) for part in opposite)
+        return Reference(
+            str(name),
+            str(target),
+            lower,
+            upper,
+            containment=bool(tokens(tree.children, "CONTAINS")),
+            opposite=str(opposite[0]) if opposite else None,
+            doc=self.parsed.doc(tree),
+            annotations=annotations,
+            span=self._span(name),
+            places=tuple(places),
+        )
+
+    def _bounds(self, tree: Tree[Token]) -> tuple[int, int | None]:
+        """`[2]` is 2..2, `[*]` is 0..*, `[]` is 0..* as in Xcore."""
+        bounds = [self._bound(part) for part in trees(tree.children)]
+        if not bounds:
+            return 0, None
+        first, last = bounds[0], bounds[-1]
+        if first is None and len(bounds) == 2:
+            self._error(
+                "bad-multiplicity", "the lower bound is a number", tree, "write `[*]`, `[1..*]` or `[0..3]`"
+            )
+        return first or 0, last
+
+    def _bound(self, tree: Tree[Token]) -> int | None:
+        parts = tokens(tree.children)
+        return None if parts[-1].type == "STAR" else int(sign(parts, int(parts[-1])))
+
+    # --- annotations ---
+
+    def _marks(self, tree: Tree[Token]) -> tuple[tuple[Annotation, ...], _Marks]:
+        readers: dict[str, Callable[[Tree[Token], Annotation, _Marks], None]] = {
+            "key": self._key,
+            "glyph": self._glyph,
+            "frozen": self._frozen,
+        }
+        annotations = self._annotations(tree, readers)
+        marks = _Marks()
+        seen: dict[str, Span | None] = {}
+        for part, annotation in zip(trees(tree.children, "annotation"), annotations, strict=True):
+            if annotation.name in seen:
+                self._error(
+                    "duplicate-annotation",
+                    f"`@{annotation.name}` stands here twice",
+                    part,
+                    "leave one out",
+                    notes=(Note("the first one is here", seen[annotation.name]),),
+                )
+            elif annotation.name in readers:
+                readers[annotation.name](part, annotation, marks)
+            seen.setdefault(annotation.name, annotation.span)
+        return annotations, marks
+
+    def _annotations(self, tree: Tree[Token], known: Iterable[str]) -> tuple[Annotation, ...]:
+        found = tuple(annotation_of(self.parsed.source, part) for part in trees(tree.children, "annotation"))
+        for part, annotation in zip(trees(tree.children, "annotation"), found, strict=True):
+            if annotation.name not in (*known, SUPPRESS):
+                name = tokens(part.children)[0]
+                place = _PLACES.get(annotation.name)
+                message = f"`@{name}` is for {place}" if place else f"unknown annotation `@{name}`"
+                self.diagnostics.append(
+                    Diagnostic(
+                        "unknown-annotation",
+                        message,
+                        self._span(name),
+                        name_hint(name, known),
+                        severity=Severity.WARNING,
+                    )
+                )
+        return found
+
+    def _key(self, tree: Tree[Token], annotation: Annotation, marks: _Marks) -> None:
+        names = self._plain_names(tree)
+        if names is None or not names:
+            self._error("bad-annotation", "`@key` takes the names of attributes", tree, "write `@key(y, x)`")
+            return
+        marks.key = tuple(str(name) for name in names)
+        marks.places = (*marks.places, *((f"key {name}", self._span(name)) for name in names))
+
+    def _plain_names(self, tree: Tree[Token]) -> list[Token] | None:
+        """The arguments of an annotation if they all are bare names."""
+        names: list[Token] = []
+        for argument in trees(tree.children):
+            values = trees(argument.children, "annotation_name")
+            if argument.data != "annotation_argument" or not values:
+                return None
+            names.extend(tokens(values[0].children))
+        return names
+
+    def _glyph(self, tree: Tree[Token], annotation: Annotation, marks: _Marks) -> None:
+        arguments = [value for argument in trees(tree.children) for value in trees(argument.children)]
+        strings = [tokens(value.children)[0] for value in arguments if value.data == "annotation_string"]
+        if annotation.named or len(strings) != len(arguments) or not 1 <= len(strings) <= 2:
+            hint = 'write `@glyph("B", "#e8590c")`'
+            self._error("bad-annotation", "`@glyph` takes a letter and a colour, both in quotes", tree, hint)
+            return
+        marks.glyph = Glyph(*(str(string) for string in strings))
+        places = zip(("letter", "colour"), (self._span(string) for string in strings), strict=False)
+        marks.places = (*marks.places, *places)
+
+    def _frozen(self, tree: Tree[Token], annotation: Annotation, marks: _Marks) -> None:
+        marks.frozen = True
+        if annotation.arguments or annotation.named:
+            self._error("bad-annotation", "`@frozen` takes no arguments", tree, "write `@frozen`")
+
+    # --- messages ---
+
+    def _span(self, token: Token) -> Span:
+        return self.parsed.span(token)
+
+    def _error(
+        self,
+        code: str,
+        message: str,
+        where: Tree[Token] | Token,
+        hint: str | None = None,
+        notes: tuple[Note, ...] = (),
+    ) -> None:
+        self.diagnostics.append(Diagnostic(code, message, self.parsed.span(where), hint, notes=notes))
+
+
+def sign(parts: list[Token], number: float) -> int | float:
+    """The number of a `SIGN? (INT | FLOAT)`, negative if a sign stands before it."""
+    return -number if len(parts) > 1 else number

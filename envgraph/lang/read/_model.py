@@ -1,0 +1,635 @@
+"""`.model` files: the tree to objects.
+
+All objects are created first, in the order of the text, so that a name can be used before its object; then the
+features are set. What is wrong is reported, and the rest goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from lark import Token, Tree
+
+from envgraph.errors import (
+    Diagnostic,
+    Note,
+    RuleError,
+    Span,
+    TypeMismatch,
+    did_you_mean,
+    has_errors,
+    name_hint,
+    with_article,
+)
+from envgraph.graph import Model
+from envgraph.lang.read._grid import Cell, Entry, GridText, read_grid
+from envgraph.lang.read._imports import Import, without_consequences
+from envgraph.lang.read._metamodel import sign
+from envgraph.lang.read._refused_links import link_hint
+from envgraph.lang.syntax._parsing import Parsed, tokens, trees
+from envgraph.metamodel import (
+    Attribute,
+    EnumType,
+    Feature,
+    Metamodel,
+    Reference,
+    Scalar,
+    Value,
+    accepts,
+    type_name,
+)
+from envgraph.pattern import value_hint
+
+_NO_VALUE = "write `none`, or leave the feature out"
+
+_MOST_HINTS = 100
+"""For so many unknown objects it is worked out what may have been meant."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelText:
+    """One `model` of a file.
+
+    Attributes:
+        model: None when there are errors.
+        spans: for each object where it is named or made.
+    """
+
+    name: str
+    span: Span
+    metamodel: str
+    model: Model | None
+    spans: Mapping[int, Span]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelFile:
+    """What a `.model` file says."""
+
+    models: tuple[ModelText, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def imports_of(parsed: Parsed) -> tuple[Import, ...]:
+    """The imports of a parsed `.model` file."""
+    found = trees(parsed.tree.children, "import") if parsed.tree else []
+    paths = [tokens(tree.children)[0] for tree in found]
+    return tuple(Import(str(path), parsed.span(path)) for path in paths)
+
+
+def read_models(parsed: Parsed, metamodel: Metamodel | None, lost: frozenset[str] = frozenset()) -> ModelFile:
+    """The models of a parsed file, and all that is wrong with them, syntax errors included.
+
+    Args:
+        parsed: the file.
+        metamodel: what its classes are looked up in; None when that could not be loaded: then little is checked.
+        lost: names that errors elsewhere may have taken away.
+    """
+    diagnostics = list(parsed.diagnostics)
+    models: dict[str, ModelText] = {}
+    for tree in trees(parsed.tree.children, "model") if parsed.tree else []:
+        reader = _Reader(parsed, metamodel)
+        text = reader.read(tree)
+        diagnostics.extend(reader.diagnostics)
+        first = models.setdefault(text.name, text)
+        if first is not text:
+            note = Note("the first definition is here", first.span)
+            message = f"model `{text.name}` is defined twice"
+            diagnostics.append(
+                Diagnostic(
+                    "duplicate-definition",
+                    message,
+                    text.span,
+                    "choose another name, or leave one out",
+                    notes=(note,),
+                )
+            )
+    if not models and not diagnostics:
+        hint = "write `model name : metamodel { ... }`"
+        diagnostics.append(
+            Diagnostic("missing-model", "the file defines no model", parsed.source.span(0, 0), hint)
+        )
+    kept = without_consequences(diagnostics, parsed.lost | lost)
+    return ModelFile(tuple(models.values()), tuple(kept))
+
+
+Made = dict[int, list[tuple[int, Span]]]
+"""The objects that a tree makes, by the identity of the tree; a tree of a legend makes some for each letter."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """A feature to be set when all objects are there."""
+
+    node: int
+    feature: Token
+    value: Tree[Token]
+    made: Made
+
+
+@dataclass(slots=True)
+class _Grid:
+    text: GridText
+    nodes: dict[tuple[int, int], int]
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Reads one model. `_names` has an object's id, or None when its class is wrong."""
+
+    parsed: Parsed
+    metamodel: Metamodel | None
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    spans: dict[int, Span] = field(default_factory=dict)
+    _model: Model = field(init=False)
+    _names: dict[str, tuple[int | None, Span]] = field(default_factory=dict)
+    _unknown: int = 0
+    _grids: dict[str, _Grid] = field(default_factory=dict)
+    _tasks: list[_Task] = field(default_factory=list)
+    _reported: set[tuple[str, int, int]] = field(default_factory=set)
+
+    def read(self, tree: Tree[Token]) -> ModelText:
+        name, metamodel = tokens(tree.children)
+        self._model = Model(self.metamodel or Metamodel(str(metamodel), ()), str(name))
+        if self.metamodel and metamodel != self.metamodel.name:
+            hint = (
+                did_you_mean(metamodel, [self.metamodel.name]) or f"the metamodel is `{self.metamodel.name}`"
+            )
+            self._error("unknown-metamodel", f"unknown metamodel `{metamodel}`", metamodel, hint)
+        with self._model.loading():
+            self._fill_model(tree)
+        complete = self.metamodel and not has_errors([*self.parsed.diagnostics, *self.diagnostics])
+        return ModelText(
+            str(name), self.parsed.span(name), str(metamodel), self._model if complete else None, self.spans
+        )
+
+    def _fill_model(self, tree: Tree[Token]) -> None:
+        top: Made = {}
+        for entry in trees(tree.children, "entry"):
+            self._object(entry, top)
+        if self.metamodel:
+            for grid in self._grids.values():
+                self._neighbours(grid)
+                for (column, row), node in grid.nodes.items():
+                    self._model.places[f"{grid.text.name}[{column},{row}]"] = node
+            for task in self._tasks:
+                self._assign(task)
+
+    # --- objects ---
+
+    def _object(self, tree: Tree[Token], made: Made) -> None:
+        """Creates the object of an `entry`, `object` or `unnamed` tree, and what stands inside it."""
+        *name, cls = tokens(tree.children)
+        where = self.parsed.span(name[0] if name else cls)
+        node = self._create(str(cls), self.parsed.span(cls), name[0] if name else None, where)
+        if node is not None:
+            made[id(tree)] = [(node, where)]
+        self._body(node, next(iter(trees(tree.children, "body")), None), made)
+
+    def _create(self, cls: str, cls_span: Span, name: Token | None, where: Span) -> int | None:
+        known = self._instantiable(cls, cls_span)
+        if name is not None and not self._free(name):
+            name = None
+        node = self._model.new(cls, str(name) if name else None) if known else None
+        if name is not None:
+            self._names[str(name)] = (node, self.parsed.span(name))
+        if node is not None:
+            self.spans[node] = where
+        return node
+
+    def _instantiable(self, cls: str, span: Span) -> bool:
+        metamodel = self.metamodel
+        if metamodel is None:
+            return False
+        if cls not in metamodel.classes:
+            hint = name_hint(cls, metamodel.classes)
+            if metamodel.named(cls):
+                hint = "several packages have one of this name: their objects can be in `.xmi` and JSON files"
+            self._report("unknown-class", f"unknown class `{cls}`", span, hint)
+            return False
+        if metamodel.classes[cls].abstract:
+            kinds = metamodel.concrete(cls)
+            hint = f"its concrete classes are {_listed(kinds)}" if kinds else "it has no concrete subclass"
+            self._report("abstract-class", f"`{cls}` is abstract", span, hint)
+            return False
+        return True
+
+    def _free(self, name: Token) -> bool:
+        if str(name) not in self._names:
+            return True
+        note = Note("the first one is here", self._names[str(name)][1])
+        self._error(
+            "duplicate-object",
+            f"there are two objects `{name}`",
+            name,
+            "choose another name for one",
+            notes=(note,),
+        )
+        return False
+
+    def _body(self, node: int | None, body: Tree[Token] | None, made: Made) -> None:
+        """Creates what stands in the features of an object, and notes the features for later."""
+        first: dict[str, Token] = {}
+        for assignment in trees(body.children) if body else []:
+            feature = tokens(assignment.children, "NAME")[0]
+            value = trees(assignment.children)[0]
+            self._declare(value, made)
+            if first.setdefault(str(feature), feature) is not feature:
+                note = Note("the first value is here", self.parsed.span(first[str(feature)]))
+                self._error(
+                    "duplicate-feature",
+                    f"`{feature}` is set twice",
+                    feature,
+                    "leave one out; several targets stand in a list: `[a, b]`",
+                    notes=(note,),
+                )
+            elif node is not None:
+                self._tasks.append(_Task(node, feature, value, made))
+
+    def _declare(self, value: Tree[Token], made: Made) -> None:
+        """Creates all objects inside a value."""
+        match value.data:
+            case "object" | "unnamed":
+                self._object(value, made)
+            case "list":
+                for item in trees(value.children):
+                    self._declare(item, made)
+            case "table":
+                self._table(value, made)
+            case "grid":
+                self._grid(value, made)
+
+    def _table(self, tree: Tree[Token], made: Made) -> None:
+        cls, *columns = tokens(tree.children)
+        rows: list[tuple[int, Span]] = []
+        for line in trees(tree.children, "line"):
+            name = next(iter(tokens(line.children)), None)
+            cells = trees(line.children)
+            where = self.parsed.span(name or cells[0])
+            node = self._create(str(cls), self.parsed.span(cls), name, where)
+            if node is not None:
+                rows.append((node, where))
+            if len(cells) != len(columns):
+                self._wrong_cells(line, cells, columns)
+            for column, cell in zip(columns, cells, strict=False):
+                self._declare(cell, made)
+                if node is not None:
+                    self._tasks.append(_Task(node, column, cell, made))
+        made[id(tree)] = rows
+
+    def _wrong_cells(self, line: Tree[Token], cells: Sequence[Tree[Token]], columns: Sequence[Token]) -> None:
+        where = cells[len(columns)] if len(cells) > len(columns) else line
+        hint = f"the columns are {_listed(columns)}"
+        self._error("wrong-columns", f"this line has {_plural(len(cells), 'value')}", where, hint)
+
+    # --- grids ---
+
+    def _grid(self, tree: Tree[Token], made: Made) -> None:
+        text = read_grid(self.parsed, tree, self.metamodel, self._add)
+        grid = _Grid(text, {})
+        first = self._grids.setdefault(str(text.name), grid)
+        if first is not grid:
+            note = Note("the first one is here", self.parsed.span(first.text.name))
+            self._error(
+                "duplicate-object",
+                f"there are two grids `{text.name}`",
+                text.name,
+                "choose another name for one",
+                notes=(note,),
+            )
+        for cell in text.cells:
+            if cell.entry is not None and cell.entry.cls is not None:
+                self._letter(grid, cell, cell.entry)
+        made[id(tree)] = [
+            (grid.nodes[at], cell.where) for cell in text.cells if (at := _at(cell)) in grid.nodes
+        ]
+
+    def _letter(self, grid: _Grid, cell: Cell, entry: Entry) -> None:
+        own: Made = {}
+        where = entry.where if entry.where.end else cell.where
+        node = self._create(entry.cls or "", where, None, cell.where)
+        if node is not None:
+            grid.nodes[_at(cell)] = node
+            self._position(grid, cell, node)
+        self._body(node, entry.body, own)
+
+    def _position(self, grid: _Grid, cell: Cell, node: int) -> None:
+        """Sets the attributes that hold column and row."""
+        for kind, index in (("column", cell.column), ("row", cell.row)):
+            axis = grid.text.axes.get(kind)
+            feature = self._feature(node, axis.attribute) if axis else None
+            if axis is None or feature is None:
+                continue
+            if isinstance(feature, Attribute) and feature.type is Scalar.INT and not feature.many:
+                self._model.set_value(node, feature, index)
+            else:
+                message = f"`{feature}` is no `int`, and cannot hold the {kind}"
+                self._error("wrong-type", message, axis.attribute, "name an attribute of type `int`")
+
+    def _neighbours(self, grid: _Grid) -> None:
+        for kind, (right, down) in (("column", (1, 0)), ("row", (0, 1))):
+            axis = grid.text.axes.get(kind)
+            if axis is None or axis.next is None:
+                continue
+            for (column, row), node in grid.nodes.items():
+                after = grid.nodes.get((column + right, row + down))
+                if after is not None:
+                    self._link_next(node, axis.next, after)
+
+    def _link_next(self, node: int, token: Token, after: int) -> None:
+        feature = self._feature(node, token)
+        if isinstance(feature, Attribute):
+            self._error(
+                "wrong-type", f"`{feature}` is an attribute, not a reference", token, "name a reference"
+            )
+        elif feature is not None and self._fits(after, feature, self.parsed.span(token)):
+            self._link(node, feature, after, self.parsed.span(token))
+
+    # --- features ---
+
+    def _feature(self, node: int, token: Token) -> Feature | None:
+        assert self.metamodel is not None
+        cls = self._model.class_of(node)
+        found = self.metamodel.feature(cls, str(token))
+        if found is None:
+            known = self.metamodel.features(cls)
+            hint = self.metamodel.left_out(cls, str(token)) or did_you_mean(token, known)
+            hint = hint or (f"it has {_listed(known)}" if known else "it has no features")
+            self._error("unknown-feature", f"`{cls}` has no feature `{token}`", token, hint)
+        return found
+
+    def _assign(self, task: _Task) -> None:
+        feature = self._feature(task.node, task.feature)
+        if isinstance(feature, Attribute):
+            self._set(task, feature)
+        elif feature is not None:
+            self._fill(task, feature)
+
+    def _set(self, task: _Task, attribute: Attribute) -> None:
+        if task.value.data == "none":
+            self._model.set_value(task.node, attribute, None)
+            return
+        if attribute.many:
+            self._model.set_value(task.node, attribute, self._values(task.value, attribute))
+            return
+        value = self._value(task.value, attribute)
+        if value is not None:
+            self._model.set_value(task.node, attribute, value)
+
+    def _values(self, tree: Tree[Token], attribute: Attribute) -> list[Value]:
+        """Values of an attribute with many; what is wrong is reported and left out."""
+        found: list[Value] = []
+        seen: set[Value] = set()
+        for item in trees(tree.children) if tree.data == "list" else [tree]:
+            value = self._value(item, attribute)
+            if value is None:
+                continue
+            if attribute.unique and value in seen:
+                hint = "leave it out; `@nonunique` on the attribute would allow it"
+                self._error("duplicate-value", f"`{attribute}` has this value already", item, hint)
+            elif len(found) == attribute.upper:
+                message = f"`{attribute}` takes {_plural(attribute.upper, 'value')} at most"
+                self._error("too-many-values", message, item, "leave the others out")
+                break
+            else:
+                found.append(value)
+                seen.add(value)
+        return found
+
+    def _value(self, tree: Tree[Token], attribute: Attribute) -> Value | None:
+        parts = tokens(tree.children)
+        type_ = attribute.type
+        if tree.data == "enum_literal":
+            return self._literal(tree, attribute)
+        value: Value | None = None
+        match tree.data:
+            case "true" | "false":
+                value = tree.data == "true"
+            case "number":
+                value = sign(parts, float(parts[-1]) if parts[-1].type == "FLOAT" else int(parts[-1]))
+            case "string" if not isinstance(type_, EnumType):
+                value = str(parts[0])
+        if value is not None and accepts(type_, value):
+            return value
+        wanted = f"a literal of `{type_.name}`" if isinstance(type_, EnumType) else f"`{type_name(type_)}`"
+        message = f"`{attribute}` takes {wanted}, not {_kind(tree)}"
+        self._error("wrong-type", message, tree, _type_hint(tree, attribute) or value_hint(type_))
+        return None
+
+    def _literal(self, tree: Tree[Token], attribute: Attribute) -> Value | None:
+        *enum, literal = tokens(tree.children)
+        type_ = attribute.type
+        if not isinstance(type_, EnumType):
+            self._error(
+                "wrong-type",
+                f"`{attribute}` takes `{type_name(type_)}`, not an enum literal",
+                tree,
+                value_hint(type_),
+            )
+        elif enum and enum[0] != type_.name:
+            hint = f"write `{type_.name}::` or `::`"
+            self._error(
+                "wrong-type",
+                f"`{attribute}` is {with_article(type_.name)}, not {with_article(enum[0])}",
+                enum[0],
+                hint,
+            )
+        elif literal not in type_.literals:
+            hint = did_you_mean(literal, type_.literals) or f"its literals are {_listed(type_.literals)}"
+            self._error("unknown-literal", f"`{type_.name}` has no literal `{literal}`", literal, hint)
+        else:
+            return str(literal)
+        return None
+
+    # --- references ---
+
+    def _fill(self, task: _Task, reference: Reference) -> None:
+        seen: set[int] = set()
+        kept = 0
+        for target, where in self._targets(task.value, reference, task.made):
+            if not self._fits(target, reference, where):
+                continue
+            kept += 1
+            if target in seen:
+                self._report(
+                    "duplicate-target", f"`{reference.name}` has this object already", where, "leave it out"
+                )
+            elif reference.upper is not None and kept > reference.upper:
+                message = f"`{reference}` takes {_plural(reference.upper, 'object')} at most"
+                self._report("too-many-targets", message, where, "leave the others out")
+                return
+            else:
+                self._link(task.node, reference, target, where)
+            seen.add(target)
+
+    def _targets(self, tree: Tree[Token], reference: Reference, made: Made) -> Iterator[tuple[int, Span]]:
+        match tree.data:
+            case "none":
+                return
+            case "list":
+                for item in trees(tree.children):
+                    yield from self._targets(item, reference, made)
+            case "object" | "unnamed" | "grid" | "table":
+                yield from made.get(id(tree), ())
+            case "name":
+                yield from self._named(tokens(tree.children)[0])
+            case "cell":
+                yield from self._cell(tree)
+            case _:
+                message = f"`{reference}` takes {_of_class(reference)}, not {_kind(tree)}"
+                self._error("wrong-type", message, tree, f"name an object of class `{reference.target}`")
+
+    def _named(self, token: Token) -> Iterator[tuple[int, Span]]:
+        if str(token) in self._names:
+            node, _ = self._names[str(token)]
+            if node is not None:
+                yield node, self.parsed.span(token)
+            return
+        # To compare every unknown name with every known one would take minutes.
+        self._unknown += 1
+        hint = did_you_mean(token, self._names) if self._unknown <= _MOST_HINTS else None
+        if token == "null":
+            hint = _NO_VALUE
+        elif self.metamodel and str(token) in self.metamodel.classes:
+            hint = f"write `{token} {{ }}` for a new object"
+        elif str(token) in self._grids:
+            hint = f"write `{token}[column, row]` for an object of the grid"
+        elif hint is None and any(str(token) in enum.literals for enum in self._enums()):
+            hint = f"write `::{token}` for a literal"
+        elif hint is None and self._unknown <= _MOST_HINTS:
+            hint = name_hint(token, self._names)
+        self._error("unknown-object", f"unknown object `{token}`", token, hint)
+
+    def _enums(self) -> Iterable[EnumType]:
+        return self.metamodel.enum_types if self.metamodel else ()
+
+    def _cell(self, tree: Tree[Token]) -> Iterator[tuple[int, Span]]:
+        name = tokens(tree.children)[0]
+        if str(name) not in self._grids:
+            self._error("unknown-object", f"unknown grid `{name}`", name, name_hint(name, self._grids))
+            return
+        grid = self._grids[str(name)]
+        column, row = (
+            int(sign(parts := tokens(part.children), int(parts[-1]))) for part in trees(tree.children)
+        )
+        node = grid.nodes.get((column, row))
+        if node is not None:
+            yield node, self.parsed.span(tree)
+        elif not (0 <= column < grid.text.width and 0 <= row < grid.text.height):
+            hint = (
+                f"it has {_plural(grid.text.width, 'column')} and {_plural(grid.text.height, 'row')}, from 0"
+            )
+            self._error("outside-grid", f"`{name}` has no column {column}, row {row}", tree, hint)
+        elif not self.diagnostics:
+            message = f"there is no object at column {column}, row {row}"
+            hint = f"the letter there stands for none; columns and rows of `{name}` count from 0"
+            self._error("unknown-object", message, tree, hint)
+
+    def _fits(self, target: int, reference: Reference, where: Span) -> bool:
+        assert self.metamodel is not None
+        cls = self._model.class_of(target)
+        if self.metamodel.is_a(cls, reference.target):
+            return True
+        message = f"`{reference}` takes {_of_class(reference)}, not {with_article(cls)}"
+        self._report("wrong-type", message, where, f"name an object of class `{reference.target}`")
+        return False
+
+    def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:
+        if self._model.has_link(node, reference, target) or self._contained_elsewhere(
+            reference, target, where
+        ):
+            return
+        try:
+            self._model.link(node, reference, target)
+        except (RuleError, TypeMismatch) as error:
+            hint = link_hint(error, reference)
+            self._report("impossible-link", str(error).split("\n", maxsplit=1)[0], where, hint)
+
+    def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
+        """Whether an object has a container already: the model would move it, a file says two things at once."""
+        container = self._model.container(target) if reference.containment else None
+        if container is None:
+            return False
+        holder = self._model.describe(container[0])
+        notes = (Note("the container is here", self.spans[container[0]]),)
+        message = f"the object is contained in {holder} already, by `{container[1].name}`"
+        self._report("two-containers", message, where, "an object has one container at most", notes)
+        return True
+
+    # --- messages ---
+
+    def _error(
+        self,
+        code: str,
+        message: str,
+        where: Tree[Token] | Token,
+        hint: str | None = None,
+        notes: tuple[Note, ...] = (),
+    ) -> None:
+        self._report(code, message, self.parsed.span(where), hint, notes)
+
+    def _report(
+        self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
+    ) -> None:
+        self._add(Diagnostic(code, message, span, hint, notes=notes))
+
+    def _add(self, diagnostic: Diagnostic) -> None:
+        """Once for each place: a line of a legend or the head of a table stands for many objects."""
+        span = diagnostic.span
+        assert span is not None
+        if (diagnostic.code, span.start, span.end) not in self._reported:
+            self._reported.add((diagnostic.code, span.start, span.end))
+            self.diagnostics.append(diagnostic)
+
+
+def _at(cell: Cell) -> tuple[int, int]:
+    return cell.column, cell.row
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
+def _of_class(reference: Reference) -> str:
+    return f"objects of class `{reference.target}`"
+
+
+def _kind(tree: Tree[Token]) -> str:
+    """What a value is, for messages."""
+    match tree.data:
+        case "true" | "false":
+            return "a truth value"
+        case "number":
+            return "a fraction" if tokens(tree.children)[-1].type == "FLOAT" else "a whole number"
+        case "string":
+            return "a string"
+        case "enum_literal":
+            return "an enum literal"
+        case "name":
+            return f"the object `{tokens(tree.children)[0]}`"
+        case "list" | "grid" | "table":
+            return f"a {tree.data}"
+    return "an object"
+
+
+def _type_hint(tree: Tree[Token], attribute: Attribute) -> str | None:
+    """How a value may have been meant."""
+    if tree.data not in {"name", "string"}:
+        return None
+    word = str(tokens(tree.children)[0])
+    if word == "null":
+        return _NO_VALUE
+    if isinstance(attribute.type, EnumType):
+        if word in attribute.type.literals:
+            return f"write `::{word}` for the literal"
+        return did_you_mean(word, attribute.type.literals)
+    if attribute.type is Scalar.STRING:
+        return f'write `"{word}"` for a string'
+    if attribute.type is Scalar.BOOL:
+        return did_you_mean(word, ("true", "false"))
+    return None

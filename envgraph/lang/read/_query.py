@@ -1,0 +1,151 @@
+"""`.query` files: the tree to patterns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lark import Token, Tree
+
+from envgraph.errors import Diagnostic, Span
+from envgraph.lang.read._expressions import Reading, type_of, type_span_of
+from envgraph.lang.read._query_conditions import conditions_of, java_type_of
+from envgraph.lang.read._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
+from envgraph.metamodel import SUPPRESS
+from envgraph.pattern import Body, FunctionDeclaration, Parameter, Pattern, Strategy
+
+
+@dataclass(frozen=True, slots=True)
+class QueryFile:
+    """What a `.query` file says; a pattern of which a part could not be read is left out.
+
+    Attributes:
+        lost: names that may be defined or used in what could not be read.
+    """
+
+    header: Header
+    patterns: tuple[Pattern, ...]
+    diagnostics: tuple[Diagnostic, ...]
+    lost: frozenset[str] = frozenset()
+    functions: tuple[FunctionDeclaration, ...] = ()
+
+    @property
+    def definitions(self) -> tuple[Pattern | FunctionDeclaration, ...]:
+        """What the file defines, in the order of the text, but functions first."""
+        return (*self.functions, *self.patterns)
+
+
+def read_query(parsed: Parsed, types: TypeNames | None = None) -> QueryFile:
+    """The patterns of a parsed file, and what is wrong with it before any name is looked up."""
+    reading = Reading(parsed, list(parsed.diagnostics), types=types)
+    header = header_of(reading)
+    found: list[Pattern | FunctionDeclaration] = []
+    for tree in definitions_of(reading):
+        read = (
+            _declaration(reading, tree)
+            if tree.data == "declaration"
+            else _pattern(reading, header.package, tree)
+        )
+        if reading.whole(name_of(tree), tree):
+            found.append(read)
+    unused_imports(reading, header)
+    patterns = tuple(one for one in found if isinstance(one, Pattern))
+    functions = tuple(one for one in found if isinstance(one, FunctionDeclaration))
+    return QueryFile(header, patterns, reading.result(), reading.all_lost(), functions)
+
+
+def parameters_of(reading: Reading, tree: Tree[Token]) -> tuple[Parameter, ...]:
+    """The parameters of the `parameters` tree that a definition may have."""
+    return tuple(
+        _parameter(reading, item)
+        for part in trees(tree.children, "parameters")
+        for item in trees(part.children, "parameter")
+    )
+
+
+def name_of(tree: Tree[Token]) -> Token:
+    """The token that names a definition."""
+    return tokens(tree.children, "NAME")[0]
+
+
+def _pattern(reading: Reading, package: str, tree: Tree[Token]) -> Pattern:
+    name = name_of(tree)
+    words = [tokens(part.children)[0] for part in trees(tree.children, "modifier")]
+    for word in ("private", "search", "incremental"):
+        reading.once(f"`{word}`", (token for token in words if token == word))
+    return Pattern(
+        name=str(name),
+        parameters=parameters_of(reading, tree),
+        bodies=tuple(_body(reading, part) for part in trees(tree.children, "body")),
+        package=package,
+        private="private" in words,
+        strategy=_strategy(reading, words),
+        annotations=tuple(
+            annotation_of(reading.parsed.source, part) for part in trees(tree.children, "annotation")
+        ),
+        doc=reading.parsed.doc(tree),
+        span=reading.span(name),
+    )
+
+
+def _declaration(reading: Reading, tree: Tree[Token]) -> FunctionDeclaration:
+    name = name_of(tree)
+    for annotation in trees(tree.children, "annotation"):
+        word = annotation_of(reading.parsed.source, annotation).name
+        if word != SUPPRESS:
+            reading.warn("unknown-annotation", f"`@{word}` means nothing here", annotation, "leave it out")
+    result, result_span = _typed(reading, tree)
+    return FunctionDeclaration(
+        str(name),
+        parameters_of(reading, tree),
+        result or "",
+        doc=reading.parsed.doc(tree),
+        span=reading.span(name),
+        result_span=result_span,
+    )
+
+
+def _typed(reading: Reading, tree: Tree[Token]) -> tuple[str | None, Span | None]:
+    """The type that stands in a tree, and where; None if it is a class of Java, which is reported."""
+    for part in trees(tree.children, "type"):
+        return type_of(reading, part), type_span_of(reading, part)
+    for part in trees(tree.children, "java_type"):
+        type_ = java_type_of(reading, part)
+        if type_ is None:
+            reading.gap(part)
+        return type_, reading.span(part)
+    return None, None
+
+
+def _strategy(reading: Reading, words: Iterable[Token]) -> Strategy | None:
+    strategies = {str(word): word for word in words if word != "private"}
+    if len(strategies) == 2:
+        hint = "leave one of them out"
+        reading.error("contradiction", "a pattern is `search` or `incremental`", strategies["search"], hint)
+    if "search" in strategies:
+        return "search"
+    return "incremental" if strategies else None
+
+
+def _parameter(reading: Reading, tree: Tree[Token]) -> Parameter:
+    name = name_of(tree)
+    direction = {str(tokens(part.children)[0]) for part in trees(tree.children, "direction")}
+    type_, span = _typed(reading, tree)
+    return Parameter(
+        str(name),
+        type_,
+        "in" if "in" in direction else "out" if direction else None,
+        reading.span(name),
+        type_span=span,
+    )
+
+
+def _body(reading: Reading, tree: Tree[Token]) -> Body:
+    name = tokens(tree.children, "NAME")
+    return Body(
+        conditions_of(reading, trees(tree.children)),
+        str(name[0]) if name else None,
+        reading.span(tree),
+    )

@@ -1,0 +1,116 @@
+"""What stands above the definitions of a `.query`, `.rules` or `.environment` file: its package and its imports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from lark import Token, Tree
+
+from envgraph.errors import Span
+from envgraph.lang.read._ecore_types import library_types
+from envgraph.lang.read._expressions import Reading
+from envgraph.lang.read._imports import Import
+from envgraph.lang.syntax._parsing import qualified_name_of, tokens, trees
+from envgraph.metamodel import type_name
+
+_KINDS = ("package", "import_file", "import_pattern", "import_java")
+
+
+@dataclass(frozen=True, slots=True)
+class PatternImport:
+    """`import pattern a.b.c`: the pattern may be called `c` here."""
+
+    name: str
+    span: Span = field(compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Package ("" for none) and imports of a file, in the order of the text."""
+
+    package: str = ""
+    imports: tuple[Import, ...] = ()
+    patterns: tuple[PatternImport, ...] = ()
+
+
+def header_of(reading: Reading) -> Header:
+    """Package and imports; makes aliases and imported patterns known to the rest of the reading."""
+    definitions = trees(reading.parsed.tree.children) if reading.parsed.tree else []
+    package = _package(reading, definitions)
+    imports: list[Import] = []
+    patterns: list[PatternImport] = []
+    for tree in definitions:
+        match tree.data:
+            case "import_file":
+                imports.append(_file(reading, tree))
+            case "import_pattern":
+                patterns.append(_pattern(reading, tree))
+            case "import_java":
+                name = qualified_name_of(trees(tree.children, "qualified_name")[0])
+                reading.java.setdefault(name.rpartition(".")[2], reading.span(tree))
+    return Header(package, tuple(imports), tuple(patterns))
+
+
+def definitions_of(reading: Reading) -> Iterator[Tree[Token]]:
+    """The definitions of the file without its header."""
+    if reading.parsed.tree:
+        yield from (tree for tree in trees(reading.parsed.tree.children) if tree.data not in _KINDS)
+
+
+def unused_imports(reading: Reading, header: Header) -> None:
+    """Warns of imports by name, and of aliases, that nothing in the file mentions."""
+    for name, span in reading.aliases.items():
+        if name not in reading.used:
+            hint = f"leave `as {name}` out, or write `{name}::Type`"
+            reading.warn("unused-import", f"nothing here writes `{name}::`", span, hint)
+    for name, span in reading.java.items():
+        if name not in reading.used:  # else that is told where it is
+            hint = "leave the line out: classes of Java mean nothing here"
+            reading.warn("unused-import", f"nothing here needs the Java class `{name}`", span, hint)
+    for pattern in header.patterns:
+        simple = pattern.name.rpartition(".")[2]
+        if simple not in reading.used and pattern.name not in reading.used:
+            reading.warn(
+                "unused-import", f"nothing here calls `{simple}`", pattern.span, "leave the import out"
+            )
+
+
+def _package(reading: Reading, definitions: list[Tree[Token]]) -> str:
+    packages = trees(definitions, "package")
+    reading.once("`package`", packages, "a file has one package")
+    if not packages:
+        return ""
+    if packages[0] is not definitions[0]:
+        hint = "move this line above the imports and definitions"
+        reading.error("misplaced-header", "the package comes first", packages[0], hint)
+    return qualified_name_of(trees(packages[0].children)[0])
+
+
+def _file(reading: Reading, tree: Tree[Token]) -> Import:
+    found = tokens(tree.children)
+    place = next(place for place, token in enumerate(found) if token.type == "STRING")
+    path, word, alias = found[place], found[:place], found[place + 1 :]
+    if word and word[0] != "epackage":
+        reading.error("unexpected-token", f"unexpected `{word[0]}`", word[0], "leave it out")
+    for name in alias:
+        if name in reading.aliases:
+            reading.error(
+                "duplicate-definition", f"there is another import `as {name}`", name, "choose another name"
+            )
+        reading.aliases.setdefault(str(name), reading.span(name))
+    types = library_types(str(path)) or {}
+    reading.data_types.update((name, type_name(one.type)) for name, one in types.items())
+    return Import(str(path), reading.span(path), str(alias[0]) if alias else None)
+
+
+def _pattern(reading: Reading, tree: Tree[Token]) -> PatternImport:
+    part = trees(tree.children, "qualified_name")[0]
+    name = qualified_name_of(part)
+    simple = name.rpartition(".")[2]
+    other = reading.imported.setdefault(simple, name)
+    if other != name:
+        hint = f"leave one of the imports out, and call its pattern by the full name, such as `{name}`"
+        message = f"`{simple}` is imported already: `{other}`"
+        reading.error("duplicate-definition", message, part, hint)
+    return PatternImport(name, reading.span(part))

@@ -1,0 +1,190 @@
+"""`.rules` files: the tree to rules, units and derived groups."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, cast
+
+from lark import Token, Tree
+
+from envgraph.errors import Diagnostic
+from envgraph.lang.read._expressions import Reading, type_of, type_span_of
+from envgraph.lang.read._query import name_of, parameters_of
+from envgraph.lang.read._query_header import Header, definitions_of, header_of, unused_imports
+from envgraph.lang.read._rules_annotations import marks_of
+from envgraph.lang.read._rules_graph import left_side_of, modification_of, right_side_of
+from envgraph.lang.read._rules_units import block_of
+from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.syntax._parsing import Parsed, tokens, trees
+from envgraph.pattern import (
+    Block,
+    BlockKind,
+    Derivation,
+    LeftSide,
+    Modification,
+    RightSide,
+    Rule,
+    Unit,
+)
+
+Definition = Rule | Unit | Derivation
+
+_NESTED = ("condition_block", "rule_block")
+_SECTIONS = ("left", "right", "modification", *_NESTED)
+
+
+@dataclass(frozen=True, slots=True)
+class RulesFile:
+    """What a `.rules` file says; a definition of which a part could not be read is left out.
+
+    Attributes:
+        lost: names that may be defined or used in what could not be read.
+    """
+
+    header: Header
+    definitions: tuple[Definition, ...]
+    diagnostics: tuple[Diagnostic, ...]
+    lost: frozenset[str] = frozenset()
+
+
+def read_rules(parsed: Parsed, types: TypeNames | None = None) -> RulesFile:
+    """The definitions of a parsed file, and what is wrong with it before any name is looked up."""
+    reading = Reading(parsed, list(parsed.diagnostics), types=types)
+    header = header_of(reading)
+    definitions = []
+    for tree in definitions_of(reading):
+        definition = _definition(reading, header.package, tree)
+        if reading.whole(name_of(tree), tree):
+            definitions.append(definition)
+    unused_imports(reading, header)
+    return RulesFile(header, tuple(definitions), reading.result(), reading.all_lost())
+
+
+def _definition(reading: Reading, package: str, tree: Tree[Token]) -> Definition:
+    match tree.data:
+        case "rule":
+            return _rule(reading, package, tree)
+        case "unit":
+            return _unit(reading, package, tree)
+    return _derivation(reading, package, tree)
+
+
+def _rule(reading: Reading, package: str, tree: Tree[Token]) -> Rule:
+    name = name_of(tree)
+    marks = marks_of(reading, tree)
+    return Rule(
+        name=str(name),
+        parameters=parameters_of(reading, tree),
+        left=_left(reading, tree, name),
+        blocks=_blocks(reading, tree),
+        right=_right(reading, tree),
+        package=package,
+        weight=marks.weight,
+        priority=marks.priority,
+        semantics=cast("Literal['dpo', 'spo']", marks.semantics),
+        injective=marks.injective,
+        homomorphic=marks.homomorphic,
+        annotations=marks.annotations,
+        doc=reading.parsed.doc(tree),
+        span=reading.span(name),
+        homomorphic_spans=marks.homomorphic_spans,
+    )
+
+
+def _left(reading: Reading, tree: Tree[Token], owner: Token) -> LeftSide:
+    """The one `lhs` of a rule or of a `forall` or `optional` block; that a block is empty is noticed later."""
+    sides = trees(tree.children, "left")
+    reading.once("`lhs`", (tokens(side.children)[0] for side in sides), "put all of it into the first")
+    if sides:
+        return left_side_of(reading, trees(sides[0].children), tokens(sides[0].children)[0])
+    if tree.data == "rule" and not reading.broken(tree):
+        hint = "add `lhs { ... }`; it may be empty"
+        reading.error("missing-left-side", f"rule `{owner}` has no left side", owner, hint)
+        reading.gap(tree)
+    return LeftSide(span=reading.span(owner))
+
+
+def _right(reading: Reading, tree: Tree[Token]) -> RightSide | Modification | None:
+    """The one `rhs` or `modify`."""
+    rights, modifications = trees(tree.children, "right"), trees(tree.children, "modification")
+    reading.once("`rhs`", (tokens(side.children)[0] for side in rights), "put all of it into the first")
+    reading.once(
+        "`modify`", (tokens(side.children)[0] for side in modifications), "put all of it into the first"
+    )
+    if rights and modifications:
+        both = sorted([*rights, *modifications], key=lambda side: side.meta.start_pos)
+        hint = "`rhs` shows what is there afterwards, `modify` says what changes: keep one of them"
+        second = next(side for side in both if side.data != both[0].data)
+        message = "a rule has `rhs` or `modify`, not both"
+        reading.error("contradiction", message, tokens(second.children)[0], hint)
+    if rights:
+        return right_side_of(reading, rights[0])
+    return modification_of(reading, modifications[0]) if modifications else None
+
+
+def _blocks(reading: Reading, tree: Tree[Token]) -> tuple[Block, ...]:
+    return tuple(_block(reading, part) for part in trees(tree.children, *_NESTED))
+
+
+def _block(reading: Reading, tree: Tree[Token]) -> Block:
+    if tree.data == "condition_block":
+        return _condition_block(reading, tree)
+    keyword, *plus = tokens(trees(tree.children, "nesting")[0].children)
+    kind = "".join((keyword, *plus))
+    left = _left(reading, tree, keyword)
+    return Block(
+        cast(BlockKind, kind), left, _blocks(reading, tree), _right(reading, tree), reading.span(keyword)
+    )
+
+
+def _condition_block(reading: Reading, tree: Tree[Token]) -> Block:
+    """`not` and `require` hold conditions directly; that they rewrite nothing is said by the check of rules."""
+    keyword = tokens(tree.children)[0]
+    statements = [part for part in trees(tree.children) if part.data not in _SECTIONS]
+    for side in trees(tree.children, "left"):
+        hint = f"write `{keyword} {{ ... }}` without `lhs`"
+        reading.error(
+            "misplaced-part", f"`{keyword}` holds its conditions itself", tokens(side.children)[0], hint
+        )
+        statements.extend(trees(side.children))
+    return Block(
+        cast(BlockKind, str(keyword)),
+        left_side_of(reading, statements, keyword),
+        _blocks(reading, tree),
+        _right(reading, tree),
+        reading.span(keyword),
+    )
+
+
+def _unit(reading: Reading, package: str, tree: Tree[Token]) -> Unit:
+    name = name_of(tree)
+    marks = marks_of(reading, tree)
+    return Unit(
+        name=str(name),
+        parameters=parameters_of(reading, tree),
+        body=block_of(reading, trees(tree.children, "block")[0]),
+        package=package,
+        weight=marks.weight,
+        priority=marks.priority,
+        annotations=marks.annotations,
+        doc=reading.parsed.doc(tree),
+        span=reading.span(name),
+    )
+
+
+def _derivation(reading: Reading, package: str, tree: Tree[Token]) -> Derivation:
+    name = name_of(tree)
+    marks = marks_of(reading, tree)
+    group = trees(tree.children, "among", "operators")[0]
+    classes = trees(group.children, "type")
+    return Derivation(
+        name=str(name),
+        kind="retype" if group.data == "among" else "operators",
+        classes=tuple(type_of(reading, part) for part in classes),
+        package=package,
+        weight=marks.weight,
+        annotations=marks.annotations,
+        doc=reading.parsed.doc(tree),
+        span=reading.span(name),
+        class_spans=tuple(type_span_of(reading, part) for part in classes),
+    )

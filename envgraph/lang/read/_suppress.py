@@ -1,0 +1,80 @@
+"""`@suppress("code")`: warnings that are not to be given inside of a definition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from lark import Token, Tree
+
+from envgraph.errors import Diagnostic, Severity, Span, name_hint
+from envgraph.lang.syntax._parsing import Parsed, span_of, tokens, trees
+from envgraph.metamodel import SUPPRESS
+
+
+@dataclass(frozen=True, slots=True)
+class Suppression:
+    """A code and where it stands; `within` is the definition that no warning of that code is given of."""
+
+    code: str
+    place: Span
+    within: Span
+
+    def silences(self, problem: Diagnostic) -> bool:
+        """Whether a diagnostic is such a warning."""
+        return self.code == problem.code and self.has(problem)
+
+    def has(self, problem: Diagnostic) -> bool:
+        """Whether a diagnostic is a warning about a place inside of the definition."""
+        span = problem.span
+        return (
+            problem.severity is Severity.WARNING
+            and span is not None
+            and span.source.name == self.within.source.name
+            and self.within.start <= span.start < self.within.end
+        )
+
+
+def suppressions_of(parsed: Parsed) -> tuple[list[Suppression], list[Diagnostic]]:
+    """What the annotations `@suppress` of a text ask for, and what is wrong with them."""
+    found: list[Suppression] = []
+    problems: list[Diagnostic] = []
+    waiting = [parsed.tree] if parsed.tree and f"@{SUPPRESS}" in parsed.source.text else []
+    for tree in waiting:
+        below = trees(tree.children)
+        waiting += below
+        for annotation in below:
+            if annotation.data == "annotation" and annotation.children[0] == SUPPRESS:
+                codes = list(_codes(annotation))
+                within = span_of(parsed.source, tree)
+                found += [Suppression(str(code), span_of(parsed.source, code), within) for code in codes]
+                if not codes or len(codes) < len(trees(annotation.children)):
+                    message = f"`@{SUPPRESS}` takes the codes of warnings"
+                    hint = f'write `@{SUPPRESS}("unused-import")`, with the code in the brackets behind a warning'
+                    span = span_of(parsed.source, annotation)
+                    problems.append(Diagnostic("bad-annotation", message, span, hint))
+    return found, problems
+
+
+def _codes(annotation: Tree[Token]) -> Iterator[Token]:
+    for argument in trees(annotation.children, "annotation_argument"):
+        for value in trees(argument.children, "annotation_string", "annotation_name"):
+            yield from tokens(value.children)
+
+
+def unsuppressed(
+    diagnostics: Iterable[Diagnostic], suppressions: Sequence[Suppression]
+) -> Iterator[Diagnostic]:
+    """The diagnostics without warnings that are suppressed, and a warning for each code that suppresses none."""
+    given = list(diagnostics)
+    broken = {one.span.source.name for one in given if one.severity is Severity.ERROR and one.span}
+    yield from (one for one in given if not any(each.silences(one) for each in suppressions))
+    for suppression in suppressions:
+        if suppression.place.source.name in broken:
+            continue  # not all warnings are known
+        if not any(map(suppression.silences, given)):
+            message = f"there is no warning `{suppression.code}` to suppress here"
+            hint = name_hint(suppression.code, [one.code for one in given if suppression.has(one)])
+            yield Diagnostic(
+                "unused-suppress", message, suppression.place, hint or "leave it out", Severity.WARNING
+            )

@@ -1,0 +1,1 @@
+"""Text to tokens and trees, with every mistake at its place: the five languages, XML and TOML."""

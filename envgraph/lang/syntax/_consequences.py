@@ -1,0 +1,176 @@
+"""What follows from other errors, and is not reported."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from envgraph.errors import Diagnostic, Note, Severity, Span
+from envgraph.lang.syntax._parsing import Parsed
+from envgraph.pattern import Pattern
+
+_TO_THE_END = frozenset({"unterminated-comment", "too-many-errors"})
+"""After these nothing of a file is read."""
+_UNREAD = frozenset({"empty-body", "unreferenced-parameter", "used-once"})
+"""What may follow from a constraint that could not be read."""
+
+_MISREAD = frozenset(
+    {"number-too-large", "stray-character", "touching-words", "unterminated-string", "unterminated-text"}
+)
+"""Mistakes in the spelling of one token."""
+_ROWS = frozenset({"stray-character", "unterminated-text"})
+_MOST_LINES = 3
+"""Characters that mean nothing in more lines, one below the other, are the rows of a text."""
+_NAMES = frozenset(
+    f"unknown-{kind}"
+    for kind in (
+        *("attribute", "class", "enum", "feature", "function", "literal"),
+        *("object", "pattern", "reference", "rule", "type"),
+    )
+)
+"""Names that mean the same in a whole file: one that is misspelt where it is defined is unknown wherever it stands."""
+_MOST_PLACES = 10
+"""So many other places of such a name are told."""
+_UNEXPECTED = frozenset({"missing-token", "unexpected-token", "unexpected-end", "unescaped-keyword"})
+"""Mistakes in the order of tokens."""
+
+
+def unread_names(parsed: Parsed) -> frozenset[str]:
+    """The names in a text of which nothing could be saved, or in what was not read at the end of the file."""
+    opened = [one.span.start for one in parsed.diagnostics if one.code in _TO_THE_END and one.span]
+    text = parsed.source.text
+    start = 0 if parsed.tree is None else min(opened, default=len(text))
+    return frozenset(re.findall(r"[^\W\d]\w*", text[start:]))
+
+
+def without_misread(found: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Leaves out what is said about a number, a string or a sign that could not be read as it stands.
+
+    The same goes for what is said about a part of one line in which something is unexpected.
+    """
+    diagnostics = list(found)
+    misread: dict[str, list[Span]] = {}
+    for one in diagnostics:
+        if one.span and one.code in _MISREAD | _UNEXPECTED:
+            misread.setdefault(one.span.source.name, []).append(one.span)
+
+    def follows(one: Diagnostic) -> bool:
+        if one.span is None or one.code in _MISREAD | _UNEXPECTED | _TO_THE_END or "\n" in one.span.text:
+            return False
+        spans = misread.get(one.span.source.name, ())
+        return any(span.start < one.span.end and one.span.start < span.end for span in spans)
+
+    if not misread:
+        return diagnostics
+    return list(_without_rows([one for one in diagnostics if not follows(one)]))
+
+
+def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Tells once in each file of a name that means nothing; a note says where else it stands.
+
+    Args:
+        found: file by file, in the order of the text.
+    """
+    places: dict[tuple[str, str, str, str], list[Diagnostic]] = {}
+    told: list[Diagnostic] = []
+    for one in found:
+        if one.span is None or one.code not in _NAMES:
+            told.append(one)
+            continue
+        group = places.setdefault((one.span.source.name, one.code, one.message, one.span.text), [])
+        group.append(one)
+        if len(group) == 1:
+            told.append(one)
+    others = {id(group[0]): _elsewhere(group[1:]) for group in places.values() if len(group) > 1}
+    return [replace(one, notes=(*one.notes, others[id(one)])) if id(one) in others else one for one in told]
+
+
+def _elsewhere(problems: Sequence[Diagnostic]) -> Note:
+    spans = [one.span for one in problems[:_MOST_PLACES] if one.span is not None]
+    shown = ", ".join(f"{span.line}:{span.column}" for span in spans)
+    more = f" and at {len(problems) - _MOST_PLACES} more places" if len(problems) > _MOST_PLACES else ""
+    return Note(f"also at {shown}{more}")
+
+
+def _without_rows(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
+    """Tells once of the rows of a text that was not opened as one."""
+    rows = sorted(
+        (one for one in diagnostics if one.span and one.code in _ROWS),
+        key=lambda one: (one.span.source.name, one.span.start) if one.span else ("", 0),
+    )
+    first: dict[Diagnostic, Diagnostic] = {}
+    lines: dict[Diagnostic, set[int]] = {}
+    previous: Diagnostic | None = None
+    for one in rows:
+        begin = first[previous] if previous is not None and _next_line(previous, one) else one
+        first[one] = begin
+        lines.setdefault(begin, set()).add(one.span.line if one.span else 0)
+        previous = one
+    for one in diagnostics:
+        head = first.get(one)
+        if head is None or len(lines[head]) <= _MOST_LINES:
+            yield one
+        elif one is head:
+            yield replace(one, hint='a text of several lines stands between `"""` and `"""`')
+
+
+def _next_line(one: Diagnostic, other: Diagnostic) -> bool:
+    """Whether the second place is on the line of the first, or on the next one."""
+    if one.span is None or other.span is None or one.span.source is not other.span.source:
+        return False
+    return other.span.line - one.span.line <= 1
+
+
+def without_echoes(
+    found: Sequence[Diagnostic], unread: Iterable[Diagnostic], patterns: Iterable[Pattern]
+) -> list[Diagnostic]:
+    """Leaves out what follows from other errors in the same pattern.
+
+    Args:
+        found: what a check says.
+        unread: what was wrong with the texts before.
+        patterns: of all the files.
+    """
+    before = _ByPlace(one for one in unread if one.severity is Severity.ERROR)
+    problems = _ByPlace(found)
+    echoes: set[Diagnostic] = set()
+    for pattern in patterns:
+        inside = problems.within(pattern)
+        if not any(one.code in _UNREAD for one in inside):
+            continue
+        if before.within(pattern):
+            echoes.update(one for one in inside if one.code in _UNREAD)
+        errors = [one for one in inside if one.severity is Severity.ERROR and one.code not in _UNREAD]
+        if errors:  # the variable that it is about may be the one that is missing elsewhere
+            echoes.update(one for one in inside if one.code == "used-once")
+        if any(one.code == "wrong-arity" for one in errors):
+            echoes.update(one for one in inside if one.code == "unreferenced-parameter")
+    return [one for one in found if one not in echoes]
+
+
+class _ByPlace:
+    """Diagnostics in the order of their places, file by file."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self._files: dict[str, list[tuple[int, Diagnostic]]] = {}
+        for one in diagnostics:
+            if one.span is not None:
+                self._files.setdefault(one.span.source.name, []).append((one.span.start, one))
+        for found in self._files.values():
+            found.sort(key=_start)
+
+    def within(self, pattern: Pattern) -> list[Diagnostic]:
+        """Those about something from the name of a pattern to the end of its last body."""
+        span = pattern.span
+        found = self._files.get(span.source.name, []) if span else []
+        if not found or span is None:
+            return []
+        end = max((body.span.end for body in pattern.bodies if body.span), default=span.end)
+        first, last = bisect_left(found, span.start, key=_start), bisect_right(found, end, key=_start)
+        return [one for _, one in found[first:last]]
+
+
+def _start(item: tuple[int, Diagnostic]) -> int:
+    return item[0]

@@ -1,0 +1,41 @@
+"""Where grammars and bundled domains lie: inside the package in a wheel, beside it in a checkout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from envgraph.errors import InvalidArgument, did_you_mean
+
+
+def data_path(*parts: str) -> Path:
+    """A path below the data directory, such as `data_path("grammars", "model.lark")`; it need not exist.
+
+    >>> data_path("grammars", "common.lark").is_file()
+    True
+    """
+    package = Path(__file__).resolve().parents[2]
+    installed = package / "_data"
+    return (installed if installed.is_dir() else package.parent).joinpath(*parts)
+
+
+def bundled_domains() -> tuple[str, ...]:
+    """Names of the domains that come with envgraph, sorted.
+
+    >>> "burning_forest" in bundled_domains()
+    True
+    """
+    rules = data_path("rules")
+    return tuple(sorted(path.name for path in rules.iterdir() if path.is_dir())) if rules.is_dir() else ()
+
+
+def bundled_domain(name: str) -> Path:
+    """The directory of a bundled domain.
+
+    Raises:
+        InvalidArgument: there is no such domain.
+    """
+    domains = bundled_domains()
+    if name not in domains:
+        hint = did_you_mean(name, domains) or f"there are {', '.join(domains)}"
+        raise InvalidArgument(f"no bundled domain `{name}`; {hint}")
+    return data_path("rules", name)

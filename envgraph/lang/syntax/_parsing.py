@@ -1,0 +1,201 @@
+"""Text to trees: an LALR(1) loop that reports every mistake once and goes on."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from lark import Token, Tree
+
+from envgraph.errors import Diagnostic, Source, Span
+from envgraph.lang.syntax._formats import other_language
+from envgraph.lang.syntax._grammar import Grammar, grammar
+from envgraph.lang.syntax._lexer import END, DocComment, Lexeme
+from envgraph.lang.syntax._recovery import Recovery
+from envgraph.lang.syntax._stack import ERROR, ParseStack
+from envgraph.metamodel import Annotation, Value
+
+Branch = Tree[Token] | Token | None
+
+_MOST_ERRORS = 100
+_DEEPEST = 150
+
+_CHAINS = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "&&": 3, "and": 3, "||": 4, "or": 4}
+"""The operators of one number have one precedence: any number of them may follow each other."""
+
+
+@dataclass(slots=True)
+class Parsed:
+    """What a text says, as far as it can be read.
+
+    Attributes:
+        tree: the tree of the start rule, without what was given up; None when nothing could be saved.
+        diagnostics: all lexical and syntax errors, in the order of the text.
+        lost: the names that stand in what was given up; that one of them is unknown says nothing.
+        gaps: where that stood, as offsets of the text.
+    """
+
+    source: Source
+    tree: Tree[Token] | None
+    diagnostics: list[Diagnostic]
+    docs: list[DocComment] = field(default_factory=list)
+    lost: frozenset[str] = frozenset()
+    gaps: tuple[tuple[int, int], ...] = ()
+
+    def span(self, item: Tree[Token] | Token) -> Span:
+        """The characters that a tree or token was made of, brackets and keywords included."""
+        return span_of(self.source, item)
+
+    def doc(self, tree: Tree[Token]) -> str | None:
+        """The doc comment before a definition, or between its annotations and the rest of it."""
+        found = bisect_left(self.docs, tree.meta.start_pos, key=lambda doc: doc.after)
+        if self.docs[found : found + 1] and self.docs[found].after == tree.meta.start_pos:
+            return self.docs[found].text
+        for part in trees(tree.children, "annotation"):
+            end = part.meta.end_pos
+            found = bisect_left(self.docs, end, key=lambda doc: doc.before)
+            if self.docs[found : found + 1] and self.docs[found].before == end:
+                return self.docs[found].text
+        return None
+
+
+def parse(language: str, source: Source) -> Parsed:
+    """The tree of a text in one of the five languages, and all its errors."""
+    return parse_with(grammar(language), source)
+
+
+def parse_with(grammar: Grammar, source: Source) -> Parsed:
+    """As `parse`, with a grammar at hand."""
+    return parse_tokens(grammar, source)[0]
+
+
+def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]]:
+    """As `parse_with`, with all lexemes as the tree has them: where `<-` was two signs, it is two lexemes."""
+    scan = grammar.core.scan(source)
+    if any(problem.code == "nested-too-deeply" for problem in scan.diagnostics):
+        return Parsed(source, None, scan.diagnostics), scan.lexemes
+    stack = ParseStack(grammar, source, scan.lexemes)
+    recovery = Recovery(stack, scan.diagnostics)
+    tree = _run(stack, recovery)
+    found = [*scan.diagnostics, *recovery.diagnostics]
+    other = other_language(grammar.name, source) if found else None
+    if other is not None:
+        return Parsed(source, None, [other]), stack.lexemes
+    diagnostics = sorted(found, key=lambda one: one.span.start if one.span else 0)
+    if tree is not None:
+        deep = _tidy(tree)
+        if deep is not None:
+            message, hint = "this is nested too deeply to be read", f"there may be {_DEEPEST} levels"
+            diagnostics.append(Diagnostic("nested-too-deeply", message, span_of(source, deep), hint))
+            tree = None
+    parsed = Parsed(source, tree, diagnostics, scan.docs, frozenset(stack.lost), tuple(stack.gaps))
+    return parsed, stack.lexemes
+
+
+def span_of(source: Source, item: Tree[Token] | Token) -> Span:
+    """The characters that a tree or token was made of."""
+    if isinstance(item, Token):
+        return source.span(item.start_pos or 0, item.end_pos or 0)
+    return source.span(item.meta.start_pos, item.meta.end_pos)
+
+
+def trees(items: Iterable[Branch], *names: str) -> list[Tree[Token]]:
+    """Those of the items that are trees, of one of the names if any are given."""
+    return [item for item in items if isinstance(item, Tree) and (not names or item.data in names)]
+
+
+def tokens(items: Iterable[Branch], *types: str) -> list[Token]:
+    """Those of the items that are tokens, of one of the types if any are given."""
+    return [item for item in items if isinstance(item, Token) and (not types or item.type in types)]
+
+
+def annotation_of(source: Source, tree: Tree[Token]) -> Annotation:
+    """The data of an `annotation` tree; a list of values for one key repeats the key."""
+    name, *arguments = [child for child in tree.children if child is not None]
+    positional: list[Value] = []
+    named: list[tuple[str, Value]] = []
+    places = [("@", span_of(source, name))]
+    for argument in trees(arguments):
+        if argument.data == "annotation_named":
+            key = str(argument.children[0])
+            named.extend((key, _annotation_value(value)) for value in trees(argument.children))
+            places.extend((key, span_of(source, value)) for value in trees(argument.children))
+        else:
+            positional.extend(_annotation_value(value) for value in trees(argument.children))
+    return Annotation(str(name), tuple(positional), tuple(named), span_of(source, tree), tuple(places))
+
+
+def _annotation_value(tree: Tree[Token]) -> Value:
+    match tree.data:
+        case "annotation_true":
+            return True
+        case "annotation_false":
+            return False
+        case "annotation_number":
+            *sign, number = tokens(tree.children)
+            value = float(number) if number.type == "FLOAT" else int(number)
+            return -value if sign else value
+    return str(tree.children[0])
+
+
+def qualified_name_of(tree: Tree[Token]) -> str:
+    """`a.b.c` of a `qualified_name` tree."""
+    return ".".join(str(part) for part in tree.children)
+
+
+def _run(stack: ParseStack, recovery: Recovery) -> Tree[Token] | None:
+    """The tree of the whole text, with error trees in it; None when nothing could be saved."""
+    index = errors = 0
+    while True:
+        terminal = stack.resolve(stack.states, index) or stack.split(stack.states, index)
+        if terminal is None:
+            # Counted, and not the diagnostics: what follows from a misspelt token is not reported.
+            errors += 1
+            if errors > _MOST_ERRORS:
+                recovery.stop(index)
+                return None
+            resumed = recovery.recover(index)
+            if resumed is None:
+                return None
+            index = resumed
+            continue
+        stack.feed(terminal, stack.lexemes[index], index)
+        if terminal == END:
+            tree = stack.values[-1]
+            assert isinstance(tree, Tree)
+            return tree
+        index += 1
+
+
+def follows(left: Tree[Token], tree: Tree[Token]) -> bool:
+    """Whether one tree is the `a + b` of `a + b - c`."""
+    if left is not tree.children[0] or not left.data.endswith("binary") or not tree.data.endswith("binary"):
+        return False
+    kind = _CHAINS.get(str(tree.children[1]))
+    return kind is not None and kind == _CHAINS.get(str(left.children[1]))
+
+
+def _tidy(root: Tree[Token]) -> Tree[Token] | None:
+    """Removes the trees of what was given up; returns a tree that lies too deep for recursion, or None.
+
+    The left sides of a flat `a + b - c`, however long, lie as deep as the whole of it.
+
+    The rules of an imported grammar are known by their own names: `name` for Lark's `common__name`.
+    """
+    level = [root]
+    for _ in range(_DEEPEST):
+        below: list[Tree[Token]] = []
+        for tree in level:  # which grows
+            if "__" in tree.data:
+                tree.data = tree.data.rpartition("__")[2]
+            children = [child for child in tree.children if isinstance(child, Tree)]
+            if any(child.data == ERROR for child in children):
+                tree.children = [c for c in tree.children if not (isinstance(c, Tree) and c.data == ERROR)]
+            for child in children:
+                if child.data != ERROR:
+                    (level if follows(child, tree) else below).append(child)
+        level = below
+        if not level:
+            return None
+    return level[0]

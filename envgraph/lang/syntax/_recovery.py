@@ -1,0 +1,504 @@
+"""What happens at an unexpected token.
+
+First the mistake behind it is looked for: a mistyped keyword is read as the keyword meant, a forgotten separator is put
+in, a keyword that starts an outer definition closes the ones before it. What cannot be mended that way is left out: the
+innermost definition or statement that is under way is given up, and parsing resumes behind its `;`, before the `}` of
+its surroundings, or at a word that starts the next one. Either way there is one diagnostic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from envgraph.errors import Diagnostic, Note, did_you_mean
+from envgraph.lang.syntax._hints import VALUE_WORDS, expectation, habit
+from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line, overlapping
+from envgraph.lang.syntax._stack import Level, ParseStack
+
+_LOOKAHEAD = 3
+_ENDLESS = {"unterminated-text", "unterminated-comment", "too-many-errors"}
+_SEPARATORS = (";", ",", ")", "]")
+
+
+class Recovery:
+    """Mends a parse at its errors, and collects the diagnostics.
+
+    Args:
+        stack: of the parse.
+        lexical: the misspelt tokens; what follows from them is not reported.
+    """
+
+    def __init__(self, stack: ParseStack, lexical: list[Diagnostic]) -> None:
+        self.diagnostics: list[Diagnostic] = []
+        self._stack = stack
+        self._grammar = stack.grammar
+        self._source = stack.source
+        self._lexemes = stack.lexemes
+        self._lexical = lexical
+        self._closed: set[int] = set()
+        """Keywords that braces have been closed before: once is enough, if it does not help."""
+
+    def recover(self, index: int) -> int | None:
+        """Reports the unexpected lexeme, mends or gives up a part, and says where to go on."""
+        self._stack.depth = self._lexemes[index].braces
+        attempts = (
+            self._misplaced,
+            self._missing_brace,
+            self._mistyped,
+            self._unescaped,
+            self._swallowed,
+            self._wrong_separator,
+            self._missing,
+        )
+        for attempt in attempts:
+            resumed = attempt(index)
+            if resumed is not None:
+                return resumed
+        if not self._surplus(index):
+            self._report_unexpected(index)
+        return self._close_all(index) if self._lexemes[index].kind == END else self._give_up(index)
+
+    def stop(self, index: int) -> None:
+        """Reports that the rest of the text is not read."""
+        lexeme = self._lexemes[index]
+        message = "too many mistakes: the rest of the file is not read"
+        self.diagnostics.append(
+            Diagnostic("too-many-errors", message, self._stack.span(lexeme), "mend these first")
+        )
+
+    def _misplaced(self, index: int) -> int | None:
+        """A keyword that starts an outer definition, taken for a name so far: a `}` is missing before it."""
+        levels = list(self._stack.levels())
+        if len(levels) < 2:
+            return None
+        inner = levels[0]
+        first = inner.begin if inner.begin >= 0 else index
+        for place in range(first, index + 1):
+            lexeme = self._lexemes[place]
+            keyword = self._grammar.core.keywords.get(lexeme.value)
+            if (
+                place in self._closed
+                or keyword is None
+                or lexeme.escaped
+                or not first_on_line(self._source, lexeme.start)
+            ):
+                continue
+            for outer in levels[1:]:
+                if not self._starts_outer(outer, keyword, lexeme):
+                    continue
+                if not self._closed_before(inner, outer, place, keyword):
+                    continue
+                self._closed.add(place)
+                return place
+        return None
+
+    def _starts_outer(self, outer: Level, keyword: str, lexeme: Lexeme) -> bool:
+        if outer.begin < 0 or not self._grammar.accepts(outer.states, keyword):
+            return False
+        return self._stack.column(lexeme) <= self._stack.column(self._lexemes[outer.begin])
+
+    def _closed_before(self, inner: Level, outer: Level, place: int, keyword: str) -> bool:
+        """Closes what is open until the keyword can follow; reports where the open brace is."""
+        brace = self._grammar.core.signs.get("}")
+        # What has just been read as a whole stays; else it is given up.
+        whole = brace is not None and self._grammar.accepts(self._stack.states, brace)
+        height = len(self._stack.states) if whole else inner.height
+        states = self._stack.states[:height]
+        closing = 0
+        while brace and not self._grammar.accepts(states, keyword) and closing < 50:
+            if not self._grammar.accepts(states, brace):
+                return False
+            self._grammar.shift(states, brace)
+            closing += 1
+        if closing == 0 or brace is None:
+            return False
+        lexeme = self._lexemes[place]
+        self._stack.forget(height, place, place)
+        opening = self._stack.open_brace(place)
+        for _ in range(closing):
+            self._stack.feed(brace, Lexeme(PUNCTUATION, "}", lexeme.start, lexeme.start), place)
+        notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
+        self._report(
+            "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, "a `}` is missing before it", notes
+        )
+        return True
+
+    def _mistyped(self, index: int) -> int | None:
+        """A word that is nearly the keyword that makes sense here, or at the start of the statement under way."""
+        if self._substitute(index, len(self._stack.states), index):
+            return index + 1
+        just_before = bool(self._stack.begins) and self._stack.begins[-1] == index - 1
+        if just_before and self._substitute(index - 1, len(self._stack.states) - 1, index):
+            return index
+        for level in self._stack.levels():
+            if 0 <= level.begin < index and self._substitute(level.begin, level.height, index):
+                return level.begin + 1
+            return None
+        return None
+
+    def _substitute(self, place: int, height: int, index: int) -> bool:
+        """Reads the word at `place` as the keyword it resembles, if the text then makes sense past `index`."""
+        lexeme = self._lexemes[place]
+        if lexeme.kind != "NAME" or lexeme.escaped:
+            return False
+        states = self._stack.states[:height]
+        hint = did_you_mean(lexeme.value, self._words(states)) if len(lexeme.value) > 2 else None
+        if hint is None:
+            return False
+        meant = hint.split("`")[1]
+        terminal = self._grammar.core.keywords[meant]
+        self._grammar.shift(states, terminal)
+        if not self._stack.makes_sense(states, place + 1, self._line_end(index, index + _LOOKAHEAD)):
+            return False
+        self._report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint)
+        self._stack.cut(height)
+        self._stack.feed(terminal, replace(lexeme, value=meant), place)
+        return True
+
+    def _words(self, states: list[int]) -> list[str]:
+        """The keywords that may come next; `and` is only read to be refused."""
+        words = self._grammar.core.keywords.items()
+        return [word for word, terminal in words if word != "and" and self._grammar.accepts(states, terminal)]
+
+    def _line_end(self, index: int, most: int) -> int:
+        """The last lexeme on the line of one, at most another: the next line may have a mistake of its own."""
+        last = index
+        while last < min(most, len(self._lexemes) - 1):
+            if first_on_line(self._source, self._lexemes[last + 1].start):
+                break
+            last += 1
+        return last
+
+    def _unescaped(self, index: int) -> int | None:
+        """A name that is a keyword where it stands, just before the unexpected lexeme."""
+        if not self._stack.begins or self._stack.begins[-1] != index - 1:
+            return None
+        lexeme, height = self._lexemes[index - 1], len(self._stack.states) - 1
+        states = self._stack.states[:height]
+        is_keyword = lexeme.kind == "NAME" and self._stack.resolve(states, index - 1) not in {None, "NAME"}
+        if not is_keyword or self._lexemes[index].value == "(" or not self._grammar.accepts(states, "NAME"):
+            return None
+        level = next(self._stack.levels(), None)
+        if level and level.begin == index - 1 and lexeme.value not in VALUE_WORDS:
+            return None  # the word of a statement: more likely its name is missing
+        self._grammar.shift(states, "NAME")
+        if not self._stack.makes_sense(states, index, self._line_end(index, index + _LOOKAHEAD)):
+            return None
+        hint = f"write `^{lexeme.value}` for the name"
+        self._report("unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint)
+        self._stack.cut(height)
+        self._stack.feed("NAME", lexeme, index - 1)
+        return index
+
+    def _swallowed(self, index: int) -> int | None:
+        """A keyword that starts the next statement, taken for a name by an unfinished one before it."""
+        level = next(self._stack.levels(), None)
+        if level is None or level.begin < 0:
+            return None
+        states = self._stack.states[: level.height]
+        if self._begins_statement(states, level.begin - 1, index):
+            word = self._lexemes[level.begin - 1]
+            self._report("unexpected-token", f"unexpected `{word.value}`", word, "expected a name")
+            self._stack.cut(level.height)
+            return level.begin - 1
+        for place in range(level.begin, index):
+            lexeme = self._lexemes[place]
+            terminal = self._stack.resolve(states, place)
+            if terminal is None:
+                return None
+            keyword = None if lexeme.escaped else self._grammar.core.keywords.get(lexeme.value)
+            starts = terminal == "NAME" and keyword and self._grammar.accepts(level.states, keyword)
+            if starts and place > level.begin and first_on_line(self._source, lexeme.start):
+                self._report(
+                    "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, self._expectation(states)
+                )
+                self._stack.forget(level.height, level.begin, place)
+                self._stack.resume(level, index)
+                return place
+            self._grammar.shift(states, terminal)
+        return None
+
+    def _begins_statement(self, states: list[int], place: int, index: int) -> bool:
+        """Whether a keyword that ended the statement before should rather have started this one."""
+        lexeme = self._lexemes[place]
+        keyword = None if lexeme.escaped else self._grammar.core.keywords.get(lexeme.value)
+        if place < 0 or keyword is None or not self._grammar.accepts(states, keyword):
+            return False
+        return first_on_line(self._source, lexeme.start) and self._stack.makes_sense(
+            list(states), place, index
+        )
+
+    def _wrong_separator(self, index: int) -> int | None:
+        """A `,` for a `;`, or the other way round."""
+        lexeme = self._lexemes[index]
+        meant = {",": ";", ";": ","}.get(lexeme.value) if lexeme.kind == PUNCTUATION else None
+        terminal = self._grammar.core.signs.get(meant) if meant else None
+        if meant is None or terminal is None or not self._grammar.accepts(self._stack.states, terminal):
+            return None
+        states = list(self._stack.states)
+        self._grammar.shift(states, terminal)
+        if not self._stack.makes_sense(states, index + 1, index + _LOOKAHEAD):
+            return None
+        self._report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, f"write `{meant}`")
+        self._stack.feed(terminal, replace(lexeme, value=meant), index)
+        return index + 1
+
+    def _missing(self, index: int) -> int | None:
+        """A separator or closing bracket that was left out."""
+        lexeme = self._lexemes[index]
+        for sign in _SEPARATORS:
+            terminal = self._grammar.core.signs.get(sign)
+            if terminal is None or not self._grammar.accepts(self._stack.states, terminal):
+                continue
+            states = list(self._stack.states)
+            self._grammar.shift(states, terminal)
+            if sign == ";" and (self._foreign(index) or self._opens_block(lexeme)):
+                continue
+            if lexeme.kind == END or not self._stack.makes_sense(states, index, index + _LOOKAHEAD):
+                continue
+            if sign != "," or first_on_line(self._source, lexeme.start):
+                before = Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end)
+                self._report("missing-token", f"missing `{sign}`", before, self._completion(sign, index))
+            else:
+                self._report_unexpected(index)
+            self._stack.feed(
+                terminal, Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end), index
+            )
+            return index
+        return None
+
+    def _opens_block(self, lexeme: Lexeme) -> bool:
+        """Whether it is a `{` that more likely belongs to a mistyped word before it than to a statement of its own."""
+        return lexeme.value == "{" and not first_on_line(self._source, lexeme.start)
+
+    def _missing_brace(self, index: int) -> int | None:
+        """A `{` before this or the previous lexeme, or a `}` before a `;` or a keyword that was taken for a name."""
+        if self._lexemes[index].kind == END:
+            return None
+        places = [(index - 1, "{"), (index - 1, "}"), (index, "{")]
+        if self._lexemes[index].value == ";":
+            places.append((index, "}"))
+        for place, sign in places:
+            if sign == "}" and self._is_inside(index):
+                continue
+            terminal = self._grammar.core.signs.get(sign)
+            height = len(self._stack.states)
+            if place < index:
+                if (
+                    not self._stack.begins
+                    or self._stack.begins[-1] != place
+                    or self._lexemes[place].kind != "NAME"
+                ):
+                    continue
+                height -= 1
+            states = self._stack.states[:height]
+            if terminal is None or not self._grammar.accepts(states, terminal):
+                continue
+            self._grammar.shift(states, terminal)
+            if sign == "}" and place < index and self._stack.resolve(states, place) in {None, "NAME"}:
+                continue
+            if self._stack.makes_sense(states, place, index + _LOOKAHEAD):
+                self._insert_brace(terminal, sign, place, height)
+                return place
+        return None
+
+    def _is_inside(self, index: int) -> bool:
+        """Whether a `{` opens a block that ends right before a `}`: so what it stands in is closed, after all."""
+        opening = self._lexemes[index]
+        if opening.value != "{":
+            return False
+        for place in range(index + 1, len(self._lexemes) - 1):
+            if self._lexemes[place].value == "}" and self._lexemes[place].braces == opening.braces + 1:
+                return self._lexemes[place + 1].value == "}"
+        return False
+
+    def _insert_brace(self, terminal: str, sign: str, place: int, height: int) -> None:
+        self._stack.cut(height)
+        self._stack.previous_end = self._lexemes[place - 1].end if place else 0
+        before = Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end)
+        opening = self._stack.open_brace(place) if sign == "}" else None
+        notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
+        self._report("missing-token", f"missing `{sign}`", before, self._completion(sign, place), notes)
+        self._stack.feed(terminal, before, place)
+
+    def _completion(self, sign: str, index: int) -> str:
+        """Where a separator belongs that was left out."""
+        if sign == ";":
+            return "a statement ends with `;`"
+        lexeme = self._lexemes[index]
+        before = self._source.text[lexeme.start : lexeme.end].split("\n")[0][:30]
+        return f"write `{sign}` before `{before}`"
+
+    def _close_all(self, index: int) -> int | None:
+        """At the end of the text: gives up what is under way and closes every open definition."""
+        brace = self._grammar.core.signs.get("}")
+        for _ in range(100):
+            level = next(self._stack.levels(), None)
+            if level is None:
+                return None
+            self._stack.forget(level.height, level.begin, index)
+            if self._grammar.accepts(self._stack.states, END):
+                return index
+            if brace is None or not self._grammar.accepts(self._stack.states, brace):
+                self._stack.resume(level, index)
+                if self._grammar.accepts(self._stack.states, END):
+                    return index
+                if brace is None or not self._grammar.accepts(self._stack.states, brace):
+                    self._stack.cut(level.height - 1)
+                    continue
+            end = self._lexemes[index].end
+            self._stack.feed(brace, Lexeme(PUNCTUATION, "}", end, end), index)
+        return None
+
+    def _give_up(self, index: int) -> int | None:
+        """Drops the statement under way and looks for the next one."""
+        levels = list(self._stack.levels())
+        for place in range(index, len(self._lexemes)):
+            lexeme = self._lexemes[place]
+            if lexeme.kind == END:
+                break
+            for level in levels:
+                resumed = self._resumes(level, place, index)
+                if resumed is not None:
+                    self._stack.forget(level.height, level.begin if level.begin >= 0 else index, place)
+                    self._stack.resume(level, index)
+                    return resumed
+        if levels:
+            self._stack.forget(levels[0].height, index, len(self._lexemes) - 1)
+            self._stack.resume(levels[0], index)
+            return self._end_after_giving_up()
+        return None
+
+    def _end_after_giving_up(self) -> int | None:
+        last = len(self._lexemes) - 1
+        return last if self._grammar.accepts(self._stack.states, END) else self._close_all(last)
+
+    def _resumes(self, level: Level, place: int, index: int) -> int | None:
+        """Where to go on if the statement of this level ends before or at the lexeme at `place`, else None."""
+        lexeme = self._lexemes[place]
+        begin = level.begin if level.begin >= 0 else index
+        depth = self._lexemes[begin].braces
+        if place == index == begin and lexeme.value not in {";", "}"}:
+            return None
+        accepted = self._stack.resolve(level.states, place)
+        if lexeme.kind == PUNCTUATION:
+            return self._resumes_at_sign(level, place, depth, accepted)
+        if lexeme.kind != "NAME" or accepted is None:
+            return None
+        level_column = self._stack.column(self._lexemes[begin])
+        if accepted != "NAME":
+            elsewhere = lexeme.bracketed or lexeme.value in VALUE_WORDS
+            if lexeme.braces == depth and place > begin and not elsewhere:
+                return place
+            starts_line = first_on_line(self._source, lexeme.start)
+            return place if starts_line and self._stack.column(lexeme) <= level_column else None
+        if lexeme.braces == depth and self._stack.column(lexeme) == level_column:
+            return place if first_on_line(self._source, lexeme.start) else None
+        return None
+
+    def _resumes_at_sign(self, level: Level, place: int, depth: int, accepted: str | None) -> int | None:
+        lexeme = self._lexemes[place]
+        if lexeme.value == ";" and lexeme.braces == depth:
+            return place if accepted else place + 1
+        if lexeme.value == "}" and lexeme.braces == depth and accepted:
+            return place
+        if lexeme.value == "}" and lexeme.braces == depth + 1:
+            # The `}` of a block inside the broken statement: the statement ends here if another can start.
+            following = place + 1
+            while following + 1 < len(self._lexemes) and self._lexemes[following].value in {
+                ";",
+                ",",
+            }:
+                following += 1
+            return following if self._stack.resolve(level.states, following) else None
+        if lexeme.value == "@" and lexeme.braces == depth and accepted:
+            return place if first_on_line(self._source, lexeme.start) else None
+        return None
+
+    def _surplus(self, index: int) -> bool:
+        """Whether this is a `}` without a `{`, and an error before it explains that."""
+        lexeme = self._lexemes[index]
+        return (
+            lexeme.value == "}"
+            and lexeme.kind == PUNCTUATION
+            and lexeme.braces == 0
+            and bool(self.diagnostics)
+        )
+
+    def _report_unexpected(self, index: int) -> None:
+        lexeme = self._lexemes[index]
+        if lexeme.kind == END:
+            opening = self._stack.open_brace(index)
+            notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
+            self._report("unexpected-end", "unexpected end of the file", lexeme, self._expectation(), notes)
+            return
+        foreign = self._foreign(index)
+        if foreign is not None:
+            keyword = self._lexemes[foreign.begin]
+            states = self._stack.states[: foreign.height]
+            hint = habit(self._grammar, states, self._lexemes, foreign.begin) or self._expectation(states)
+            self._report("unexpected-token", f"unexpected `{keyword.value}`", keyword, hint)
+            return
+        shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]
+        shown = shown if len(shown) <= 30 else shown[:27] + "..."
+        if lexeme.value == "}" and lexeme.kind == PUNCTUATION and lexeme.braces == 0:
+            hint = "no `{` is open here: take it out, or look for one that is closed too soon"
+            self._report("unexpected-token", "unexpected `}`", lexeme, hint)
+            return
+        meant = habit(self._grammar, self._stack.states, self._lexemes, index) or self._escape_hint(index)
+        meant = meant or self._meant(index) or self._expectation()
+        self._report("unexpected-token", f"unexpected `{shown}`", lexeme, meant)
+
+    def _foreign(self, index: int) -> Level | None:
+        """The statement under way, if a keyword of other places starts it, with a word after it."""
+        level = next(self._stack.levels(), None)
+        if level is None or level.begin < 0 or level.begin not in {index - 1, index - 2}:
+            return None
+        word, following = self._lexemes[level.begin : level.begin + 2]
+        keyword = word.kind == "NAME" and not word.escaped and word.value in self._grammar.core.keywords
+        if not keyword or following.kind != "NAME":
+            return None
+        states = self._stack.states[: level.height]
+        return level if self._stack.resolve(states, level.begin) == "NAME" else None
+
+    def _meant(self, index: int) -> str | None:
+        """The keyword that a word resembles, where no name is expected."""
+        lexeme = self._lexemes[index]
+        states = self._stack.states
+        if lexeme.kind != "NAME" or self._grammar.accepts(states, "NAME") or len(lexeme.value) <= 2:
+            return None
+        return did_you_mean(lexeme.value, self._words(states))
+
+    def _escape_hint(self, index: int) -> str | None:
+        """For a keyword where a name is expected."""
+        lexeme = self._lexemes[index]
+        keyword = lexeme.kind == "NAME" and not lexeme.escaped and lexeme.value in self._grammar.core.keywords
+        if keyword and "NAME" in self._grammar.expected(self._stack.states):
+            return f"write `^{lexeme.value}` for the name"
+        return None
+
+    def _expectation(self, states: list[int] | None = None) -> str:
+        """What may come next, in plain words."""
+        return expectation(self._grammar, self._stack.states if states is None else states)
+
+    def _replaced(self, missing: Lexeme) -> bool:
+        """Whether a character that means nothing stands where a sign is missing: then that is what to write for it."""
+        for place, one in enumerate(self._lexical):
+            if one.code != "stray-character" or one.span is None or one.span.start < missing.start:
+                continue
+            if not self._source.text[missing.start : one.span.start].strip():
+                self._lexical[place] = replace(one, hint=f"write `{missing.value}`")
+                return True
+        return False
+
+    def _report(
+        self, code: str, message: str, lexeme: Lexeme, hint: str | None, notes: tuple[Note, ...] = ()
+    ) -> None:
+        span = self._stack.span(lexeme)
+        # A misspelt token has been reported already; that it does not fit is its consequence.
+        before = self._source.span(self._stack.previous_end, lexeme.end)
+        if code == "missing-token" and self._replaced(lexeme):
+            return
+        swallowed = lexeme.kind == END and any(one.code in _ENDLESS for one in self._lexical)
+        if not swallowed and not overlapping(self._lexical, before):
+            self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes))

@@ -1,0 +1,326 @@
+"""TOML with the position of every key and value.
+
+`tomllib` reads the data and refuses what is no TOML; the index here walks over the same text once more and so may
+take for granted that it is well formed.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, limit
+from envgraph.lang.syntax._formats import other_language
+
+TomlPath = tuple[str | int, ...]
+"""Keys and indices from the root to a value."""
+
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)+")
+_KEY = re.compile(r"[A-Za-z0-9_-]+|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*'")
+_STRING = re.compile(
+    r"\"\"\"(?:\\.|[^\\])*?\"{3,5}|'''[\s\S]*?'{3,5}|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*'", re.DOTALL
+)
+_PLAIN = re.compile(r"[^,\]}#\n]+")
+_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+_PARTS = r"(?<![\w.-])(?:(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"
+"""The first parts of a dotted key; also found in texts and comments, where nobody has as many of them."""
+_DEEPEST = 50
+_WORD = re.compile(r"[A-Za-z_][\w./-]*")
+_NO_TEXTS = ("true", "false", "inf", "nan")
+SETTING = "--set"
+"""What the text of a setting is called where it has mistakes."""
+
+_HINTS = {
+    "unclosed array": "a list ends with `]`, and commas stand between its values",
+    "unclosed inline": "a table ends with `}`, and commas stand between its entries",
+    "unterminated string": 'close it with `"`',
+    "not closed on its line": 'close it with `"`',
+    "expected '=' after": "write `key = value`; a section is `[name]`",
+    "expected ']": "a section is `[name]`",
+    "expected ''": "close it with `'`",
+    "expected newline": 'one `key = value` stands on a line; texts stand between `"`',
+    "unescaped '": "write `\\\\` for a backslash, or put the text between `'`",
+    "key part": "a name of letters, digits, `_` and `-` stands here; a table has no comma at its end",
+    "invalid value": 'a value is a number, `true`, `false`, a text between `"`, a list or a table',
+}
+"""How to mend what tomllib complains about, by a part of its message."""
+
+
+@dataclass(slots=True)
+class TomlText:
+    """A TOML text as data, with spans.
+
+    Attributes:
+        keys: where the last part of a key, or of the header of a table, stands.
+        values: where a value stands; for a table with a header, the header.
+    """
+
+    source: Source
+    data: dict[str, Any]
+    keys: dict[TomlPath, Span] = field(default_factory=dict)
+    values: dict[TomlPath, Span] = field(default_factory=dict)
+
+    def key(self, *path: str | int) -> Span:
+        """Where a key stands; where the nearest table around it does if it is not there."""
+        return self._nearest(self.keys, path)
+
+    def value(self, *path: str | int) -> Span:
+        """Where a value stands; where the nearest table around it does if it is not there."""
+        return self._nearest(self.values, path)
+
+    def _nearest(self, spans: dict[TomlPath, Span], path: TomlPath) -> Span:
+        while path and path not in spans:
+            path = path[:-1]
+        return spans[path] if path else self.source.span(0, 0)
+
+
+def parse_toml(source: Source) -> TomlText:
+    """Reads a text.
+
+    Raises:
+        LoadError: it is no TOML; the diagnostic says where.
+
+    >>> text = parse_toml(Source("a.toml", "[search]\\nparents = { name = 'random' }"))
+    >>> str(text.value("search", "parents", "name")), text.value("search", "parents", "name").text
+    ('a.toml:2:20', "'random'")
+    """
+    _check_depth(source)
+    try:
+        # The offsets of the index are those of the text as it is: tomllib itself replaces "\r\n".
+        text = TomlText(source, tomllib.loads(source.text))
+        _Index(text).run()
+    except tomllib.TOMLDecodeError as error:
+        other = other_language("toml", source)
+        raise LoadError([other or _syntax_error(source, str(error))]) from None
+    except (ValueError, RecursionError) as error:
+        # A number of thousands of digits; arrays over many lines, one inside the other.
+        hint = "a number or a list in it is far too large"
+        problem = Diagnostic("syntax-error", f"the file cannot be read: {error}", source.span(0, 0), hint)
+        raise LoadError([problem]) from None
+    return text
+
+
+def _check_depth(source: Source) -> None:
+    """Refuses what tomllib cannot take: it recurses into arrays and inline tables, and a key of n parts takes n².
+
+    Raises:
+        LoadError: there is too much of it.
+    """
+    deepest = limit(_DEEPEST)
+    at = 0
+    for line in source.text.split("\n"):
+        if line.count("[") + line.count("{") > deepest:
+            message = f"more than {deepest} brackets stand on one line"
+            span = source.span(at, at + len(line))
+            raise LoadError([Diagnostic("nested-too-deeply", message, span, RAISE_LIMIT)])
+        at += len(line) + 1
+    found = re.search(_PARTS + f"{{{deepest}}}", source.text)
+    if found:
+        problem = Diagnostic(
+            "nested-too-deeply",
+            f"a key has more than {deepest} parts",
+            source.span(*found.span()),
+            RAISE_LIMIT,
+        )
+        raise LoadError([problem])
+
+
+def override(toml: TomlText, overrides: Iterable[str]) -> None:
+    """Puts settings such as `search.population=10` in place of what a text says; later ones win.
+
+    A value is written as in TOML; a text that is a plain word or path may go without its quotation marks.
+
+    Raises:
+        LoadError: what is no setting; all of them.
+
+    >>> text = parse_toml(Source("a.toml", "[search]\\nparents = 'random'"))
+    >>> override(text, ["search.parents=elitist", "search.population=10"])
+    >>> text.data, text.value("search", "population").text
+    ({'search': {'parents': 'elitist', 'population': 10}}, '10')
+    """
+    problems: list[Diagnostic] = []
+    for setting in overrides:
+        try:
+            _override(toml, _setting(setting))
+        except LoadError as error:
+            problems += error.diagnostics
+    if problems:
+        raise LoadError(problems)
+
+
+def _setting(text: str) -> TomlText:
+    key, equals, value = text.partition("=")
+    if not equals or "\n" in text:
+        source = Source(SETTING, text)
+        hint = "write a key of the file and its value: `--set search.population=10`"
+        problem = Diagnostic("syntax-error", "a setting is `key=value`", source.span(0, len(text)), hint)
+        raise LoadError([problem])
+    if _WORD.fullmatch(value.strip()) and value.strip() not in _NO_TEXTS:
+        value = f'"{value.strip()}"'
+    return parse_toml(Source(SETTING, f"{key}={value}"))
+
+
+def _override(toml: TomlText, setting: TomlText) -> None:
+    path = min(setting.values, key=len)  # what is inside of the value has a longer one
+    value: Any = setting.data
+    table: Any = toml.data
+    for size, key in enumerate(path, start=1):
+        value = value[key]
+        if size == len(path):
+            table[key] = value
+            break
+        table = table.setdefault(key, {})
+        if not isinstance(table, dict):
+            where = ".".join(map(str, path[:size]))
+            message, hint = (
+                f"`{where}` is no table",
+                f"give all of it: `--set '{where}={{ name = \"...\" }}'`",
+            )
+            raise LoadError([Diagnostic("wrong-type", message, setting.key(*path[:size]), hint)])
+    for spans, others in ((toml.keys, setting.keys), (toml.values, setting.values)):
+        for place in [one for one in spans if one[: len(path)] == path]:
+            del spans[place]
+        for place, span in others.items():
+            spans.setdefault(place, span)
+
+
+def _syntax_error(source: Source, message: str) -> Diagnostic:
+    place = _PLACE.search(message)
+    start = len(source.text)
+    if place and place.group(1):
+        line, column = int(place.group(1)), int(place.group(2))
+        # tomllib counts in the text without "\r".
+        offsets = [0, *(found.end() for found in re.finditer("\n", source.text))]
+        start = offsets[line - 1] + column - 1
+    text = message[: place.start()] if place else message
+    if text == "Illegal character '\\n'":
+        text = "The string is not closed on its line"
+    text = text[0].lower() + text[1:]
+    repeated = re.fullmatch(r"cannot (?:overwrite a value|declare \((.*?),?\) twice)", text)
+    if repeated:
+        # tomllib stops after the second one, which is all that stands on its line.
+        start = source.text.rfind("\n", 0, max(start - 1, 0)) + 1
+        key = re.match(r"[^=\n]*[^=\s]", source.text[start:])
+        what = key.group() if key else "this"
+        return Diagnostic(
+            "duplicate-key",
+            f"`{what}` stands here twice",
+            source.span(start, start + len(what)),
+            "leave one out, or put both together",
+        )
+    word = re.compile(r"[^\W\d]\w*").match(source.text, start) if text == "invalid value" else None
+    if word:
+        meant = word.group().lower()
+        hint = f"write `{meant}`" if meant in {"true", "false"} else f'write `"{word.group()}"` for a string'
+        return Diagnostic("syntax-error", text, source.span(start, word.end()), hint)
+    return Diagnostic("syntax-error", text, source.span(start, start + 1), _hint(text))
+
+
+def _hint(text: str) -> str:
+    """How to mend what the reader of TOML complains about."""
+    for part, hint in _HINTS.items():
+        if part in text:
+            return hint
+    return 'write `key = value`, with texts between `"`'
+
+
+class _Index:
+    def __init__(self, text: TomlText) -> None:
+        self._toml = text
+        self._text = text.source.text
+        self._at = 0
+        self._table: TomlPath = ()
+        self._counts: dict[TomlPath, int] = {}
+
+    def run(self) -> None:
+        self._skip()
+        while self._at < len(self._text):
+            if self._text[self._at] == "[":
+                self._header()
+            else:
+                self._pair(self._table)
+            self._skip()
+
+    def _skip(self) -> None:
+        found = _BLANK.match(self._text, self._at)
+        if found:
+            self._at = found.end()
+
+    def _header(self) -> None:
+        start = self._at
+        array = self._text.startswith("[[", start)
+        self._at += 2 if array else 1
+        path = self._keys(())
+        self._skip()
+        self._at += 2 if array else 1
+        span = self._toml.source.span(start, self._at)
+        for size in range(1, len(path) + 1):
+            self._toml.values.setdefault(path[:size], span)
+        if array:
+            self._counts[path] = self._counts.get(path, -1) + 1
+            path = (*path, self._counts[path])
+            self._toml.keys[path] = self._toml.values[path] = span
+        self._table = path
+
+    def _pair(self, table: TomlPath) -> None:
+        path = self._keys(table)
+        self._skip()
+        self._at += 1  # the equals sign
+        self._value(path)
+
+    def _keys(self, table: TomlPath) -> TomlPath:
+        """A dotted key, from the table it stands in; a part that is an array of tables means its last one."""
+        path = table
+        while True:
+            self._skip()
+            found = _KEY.match(self._text, self._at)
+            assert found is not None
+            if path != table and path in self._counts:
+                path = (*path, self._counts[path])
+            path = (*path, _unquoted(found.group()))
+            self._toml.keys.setdefault(path, self._toml.source.span(found.start(), found.end()))
+            self._at = found.end()
+            self._skip()
+            if not self._text.startswith(".", self._at):
+                return path
+            self._at += 1
+
+    def _value(self, path: TomlPath) -> None:
+        self._skip()
+        start = self._at
+        if self._text[start] == "[":
+            self._items(path, "]")
+        elif self._text[start] == "{":
+            self._items(path, "}")
+        else:
+            found = _STRING.match(self._text, start) or _PLAIN.match(self._text, start)
+            assert found is not None
+            self._at = start + len(found.group().rstrip())
+        self._toml.values[path] = self._toml.source.span(start, self._at)
+
+    def _items(self, path: TomlPath, closing: str) -> None:
+        """The elements of an array, or the pairs of an inline table."""
+        self._at += 1
+        number = 0
+        self._skip()
+        while self._text[self._at] != closing:
+            if closing == "]":
+                self._value((*path, number))
+                number += 1
+            else:
+                self._pair(path)
+            self._skip()
+            if self._text[self._at] == ",":
+                self._at += 1
+                self._skip()
+        self._at += 1
+
+
+def _unquoted(key: str) -> str:
+    if key[0] == '"':
+        # The escapes of a TOML key are those of a TOML string.
+        return str(tomllib.loads(f"x = {key}")["x"])
+    return key[1:-1] if key[0] == "'" else key

@@ -1,0 +1,155 @@
+"""Models as text: a `.model` file, with every object inside the one that contains it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from math import isfinite
+
+from envgraph.errors import InvalidArgument
+from envgraph.graph import Model
+from envgraph.lang.format._format import format_text
+from envgraph.lang.syntax._grammar import grammar
+from envgraph.metamodel import Attribute, EnumType, Reference, Value, simple_name
+
+_NAME = re.compile(r"[^\W\d]\w*")
+
+
+def model_to_text(model: Model, imports: Iterable[str] = ()) -> str:
+    """A `.model` file that says a model.
+
+    Read again it has the same objects, values and links. Ids are those of the order of the text, and a list at the
+    other end of two opposite references may be in another order. An object that others refer to has a name, also
+    where it had none; `plot[3, 1]`, the name of an object of a grid, becomes `plot_3_1`.
+
+    Args:
+        model: any state of it.
+        imports: paths of the files that the text imports; the metamodel is in one of them.
+
+    Raises:
+        InvalidArgument: there is no text for a class of two packages, or for an infinite number.
+
+    >>> from envgraph.metamodel import Class, Metamodel
+    >>> print(model_to_text(Model(Metamodel("city", (Class("House"),)), "empty"), ["city.metamodel"]), end="")
+    import "city.metamodel"
+    <BLANKLINE>
+    model empty : city {
+    }
+    """
+    lines = [*(f"import {_text(path)}" for path in imports), *_Writer(model).lines()]
+    return format_text("model", "\n".join(lines) + "\n", f"{model.name}.model")
+
+
+class _Writer:
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._keywords = grammar("model").core.keywords
+        nodes = [node.id for node in model.nodes()]
+        self._top = [node for node in nodes if model.container(node) is None]
+        self._names: dict[int, str] = {}
+        taken: set[str] = set()
+        asked = {
+            target
+            for node in nodes
+            for reference in self._links(node)
+            for target in model.targets(node, reference)
+        }
+        for node in nodes:
+            name = model.object_name(node)
+            if name is not None and _NAME.fullmatch(name):
+                self._names[node] = name
+                taken.add(name)
+        for node in nodes:
+            if node in asked and node not in self._names:
+                self._names[node] = name = self._free(node, taken)
+                taken.add(name)
+
+    def _free(self, node: int, taken: set[str]) -> str:
+        cls = simple_name(self._model.class_of(node))
+        wanted = re.sub(r"\W+", "_", self._model.object_name(node) or "").strip("_")
+        if not _NAME.fullmatch(wanted):
+            wanted = cls[:1].lower() + cls[1:]
+        if wanted not in taken and wanted != cls:
+            return wanted
+        return next(
+            name for number in range(1, len(taken) + 2) if (name := f"{wanted}_{number}") not in taken
+        )
+
+    def _links(self, node: int) -> list[Reference]:
+        """References of which the text says the targets: not to what is inside or around, and one of two opposites."""
+        model, metamodel = self._model, self._model.metamodel
+        found = []
+        for feature in metamodel.features(model.class_of(node)).values():
+            if isinstance(feature, Reference) and not feature.containment:
+                other = metamodel.opposite(feature)
+                if not (other and other.containment) and not model.store.relations[feature.index].flipped:
+                    found.append(feature)
+        return found
+
+    def lines(self) -> Iterator[str]:
+        yield f"model {self._word(self._model.name)} : {self._word(self._model.metamodel.name)} {{"
+        for node in self._top:
+            yield from self._object(node, "")
+        yield "}"
+
+    def _object(self, node: int, end: str) -> Iterator[str]:
+        model, cls = self._model, self._model.class_of(node)
+        if cls != simple_name(cls):
+            raise InvalidArgument(
+                f"a `.model` file has no name for the class `{cls}` of two packages: write .xmi or .json"
+            )
+        name = self._names.get(node)
+        yield f"{self._word(name)} : {cls} {{" if name else f"{cls} {{"
+        for feature in model.metamodel.features(cls).values():
+            if isinstance(feature, Attribute):
+                yield from self._attribute(node, feature)
+            elif feature.containment and model.targets(node, feature):
+                yield f"{self._word(feature.name)} = ["
+                for part in model.targets(node, feature):
+                    yield from self._object(part, ",")
+                yield "]"
+        for reference in self._links(node):
+            targets = [self._word(self._names[target]) for target in model.targets(node, reference)]
+            if targets:
+                value = f"[{', '.join(targets)}]" if reference.many else targets[0]
+                yield f"{self._word(reference.name)} = {value}"
+        yield "}" + end
+
+    def _attribute(self, node: int, attribute: Attribute) -> Iterator[str]:
+        values = self._model.values(node, attribute)
+        initial = attribute.initial
+        if attribute.many:
+            if values:
+                yield f"{self._word(attribute.name)} = [{', '.join(_value(attribute, value) for value in values)}]"
+        elif (values[0] if values else None) != initial:
+            yield f"{self._word(attribute.name)} = {_value(attribute, values[0]) if values else 'none'}"
+
+    def _word(self, name: str) -> str:
+        if not _NAME.fullmatch(name):
+            raise InvalidArgument(f"`{name}` cannot be a name in a `.model` file: write .xmi or .json")
+        return f"^{name}" if name in self._keywords else name
+
+
+def _value(attribute: Attribute, value: Value) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(attribute.type, EnumType):
+        return f"::{value}"
+    if isinstance(value, str):
+        return _text(value)
+    if not isfinite(value):
+        raise InvalidArgument(f"`{attribute}` is {value}, which a `.model` file cannot say: write .json")
+    return repr(value)
+
+
+_ESCAPED = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
+
+
+def _text(value: str) -> str:
+    return '"' + "".join(_letter(letter) for letter in value) + '"'
+
+
+def _letter(letter: str) -> str:
+    if letter in _ESCAPED:
+        return _ESCAPED[letter]
+    return letter if letter.isprintable() or ord(letter) > 0xFFFF else f"\\u{ord(letter):04x}"

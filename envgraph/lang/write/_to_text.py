@@ -1,0 +1,163 @@
+"""Definitions as text: functions and patterns as a `.query` file, rules, units and derivations as a `.rules` file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import fields, replace
+
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source
+from envgraph.lang.format._format import format_text
+from envgraph.lang.read._query import read_query
+from envgraph.lang.read._rules import read_rules
+from envgraph.lang.read._type_names import TypeNames
+from envgraph.lang.syntax._grammar import Grammar, grammar
+from envgraph.lang.syntax._lexer import END
+from envgraph.lang.syntax._parsing import parse
+from envgraph.lang.syntax._stack import ParseStack
+from envgraph.lang.write._text_rules import RuleText, read_again
+from envgraph.lang.write._text_terms import TermText, plain_doc
+from envgraph.pattern import Body, Derivation, FunctionDeclaration, Pattern, Rule, Unit
+
+Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
+
+
+def to_text(*definitions: Definition, imports: Iterable[str] = ()) -> str:
+    """A file that says the definitions; what is read from it is equal to them.
+
+    Text and data differ in what means nothing. Read again, a rule has its weight, priority, semantics and homomorphic
+    names in its annotations too; the ends of arrows are among its nodes; a `Create` that is no single chain of arrows
+    is several; a unit is one sequence, without sequences in it; a comment has no blanks at the ends of its lines.
+
+    Args:
+        definitions: patterns and declarations of functions, or rules, units and derivations; of one package.
+        imports: paths of the files that the text imports.
+
+    Returns:
+        The text of a `.query` file for patterns and functions (these come first), else of a `.rules` file, in the style
+        of `format_text`.
+
+    Raises:
+        InvalidArgument: there is no text for a definition. So it is with names that are none (those of derived rules
+            have dots), exact types, paths without a class, numbers that are infinite or longer than 64 bits, choices
+            among other steps than calls. Or patterns are mixed with others, or packages.
+
+    >>> from envgraph.pattern import LeftSide, Modification, Node, Retype, Rule, Variable
+    >>> burn = Rule(
+    ...     "burn",
+    ...     left=LeftSide((Node("tile", "RoadTile"),)),
+    ...     right=Modification((Retype(Variable("tile"), "BurningTile"),)),
+    ...     weight=2.0,
+    ... )
+    >>> print(to_text(burn, imports=["forest.query"]), end="")
+    import "forest.query"
+    <BLANKLINE>
+    @weight(2.0)
+    rule burn {
+        lhs { tile : RoadTile; }
+        modify { retype tile : BurningTile; }
+    }
+    """
+    language = _language(definitions)
+    keywords = grammar(language).core.keywords
+    functions = [one for one in definitions if isinstance(one, FunctionDeclaration)]
+    definitions = (*functions, *(one for one in definitions if not isinstance(one, FunctionDeclaration)))
+    packages = {one.package: None for one in definitions[len(functions) :]}
+    if len(packages) > 1:
+        names = ", ".join(f"`{name}`" if name else "none" for name in packages)
+        raise InvalidArgument(f"a text has one package, and the definitions are of several: {names}")
+    terms = TermText("the file", keywords)
+    package = next(iter(packages), "")
+    head = f"package {terms.qualified(package)}\n\n" if package else ""
+    head += "".join(f"import {terms.value(path)}\n" for path in imports)
+    parts = [_definition(one, keywords) for one in definitions]
+    try:
+        text = format_text(language, _unescaped(grammar(language), "\n\n".join((head, *parts))))
+    except LoadError as error:
+        raise _unsayable(definitions, error.diagnostics) from None
+    _assert_equal(definitions, language, text)
+    return text
+
+
+def _language(definitions: Sequence[Definition]) -> str:
+    patterns = [one for one in definitions if isinstance(one, Pattern | FunctionDeclaration)]
+    if patterns and len(patterns) < len(definitions):
+        raise InvalidArgument("patterns are written to another file than rules, units and derivations")
+    return "query" if patterns else "rules"
+
+
+def _definition(one: Definition, keywords: Iterable[str]) -> str:
+    if isinstance(one, Pattern):
+        return _pattern(one, TermText(one.qualified_name, keywords))
+    if isinstance(one, FunctionDeclaration):
+        text = TermText(one.name, keywords)
+        head = f"{text.doc(one.doc)}function {text.name(one.name)}{text.parameters(one.parameters)}"
+        return f"{head} : {text.type(one.result)};"
+    return RuleText(one.qualified_name, keywords).definition(one)
+
+
+def _pattern(one: Pattern, text: TermText) -> str:
+    if not one.bodies:
+        text.refuse("a pattern has a body")
+    marks = "".join(f"{text.annotation(annotation)}\n" for annotation in one.annotations)
+    words = "".join(f"{word} " for word in ("private" if one.private else "", one.strategy or "") if word)
+    bodies = " or ".join(_body(body, text) for body in one.bodies)
+    return f"{text.doc(one.doc)}{marks}{words}pattern {text.name(one.name)}{text.parameters(one.parameters)} {bodies}"
+
+
+def _body(body: Body, text: TermText) -> str:
+    name = f"{text.name(body.name)} " if body.name is not None else ""
+    return name + "{\n" + "".join(f"{text.condition(one)};\n" for one in body.constraints) + "}"
+
+
+def _unescaped(grammar: Grammar, text: str) -> str:
+    """The text without each `^` before a word that is no keyword where it stands."""
+    source = Source("<text>", text)
+    stack = ParseStack(grammar, source, grammar.core.scan(source).lexemes)
+    parts, end, index = [], 0, 0
+    while True:
+        lexeme = stack.lexemes[index]
+        keyword = grammar.core.keywords.get(lexeme.value) if lexeme.escaped else None
+        if keyword and not grammar.accepts(stack.states, keyword):
+            parts.append(text[end : lexeme.start])
+            end = lexeme.start + 1
+        terminal = stack.resolve(stack.states, index) or stack.split(stack.states, index)
+        if terminal is None or terminal == END:  # where it cannot be read, the formatter says so
+            return "".join((*parts, text[end:]))
+        grammar.shift(stack.states, terminal)
+        index += 1
+
+
+# --- the text is read once more
+
+
+def _assert_equal(definitions: Sequence[Definition], language: str, text: str) -> None:
+    """Refuse a text that says something else."""
+    parsed = parse(language, Source("<text>", text))
+    types = TypeNames()  # which keeps what stands before a name
+    read = read_query(parsed, types) if language == "query" else read_rules(parsed, types)
+    errors = [one for one in read.diagnostics if one.severity is Severity.ERROR]
+    if errors:
+        raise _unsayable(definitions, errors)
+    found: tuple[Definition, ...] = read.definitions
+    for one, other in zip(definitions, found, strict=True):
+        wanted = (
+            replace(one, doc=plain_doc(one.doc))
+            if isinstance(one, Pattern | FunctionDeclaration)
+            else read_again(one)
+        )
+        if wanted != other:
+            different = [
+                f.name
+                for f in fields(wanted)
+                if f.compare and getattr(wanted, f.name) != getattr(other, f.name)
+            ]
+            reason = f"something else would be read as its {', '.join(different)}"
+            TermText(one.qualified_name, ()).refuse(reason)
+
+
+def _unsayable(definitions: Sequence[Definition], errors: Sequence[Diagnostic]) -> InvalidArgument:
+    first = errors[0]
+    line = first.span.source.text[: first.span.start].count("\n") if first.span else 0
+    names = ", ".join(f"`{one.qualified_name}`" for one in definitions)
+    shown = first.span.source.text.split("\n")[line].strip() if first.span else ""
+    return InvalidArgument(f"{names} cannot be said in a text: {first.message}, in `{shown}`")

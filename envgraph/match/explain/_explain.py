@@ -1,0 +1,193 @@
+"""Plans and generated source as text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from envgraph.draw import markup
+from envgraph.match.explain._trace import Trace
+from envgraph.match.generate._generate import view_source
+from envgraph.match.generate._symbols import Mode
+from envgraph.match.plan._plan import (
+    Absence,
+    BodyPlan,
+    Condition,
+    Conjunction,
+    Goal,
+    Kind,
+    Plan,
+    Step,
+    Valuation,
+    ViewKey,
+    arguments,
+)
+from envgraph.match.plan._planner import Planner
+from envgraph.pattern import (
+    PATHS,
+    VALUES,
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
+    Expression,
+    InstanceAtom,
+    Library,
+    LinkAtom,
+    RelationAtom,
+    UnequalAtom,
+)
+
+Actual = Callable[[BodyPlan], Trace]
+"""Runs the plan of a body."""
+
+
+class Explanation(str):
+    """The text of a plan; a notebook shows it as it is."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"<explanation of {self.count(chr(10)) + 1} lines: {self.partition(chr(10))[0]}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{'<br>'.join(map(markup, self.splitlines()))}</pre>"
+
+
+def explain_view(planner: Planner, key: ViewKey, actual: Actual | None) -> str:
+    """The plan of every body, and the source.
+
+    Args:
+        planner: makes the plan.
+        key: what is asked.
+        actual: counts what the steps do; None if that cannot be known.
+
+    Raises:
+        Unplannable: a free parameter cannot be enumerated.
+    """
+    view = planner.view(key)
+    names = [parameter.name for parameter in planner.library.get(key.pattern).parameters]
+    given = ", ".join(names[position] for position in key.bound) or "nothing"
+    lines = [f"pattern {key.pattern}({', '.join(names)}), given {given}"]
+    for number, body in enumerate(view.bodies, 1):
+        lines.append(f"body {number}: about {_number(body.plan.rows)} rows, cost {_number(body.plan.cost)}")
+        run = actual(body) if actual is not None else None
+        counts = run.counts if run is not None and run.whole else ()
+        lines.extend(
+            steps_text(body.plan, Names(planner.library, key.pattern, number - 1, body), "  ", counts)
+        )
+    if not view.distinct:
+        lines.append("the same row may be found more than once and is reported once")
+    if planner.calls.recursive(key.pattern):
+        lines.append("recursive: evaluated until nothing is added, rows sorted")
+    return "\n".join([*lines, "", view_source(planner, key, Mode.ROWS).text])
+
+
+class Names:
+    """What the variables of a conjunction are called; those that inlining has added have numbers only."""
+
+    def __init__(self, library: Library, pattern: str, number: int, body: BodyPlan | Conjunction) -> None:
+        lowered = library.lowered(pattern).bodies[number]
+        self._names = dict(enumerate(lowered.names))
+        conjunction = body.conjunction if isinstance(body, BodyPlan) else body
+        self._constants = dict(conjunction.constants)
+
+    def __call__(self, variable: int) -> str:
+        if variable in self._constants:
+            return repr(self._constants[variable])
+        if self.anonymous and not self.spoken(variable):
+            return "_"
+        return self._names.get(variable, f"#{variable}")
+
+    anonymous = False
+    """Whether variables that no text names are written `_`; else they have numbers."""
+
+    def spoken(self, variable: int) -> bool:
+        """Whether a text names the variable, and it is no constant."""
+        return variable not in self._constants and not self._names.get(variable, "#").startswith("#")
+
+    def called(self, variable: int, name: str) -> bool:
+        """Whether the text of this pattern has that name for the variable."""
+        return self._names.get(variable) == name
+
+    def all(self, variables: tuple[int, ...]) -> str:
+        return ", ".join(map(self, variables))
+
+
+def steps_text(plan: Plan, names: Names, indent: str, counts: Sequence[float] = ()) -> Iterator[str]:
+    """One line for each step of a plan, and for those inside it; `counts` are actual rows of the outer ones."""
+    for number, step in enumerate(plan.steps):
+        actual = f", actually {_exactly(counts[number])}" if counts else ""
+        yield f"{indent}{_VERBS[step.kind]:7} {goal_text(step, names)}  (rows {_number(step.rows)}{actual})"
+        for inner in step.inner:
+            if not isinstance(step.goal, AggregateAtom):
+                yield from steps_text(inner, names, indent + "  ")
+
+
+_VERBS = {
+    Kind.TEST: "test",
+    Kind.BIND: "bind",
+    Kind.LOOP: "for",
+    Kind.ABSENT: "test",
+    Kind.EXISTS: "if any",
+}
+
+
+def goal_text(step: Step, names: Names) -> str:
+    """The constraint of a step."""
+    goal = step.goal
+    if step.kind is Kind.EXISTS:
+        return "of"
+    match goal:
+        case Absence(alternatives) if all(len(each) == 1 for each in alternatives):
+            return " and ".join(_negated(each[0], step, names) for each in alternatives)
+        case Absence(alternatives, outer):
+            return f"neg any of {len(alternatives)} for {names.all(outer) or 'nothing'}"
+        case Condition(expression, reads):
+            return f"check({_expression_text(expression, reads, names)})"
+        case Valuation(expression, reads, result):
+            return f"{names(result)} == eval({_expression_text(expression, reads, names)})"
+        case AggregateAtom(function, relation, local, result, column):
+            inside = {v: "#" if v == column else "_" for v in local}
+            return f"{names(result)} == {function} {relation_text(relation, names, inside)}"
+        case UnequalAtom(left, right):
+            return f"{names(left)} != {names(right)}"
+        case _:
+            return relation_text(goal, names)
+
+
+def _expression_text(expression: Expression, reads: Sequence[tuple[str, int]], names: Names) -> str:
+    """The expression as it was written; of one without a text, or with names of another pattern, what it reads."""
+    if expression.span is not None and all(names.called(variable, name) for name, variable in reads):
+        return " ".join(expression.span.text.split())
+    return names.all(tuple(variable for _, variable in reads))
+
+
+def _negated(goal: Goal, step: Step, names: Names) -> str:
+    return f"neg {goal_text(replace(step, goal=goal, kind=Kind.TEST), names)}"
+
+
+def relation_text(relation: RelationAtom, names: Names, inside: Mapping[int, str] | None = None) -> str:
+    """A relation with its variables; `inside` says how those are written that nothing outside sees."""
+    listed = ", ".join((inside or {}).get(v) or names(v) for v in arguments(relation))
+    match relation:
+        case InstanceAtom(cls, _, exact):
+            return f"{cls}({listed}){' exactly' if exact else ''}"
+        case AttributeAtom(feature) | LinkAtom(feature):
+            return f"{feature}({listed})"
+        case CallAtom(pattern):
+            package, _, name = pattern.partition(".")
+            return f"{name}({listed})" if package == VALUES else f"find {pattern}({listed})"
+        case ClosureAtom(step, closure):
+            sign = "*" if closure is Closure.STAR else "+"
+            package, _, path = step.partition(".")
+            return f"{path}{sign}({listed})" if package == PATHS else f"find {step}{sign}({listed})"
+
+
+def _exactly(value: float) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"

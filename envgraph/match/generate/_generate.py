@@ -1,0 +1,774 @@
+"""Python source that executes plans.
+
+The source is nested loops over the columns of the store, with every check as far out as the plan has it. It holds
+no text of the user's: variables are numbered, constants and columns are parameters of the enclosing `build`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import takewhile
+from typing import Final
+
+from envgraph.match.generate._sinks import (
+    COUNT,
+    EXISTENCE,
+    Sink,
+    gathering,
+    row,
+    sieved_sink,
+    value,
+    view_sink,
+    visiting,
+)
+from envgraph.match.generate._symbols import (
+    Backward,
+    Bounded,
+    Builtin,
+    Classes,
+    ClassTable,
+    Closed,
+    Forward,
+    Members,
+    Mode,
+    Reach,
+    Recursive,
+    Source,
+    Tallied,
+    Valued,
+    Values,
+    View,
+)
+from envgraph.match.generate._write import DEPTH, INDENT, Block, Module
+from envgraph.match.plan._options import call_key
+from envgraph.match.plan._plan import (
+    Absence,
+    BodyPlan,
+    Condition,
+    Conjunction,
+    Kind,
+    Plan,
+    Step,
+    Valuation,
+    ViewKey,
+    arguments,
+    variables,
+)
+from envgraph.match.plan._planner import Planner, determined
+from envgraph.match.plan._sharing import (
+    Alike,
+    Ends,
+    alike_by,
+    alike_starts,
+    join_of,
+    mentioned,
+    only_search,
+    plans_of_ends,
+    shared_searches,
+)
+from envgraph.match.plan._sieves import OUTSIDE, Sieve, sieves
+from envgraph.metamodel import Attribute, Reference
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
+    Expression,
+    InstanceAtom,
+    LinkAtom,
+    UnequalAtom,
+)
+
+_END: Final = 0
+"""Stands for the place behind the last step, among identities of steps."""
+
+
+def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
+    """The source of one view of a pattern.
+
+    Raises:
+        Unplannable: a free parameter cannot be enumerated.
+    """
+    view = planner.view(key)
+    module, block = Module(), Block()
+    given = {position: f"v{position}" for position in key.bound}
+    sieved = not view.distinct and _ends_in_sieve(planner, view.bodies, key, mode)
+    frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
+    if mode is Mode.COUNT and (search := only_search(view)):
+        question = Reach.SIZE if search.source not in view.bodies[0].plan.steps[0].binds else Reach.SIZE_BACK
+        size = module.name(Closed(search.step, search.closure is Closure.STAR, question))
+        block.raw([f"return {size}({', '.join(given.values())})"])
+        module.function("view", list(given.values()), block)
+        return module.source("view")
+    block.raw(frame.head)
+    for body in view.bodies:
+        conjunction = body.conjunction
+        positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
+        outputs = tuple(conjunction.parameters[p] for p in positions)
+        sink = sieved_sink(mode, outputs) if sieved else view_sink(mode, view.distinct, outputs)
+        translation = Translation(planner, module, conjunction, block, given)
+        translation.bounded = bounded
+        translation.body(body.plan, sink)
+    if bounded in module:
+        block.lines.insert(0, f"{INDENT * DEPTH}{module.name(bounded)}()")
+    block.raw(frame.tail)
+    counts = mode is Mode.COUNT and key.outputs
+    alike = alike_starts(planner, key, key.bound) if counts else None
+    module.function("view" if alike is None else "direct", list(given.values()), block)
+    if alike is not None:
+        outer = Block()
+        outer.raw([f"return {_counted(module, alike, key)}"])
+        module.function("view", list(given.values()), outer)
+    return module.source("view")
+
+
+def _counted(module: Module, alike: Alike, key: ViewKey) -> str:
+    """The number of rows that `direct` counts, where that is the same for all starts that reach the same."""
+    start = f"v{alike.start}"
+    others = _tuple([f"v{position}" for position in key.bound if position != alike.start])
+    parts = [start, "direct", _tuple([f"v{position}" for position in key.bound]), others]
+    if alike.ends is not None:
+        ends = alike.ends
+        tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, "count", None)
+        parts += [module.name(tallied), others]
+    question = Reach.ALIKE if alike.forward else Reach.ALIKE_BACK
+    star = alike.closure.closure is Closure.STAR
+    return f"{module.name(Closed(alike.closure.step, star, question))}({', '.join(parts)})"
+
+
+def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
+    """Whether values are better told apart by a sieve at the end of the plan: one that looks at fewer of them."""
+    if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
+        return False
+    conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps
+    outputs = {conjunction.parameters[p] for p in key.outputs}
+    known = {number for number, _ in conjunction.constants} | {conjunction.parameters[p] for p in key.bound}
+    last = sieves(steps, outputs, known, partial(determined, sizes=planner.sizes)).get(len(steps))
+    return last is not None and len(last.key) < (
+        len(conjunction.parameters) if mode is Mode.ROWS else len(key.outputs)
+    )
+
+
+def ends_source(planner: Planner, ends: Ends) -> Source:
+    """The source that finds all values that the closures of a pattern may reach, each with those that are wanted."""
+    module, block = Module(), Block()
+    given = {position: f"v{position}" for position in ends.given}
+    block.raw(["out = {}"])
+    for conjunction, end, plan in plans_of_ends(planner, ends) or ():
+        variables = (end, *(conjunction.parameters[position] for position in ends.wanted))
+        each = lambda names, variables=variables: [f"out[{row(variables, names)}] = None"]  # noqa: E731
+        sink = Sink(variables, (), each, (), ("out",), repeatable=True)
+        Translation(planner, module, conjunction, block, given).body(plan, sink)
+    block.raw(["return out"])
+    module.function("ends", list(given.values()), block)
+    return module.source("ends")
+
+
+def reach_source(planner: Planner, step: str, forward: bool, question: Reach) -> Source:
+    """The source of a breadth-first search along a binary pattern.
+
+    `search(start)` returns what is reached by one or more steps, nearest first. For `SPREAD`, `search(start, seen)`
+    leaves out what has been seen, and adds to it. For `HOLDS`, `search(start, goal, todo)` tells whether the goal is
+    among what is reached; `todo`, which is `[start]`, gets all that is visited.
+    """
+    module, block = Module(), Block()
+    near, far = (0, 1) if forward else (1, 0)
+    frame = visiting(far, question)
+    block.raw(frame.head)
+    start = len(block.lines)
+    block.loop("node", "todo")
+    if planner.calls.recursive(step):
+        rows = module.name(Recursive(step, (near,)))
+        block.loop("_, other" if forward else "other, _", f"{rows}(node)")
+        block.write(frame.each(lambda _: "other"))
+    elif planner.calls.searches(step):
+        follow = module.name(Closed(step, False, Reach.STEP if forward else Reach.STEP_BACK))
+        block.loop("other", f"{follow}(node)")
+        block.write(frame.each(lambda _: "other"))
+    else:
+        bodies = planner.expanded(ViewKey(step, (near,), (far,))).bodies
+        block.write([] if bodies else ["pass"])
+        for body in bodies:
+            conjunction = body.conjunction
+            sink = visiting(conjunction.parameters[far], question)
+            translation = Translation(planner, module, conjunction, block, {near: "node"})
+            translation.around = (conjunction.parameters[near],)
+            translation.body(body.plan, sink)
+            block.lines[start:start] = [f"{INDENT * DEPTH}{name} = set()" for name in translation.outside]
+    block.raw(frame.tail)
+    more = {Reach.SPREAD: ["seen"], Reach.HOLDS: ["goal", "todo"]}.get(question, [])
+    module.function("search", ["start", *more], block)
+    return module.source("search")
+
+
+class Translation:
+    """Turns the plan of one conjunction into lines.
+
+    Args:
+        planner: tells what called patterns are.
+        module: receives symbols and functions.
+        conjunction: the body.
+        block: where the lines go; it is left as deep as it was.
+        given: source of the values at the bound positions.
+
+    Attributes:
+        around: variables whose values come from a loop around the plan.
+        outside: names of the sets that have to be made before that loop.
+    """
+
+    around: tuple[int, ...] = ()
+
+    def __init__(
+        self, planner: Planner, module: Module, conjunction: Conjunction, block: Block, given: dict[int, str]
+    ) -> None:
+        self._planner = planner
+        self._metamodel = planner.library.metamodel
+        self._module = module
+        self._conjunction = conjunction
+        self._constants = dict(conjunction.constants)
+        self._block = block
+        self._names: dict[int, str] = {}
+        self._seen: dict[int, str] = {}
+        self._given = given
+        self._sieves: dict[int, tuple[int, tuple[int, ...]]] | None = None
+        self._passed: dict[int, str] = {}
+        self.outside: list[str] = []
+
+    bounded: Bounded | None = None
+    """Sees to it that there are not too many matches."""
+    _continues = False
+    """Whether this is the rest of a function, inside its loops."""
+    _deepens = False
+    """Whether a test, too, makes what follows deeper."""
+    _shares = True
+    """Whether searches along closures share their work."""
+    _indexes = True
+    """Whether objects may be found by the values of their attributes."""
+    _joins = True
+    """Whether a question of existence may become a `Join`; not inside one, where that would go on and on."""
+
+    def body(self, plan: Plan, sink: Sink) -> None:
+        """Write the steps, and what is done with each solution."""
+        block = self._block
+        depth, loops = block.depth, block.loops
+        for position, source in self._given.items():
+            variable = self._conjunction.parameters[position]
+            if variable in self._names or variable in self._constants:
+                block.test(f"{self._source(variable)} == {source}")
+            else:
+                self._names[variable] = source
+        joined = self._join(plan) if sink is EXISTENCE else None
+        if joined is None:
+            self._steps(plan.steps, sink)
+        else:
+            block.test(joined)
+            block.write(sink.each(self._source))
+        block.depth, block.loops = depth, loops
+
+    def _source(self, variable: int) -> str:
+        if variable not in self._names:
+            self._names[variable] = self._module.literal(self._constants[variable])
+        return self._names[variable]
+
+    def _known(self, variable: int) -> bool:
+        return variable in self._names or variable in self._constants
+
+    # --- steps
+
+    def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
+        shared = shared_searches(steps, sink) if self._shares else {}
+        self._begin_searches(-1, steps, shared)
+        self._place_sieves(steps, sink)
+        found: set[int] = set()
+        for number, step in enumerate(steps):
+            if id(step) in found:
+                continue
+            self._sieve(id(step))
+            if self._block.full and (step.kind in (Kind.LOOP, Kind.BIND) or self._deepens):
+                self._continue(steps[number:], sink)
+                return
+            self._begin_sieves(id(step))
+            self._guard(step, steps[number + 1 :], sink)
+            if (
+                step.kind is Kind.LOOP
+                and self._shares
+                and self._indexes
+                and (tests := self._tests_of_values(step, steps[number + 1 :]))
+            ):
+                self._loop_by_value(step, tests)
+                found.update(map(id, tests))
+            elif step.kind is Kind.LOOP and (others := self._others(step, steps[number + 1 :])):
+                self._loop_common(step, others)
+            elif step.kind is Kind.LOOP:
+                self._loop(step)
+            elif step.kind is Kind.BIND:
+                self._bind(step, inline=False)
+            else:
+                self._block.test(self._test(step))
+            self._after(step)
+            self._begin_searches(number, steps, shared)
+        self._sieve(_END)
+        self._block.write(sink.each(self._source))
+
+    def _guard(self, step: Step, following: Sequence[Step], sink: Sink) -> None:
+        """Before a loop that nothing connects with the loops around it: there must not be too many matches."""
+        if self.bounded is None or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
+            return
+        connected = any(self._known(variable) for variable in variables(step.goal))
+        if not connected and not self._tests_of_values(step, following):
+            self._block.line(f"{self._module.name(self.bounded)}({self._size(sink)})")
+
+    def _size(self, sink: Sink) -> str:
+        """Hook: the source of the number of matches that there are."""
+        return sink.size
+
+    def _place_sieves(self, steps: Sequence[Step], sink: Sink) -> None:
+        """Find out where partial matches may be alike, but for the rest of a plan for which that is known."""
+        if self._sieves is not None:
+            return
+        found: dict[int, Sieve] = {}
+        if self._shares and sink.repeatable:
+            of = partial(determined, sizes=self._planner.sizes)
+            found = sieves(steps, sink.variables, {*self._names, *self._constants}, of, self.around)
+        places = {number: id(step) for number, step in enumerate(steps)}
+        self._sieves = {
+            places.get(number, _END): (places.get(each.first, OUTSIDE), each.key)
+            for number, each in found.items()
+            if number < len(steps) or sink.sieved
+        }
+        self._begin_sieves(OUTSIDE)
+
+    def _begin_sieves(self, place: int) -> None:
+        """Before what stands at a place, the sieves that are empty there."""
+        for here, (first, _) in (self._sieves or {}).items():
+            if first == place:
+                name = self._passed[here] = self._module.fresh("d")
+                if place == OUTSIDE:
+                    self.outside.append(name)
+                else:
+                    self._block.line(f"{name} = set()")
+
+    def _sieve(self, place: int) -> None:
+        """Before what stands at a place, leave out what has been there."""
+        _, key = (self._sieves or {}).pop(place, (0, ()))
+        if key:
+            name, key_ = self._passed.pop(place), value(key, self._source)
+            self._block.test(f"{key_} not in {name}")
+            self._block.line(f"{name}.add({key_})")
+
+    def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:
+        """Before the searches whose results do not depend on what the steps after this one find."""
+        for search, last in shared.items():
+            if last == number:
+                name = self._seen[id(steps[search])] = self._module.fresh("s")
+                self._block.line(f"{name} = set()")
+
+    def _after(self, step: Step) -> None:
+        """Hook: what to write after a step."""
+
+    def _fork(self, block: Block, continuation: bool) -> Translation:
+        """Hook: the translation of a function inside this one, or of the rest of this one."""
+        return Translation(self._planner, self._module, self._conjunction, block, {})
+
+    def _continue(self, steps: Sequence[Step], sink: Sink) -> None:
+        """The rest of a plan in a function of its own."""
+        call = self._function("h", steps, sink, continuation=True)
+        match sink.relay:
+            case "flag":
+                self._block.test(call)
+                self._block.line("return True")
+            case "found":
+                self._block.test(f"(found := {call}) is not None")
+                self._block.line("return found")
+            case "sum":
+                self._block.line(f"n += {call}")
+            case "each":
+                self._block.line(f"yield from {call}")
+            case _:
+                self._block.line(call)
+
+    def _function(self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False) -> str:
+        """A function for some steps, and the source of its call."""
+        name, arguments_ = self._defined(prefix, steps, sink, continuation)
+        return f"{name}({', '.join(arguments_)})"
+
+    def _defined(
+        self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
+    ) -> tuple[str, list[str]]:
+        """The name of a function for some steps, and the arguments of its call."""
+        shared = sink.shared if continuation else ()
+        inputs = self._inputs(steps, sink)
+        inner = self._fork(Block(), continuation)
+        inner._names = {v: f"v{v}" for v in inputs}
+        inner._joins = self._joins
+        inner._continues = continuation
+        inner.bounded = self.bounded if continuation else None
+        passed: tuple[str, ...] = ()
+        if continuation:
+            inner._sieves, inner._passed = dict(self._sieves or {}), dict(self._passed)
+            passed = tuple(self._passed.values())
+        inner._block.raw(() if shared else sink.head)
+        inner._steps(steps, sink)
+        inner._block.raw(() if shared and not sink.relay else sink.tail)
+        name = self._module.fresh(prefix)
+        self._module.function(name, [*shared, *passed, *(f"v{v}" for v in inputs)], inner._block)
+        return name, [*shared, *passed, *(self._source(v) for v in inputs)]
+
+    def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
+        """The variables with a value that some steps and a sink read; constants are known everywhere."""
+        read = {*sink.variables, *(v for step in steps for v in mentioned(step))}
+        return sorted(v for v in read if v in self._names and v not in self._constants)
+
+    # --- loops
+
+    def _loop(self, step: Step) -> None:
+        goal = step.goal
+        match goal:
+            case InstanceAtom(cls, variable, exact):
+                self._each([variable], self._extent(cls, exact))
+            case LinkAtom():
+                self._each(step.binds, self._ends(goal))
+            case ClosureAtom(_, _, source, target):
+                ends = [v for v in (source, target) if not self._known(v)]
+                seen = self._seen.get(id(step))
+                self._each(ends, self._closure(goal) if seen is None else self._spread(goal, seen))
+            case CallAtom() if self._planner.calls.recursive(goal.pattern):
+                columns = [None if self._known(v) else v for v in goal.arguments]
+                self._each(columns, self._rows(goal), tuples=True)
+            case CallAtom():
+                wanted = [v for v in goal.arguments if v in step.binds]
+                self._each(wanted, self._view(goal, step.binds, Mode.VALUES))
+            case _:
+                raise AssertionError(goal)
+
+    def _each(self, targets: Sequence[int | None], iterable: str, tuples: bool = False) -> None:
+        """Loop over tuples, or over bare values if there is one target; None is for what does not matter."""
+        names: list[str] = []
+        again: list[str] = []
+        for variable in targets:
+            name = "_" if variable is None else f"v{variable}"
+            if name in names and variable is not None:
+                name = f"w{len(names)}"
+                again.append(f"{name} == v{variable}")
+            names.append(name)
+        self._block.loop(", ".join(names) + ("," if tuples and len(names) == 1 else ""), iterable)
+        self._block.conditions += again
+        self._names.update((v, f"v{v}") for v in targets if v is not None)
+
+    def _tests_of_values(self, step: Step, following: Sequence[Step]) -> list[Step]:
+        """The tests of attributes of an object that is looped over, for values that are known and change."""
+        if not isinstance(step.goal, InstanceAtom):
+            return []
+        tests: dict[int, Step] = {}
+        for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
+            goal = each.goal
+            if not isinstance(goal, AttributeAtom) or each.kind is not Kind.TEST:
+                continue
+            if goal.object == step.goal.variable and self._known(goal.value):
+                tests.setdefault(goal.attribute.index, each)
+        values = [each.goal.value for each in tests.values() if isinstance(each.goal, AttributeAtom)]
+        return [] if self._constants.keys() >= set(values) else list(tests.values())
+
+    def _loop_by_value(self, step: Step, tests: Sequence[Step]) -> None:
+        """Loop over the objects with the values that tests ask for."""
+        goal = step.goal
+        assert isinstance(goal, InstanceAtom)
+        pairs = {t.goal.attribute.index: t.goal.value for t in tests if isinstance(t.goal, AttributeAtom)}
+        valued = Valued(tuple(self._indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
+        values = ", ".join(self._source(pairs[attribute]) for attribute in sorted(pairs))
+        self._each([goal.variable], f"{self._module.name(valued)}({values})")
+
+    def _others(self, step: Step, following: Sequence[Step]) -> list[str]:
+        """Where the end of a link, over which is looped, has to stand besides: the other ends of links are known."""
+        if not (isinstance(step.goal, LinkAtom) and isinstance(step.goal.reference, Reference)):
+            return []
+        if not (self._shares and self._indexes):
+            return []
+        (end,) = step.binds
+        found: list[str] = []
+        for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
+            goal = each.goal
+            if (
+                each.kind is Kind.TEST
+                and isinstance(goal, LinkAtom)
+                and isinstance(goal.reference, Reference)
+                and goal.source != goal.target
+            ):
+                other = goal.source if goal.target == end else goal.target
+                if end in (goal.source, goal.target) and self._known(other):
+                    found.append(self._ends(goal))
+        return found
+
+    def _loop_common(self, step: Step, others: Sequence[str]) -> None:
+        """Loop over the ends of a link; if they are many, over those that may pass the tests which follow."""
+        goal = step.goal
+        assert isinstance(goal, LinkAtom)
+        name = self._module.fresh("e")
+        short = f"({name} := {self._ends(goal)}).__class__ is tuple"  # the others are crowded
+        common = self._module.name(Builtin("common"))
+        self._each(step.binds, f"{name} if {short} else {common}({name}, {', '.join(others)})")
+
+    # --- values
+
+    def _bind(self, step: Step, inline: bool) -> None:
+        """Give a variable its one value; `inline` keeps everything in one expression."""
+        (variable,) = step.binds
+        name = f"v{variable}"
+        if isinstance(step.goal, LinkAtom):
+            self._block.test(f"(t{variable} := {self._ends(step.goal)})")
+            if inline:
+                name = f"t{variable}[0]"
+            else:
+                self._block.line(f"{name}, = t{variable}")
+        else:
+            self._block.test(f"({name} := {self._value(step)}) is not None")
+        self._names[variable] = name
+
+    def _value(self, step: Step) -> str:
+        """The source of a value that the goal computes; None if there is none."""
+        goal = step.goal
+        match goal:
+            case AttributeAtom(attribute, owner, _):
+                return f"{self._module.name(Values(attribute.index))}[{self._source(owner)}]"
+            case Valuation(expression, reads, _):
+                return self._expression(expression, reads)
+            case AggregateAtom():
+                return self._aggregate(goal, step.inner[0])
+        raise AssertionError(goal)
+
+    def _expression(self, expression: Expression, reads: tuple[tuple[str, int], ...]) -> str:
+        names = {name: self._source(variable) for name, variable in reads}
+        types = {name: self._conjunction.types[variable] for name, variable in reads}
+        return self._module.expression(expression, names, types)
+
+    def _aggregate(self, goal: AggregateAtom, plan: Plan) -> str:
+        return (
+            self._alike(goal, plan)
+            or (self._count(goal) if goal.function == "count" else None)
+            or (self._function("g", plan.steps, self._folding(goal)))
+        )
+
+    def _folding(self, goal: AggregateAtom) -> Sink:
+        if goal.function == "count":
+            return COUNT
+        assert goal.column is not None
+        column = goal.column
+        fold = self._module.name(Builtin(_FOLDS[goal.function]))
+        return gathering((column,), lambda names: names(column), f"return {fold}(out)")
+
+    def _alike(self, goal: AggregateAtom, plan: Plan) -> str | None:
+        """An aggregate that has the same value for all starts from which a closure reaches the same."""
+        if not self._shares:
+            return None
+        assert isinstance(self._planner, Planner)
+        found = alike_by(self._planner, goal, frozenset(self._names) - self._constants.keys())
+        if found is None:
+            return None
+        name, given = self._defined("g", plan.steps, self._folding(goal))
+        start = self._source(found.start)
+        others = [source for source in given if source != start]
+        question = Reach.ALIKE if found.forward else Reach.ALIKE_BACK
+        star = found.closure.closure is Closure.STAR
+        parts = [start, name, _tuple(given), _tuple(others)]
+        if found.ends is not None:
+            parts += self._tallied(goal, found.ends)
+        return f"{self._module.name(Closed(found.closure.step, star, question))}({', '.join(parts)})"
+
+    def _tallied(self, goal: AggregateAtom, ends: Ends) -> list[str]:
+        """How the value of an aggregate is made of what is reached, and the values that this depends on."""
+        called = arguments(goal.relation)
+        column = None if goal.column is None else called.index(goal.column)
+        tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, goal.function, column)
+        return [self._module.name(tallied), _tuple([self._source(called[place]) for place in ends.given])]
+
+    def _count(self, goal: AggregateAtom) -> str | None:
+        """The number of tuples, where it can be had without a loop of our own."""
+        relation = goal.relation
+        called = arguments(relation)
+        free = [v for v in called if not self._known(v)]
+        if not free or len(set(free)) != len(free):
+            return None
+        match relation:
+            case InstanceAtom(cls, _, exact):
+                return _joined(" + ", [f"len({name})" for name in self._members(cls, exact)], "0")
+            case LinkAtom() if len(free) == 1:
+                return f"len({self._ends(relation)})"
+            case CallAtom(pattern) if self._planner.calls.recursive(pattern):
+                return f"len({self._rows(relation)})"
+            case CallAtom():
+                return self._view(relation, free, Mode.COUNT)
+        return None
+
+    # --- tests
+
+    def _test(self, step: Step) -> str:
+        goal = step.goal
+        match goal:
+            case _ if step.kind is Kind.EXISTS:
+                return self._existence(step.inner[0])
+            case Absence():
+                return " and ".join(f"not {self._existence(plan)}" for plan in step.inner) or "True"
+            case InstanceAtom():
+                return self._is_instance(goal)
+            case AttributeAtom() | Valuation() | AggregateAtom():
+                result = goal.value if isinstance(goal, AttributeAtom) else goal.result
+                return f"{self._value(step)} == {self._source(result)}"
+            case LinkAtom():
+                return self._is_linked(goal)
+            case CallAtom(pattern) if self._planner.calls.recursive(pattern):
+                return self._rows(goal)
+            case CallAtom():
+                return self._view(goal, (), Mode.EXISTS)
+            case ClosureAtom(relation, _, source, target):
+                if self._known(source) and self._known(target):
+                    return self._closure(goal)
+                return self._test(replace(step, goal=CallAtom(relation, (source, target))))
+            case UnequalAtom(left, right):
+                return f"{self._source(left)} != {self._source(right)}"
+            case Condition(expression, reads):
+                return self._expression(expression, reads)
+        raise AssertionError(goal)
+
+    def _existence(self, plan: Plan) -> str:
+        """Whether a plan has a solution: an expression, or the call of a function if there are loops."""
+        if any(step.kind is Kind.LOOP for step in plan.steps):
+            return self._join(plan) or self._function("g", plan.steps, EXISTENCE)
+        inner = Translation(self._planner, self._module, self._conjunction, Block(), {})
+        inner._names = dict(self._names)
+        for step in plan.steps:
+            if step.kind is Kind.BIND:
+                inner._bind(step, inline=True)
+            else:
+                inner._block.test(inner._test(step))
+        return _joined(" and ", inner._block.conditions, "True")
+
+    def _join(self, plan: Plan) -> str | None:
+        """Whether a plan has a solution, where that is whether a search meets what does not depend on its start."""
+        if not (self._shares and self._joins):
+            return None
+        assert isinstance(self._planner, Planner)
+        known = frozenset(self._names) - self._constants.keys()
+        join = join_of(self._planner, self._conjunction, plan, known)
+        if join is None:
+            return None
+        from_source = join.near == join.closure.source
+        star = join.closure.closure is Closure.STAR
+        spread = self._module.name(
+            Closed(join.closure.step, star, Reach.SPREAD_BACK if from_source else Reach.SPREAD)
+        )
+        all_ = Sink(
+            (join.far,),
+            ("out = set()",),
+            lambda names: [f"{spread}({names(join.far)}, out)"],
+            ("return out",),
+            ("out",),
+            repeatable=True,
+        )
+        self._joins = False
+        whole = self._defined("z", join.plan.steps, all_)
+        direct = self._defined("g", plan.steps, EXISTENCE)
+        self._joins = True
+        holds = self._module.name(
+            Closed(join.closure.step, star, Reach.JOIN if from_source else Reach.JOIN_BACK)
+        )
+        parts = [self._source(join.near)]
+        for name, given in (whole, direct):
+            parts += [name, _tuple(given)]
+        return f"{holds}({', '.join(parts)})"
+
+    def _is_instance(self, goal: InstanceAtom) -> str:
+        if not self._known(goal.variable):
+            return _joined(" or ", self._members(goal.cls, goal.exact), "False")
+        classes = self._module.name(Classes())
+        node = self._source(goal.variable)
+        indices = self._indices(goal.cls, goal.exact)
+        if len(indices) == 1:
+            return f"{classes}[{node}] == {indices[0]}"
+        return f"{self._module.name(ClassTable(goal.cls))}[{classes}[{node}]]" if indices else "False"
+
+    def _is_linked(self, goal: LinkAtom) -> str:
+        if not (self._known(goal.source) and self._known(goal.target)):
+            return self._ends(goal)
+        source, target = self._source(goal.source), self._source(goal.target)
+        sizes = self._planner.sizes
+        reference = goal.reference
+        if isinstance(reference, Reference) and sizes.backward(reference) < sizes.forward(reference):
+            return f"{source} in {self._module.name(Backward(reference.index))}[{target}]"  # the fewer
+        return f"{target} in {self._module.name(forward_column(reference))}[{source}]"
+
+    # --- relations
+
+    def _indices(self, cls: str, exact: bool) -> list[int]:
+        """Indices of the concrete classes whose objects are instances of a class."""
+        names = (cls,) if exact else self._metamodel.concrete(cls)
+        return [index for index, each in enumerate(self._metamodel.class_list) if each.name in names]
+
+    def _members(self, cls: str, exact: bool) -> list[str]:
+        """The extents that hold the objects of a class."""
+        return [self._module.name(Members(index)) for index in self._indices(cls, exact)]
+
+    def _extent(self, cls: str, exact: bool) -> str:
+        members = self._members(cls, exact)
+        if len(members) == 1:
+            return members[0]
+        return f"{self._module.name(Builtin('chain'))}({', '.join(members)})" if members else "()"
+
+    def _ends(self, goal: LinkAtom) -> str:
+        """What stands at the other end of the links of the one object, or the value, that is known."""
+        reference = goal.reference
+        if self._known(goal.source):
+            return f"{self._module.name(forward_column(reference))}[{self._source(goal.source)}]"
+        if isinstance(reference, Attribute):
+            valued = Valued(tuple(self._indices(reference.owner, False)), (reference.index,))
+            return f"{self._module.name(valued)}({self._source(goal.target)})"
+        return f"{self._module.name(Backward(reference.index))}[{self._source(goal.target)}]"
+
+    def _view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> str:
+        known = frozenset(v for v in goal.arguments if self._known(v))
+        return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
+
+    def _rows(self, goal: CallAtom) -> str:
+        bound = tuple(position for position, v in enumerate(goal.arguments) if self._known(v))
+        return self._call(self._module.name(Recursive(goal.pattern, bound)), goal)
+
+    def _call(self, function: str, goal: CallAtom) -> str:
+        return f"{function}({', '.join(self._source(v) for v in goal.arguments if self._known(v))})"
+
+    def _closure(self, goal: ClosureAtom) -> str:
+        return self._reach(goal, _QUESTIONS[self._known(goal.source), self._known(goal.target)])
+
+    def _spread(self, goal: ClosureAtom, seen: str) -> str:
+        """What other searches in the same place have not found; `seen` holds what they have."""
+        question = Reach.SPREAD if self._known(goal.source) else Reach.SPREAD_BACK
+        return self._reach(goal, question, seen)
+
+    def _reach(self, goal: ClosureAtom, question: Reach, *more: str) -> str:
+        inputs = [self._source(v) for v in (goal.source, goal.target) if self._known(v)]
+        name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
+        return f"{name}({', '.join([*inputs, *more])})"
+
+
+def forward_column(feature: Reference | Attribute) -> Forward | Values:
+    """The column of targets, or of many values."""
+    return Values(feature.index) if isinstance(feature, Attribute) else Forward(feature.index)
+
+
+_FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}
+_QUESTIONS = {
+    (True, True): Reach.HOLDS,
+    (True, False): Reach.FORWARD,
+    (False, True): Reach.BACKWARD,
+    (False, False): Reach.PAIRS,
+}
+
+
+def _tuple(sources: Sequence[str]) -> str:
+    return f"({', '.join(sources)}{',' * (len(sources) == 1)})"
+
+
+def _joined(operator: str, parts: Sequence[str], empty: str) -> str:
+    """Operands in parentheses."""
+    return f"({operator.join(parts)})" if parts else empty

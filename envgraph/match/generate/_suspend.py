@@ -1,0 +1,144 @@
+"""Python source that evaluates calls of recursive patterns: suspended wherever rows of the component are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import chain
+
+from envgraph.match.generate._generate import Translation
+from envgraph.match.generate._sinks import Names, Sink, row
+from envgraph.match.generate._symbols import Recursive, Source
+from envgraph.match.generate._write import Block, Module
+from envgraph.match.plan._plan import Kind, Step, ViewKey
+from envgraph.match.plan._planner import Planner
+from envgraph.match.plan._sharing import mentioned
+from envgraph.pattern import CallAtom
+
+
+def evaluation_source(planner: Planner, key: ViewKey) -> Source:
+    """The source that evaluates a call of a recursive pattern, all free positions wanted.
+
+    `evaluate(t, *values)` adds to the table `t` the rows that need nothing of the component. Where a call of the
+    component is next, the rest of the plan is a function of its own that the table of that call gets, together with
+    the values that it needs. (See `Calls` in `envgraph.match.demand._recursion` for what happens there.)
+
+    Raises:
+        Unplannable: a free parameter cannot be enumerated.
+    """
+    view = planner.view(key)
+    module, block = Module(), Block()
+    given = {position: f"v{position}" for position in key.bound}
+    block.raw(() if view.bodies else ["pass"])
+    for body in view.bodies:
+        outputs = tuple(body.conjunction.parameters[position] for position in key.outputs)
+        translation = Suspending(planner, module, body.conjunction, block, given)
+        translation.key = key
+        translation.first = _flat(body.plan.steps, planner, key)[:1]
+        add = lambda names, outputs=outputs: [f"t.add({row(outputs, names)})"]  # noqa: E731
+        translation.body(body.plan, answers(outputs, add))
+    module.function("evaluate", ["t", *given.values()], block)
+    return module.source("evaluate")
+
+
+def answers(variables: tuple[int, ...], each: Callable[[Names], list[str]]) -> Sink:
+    """Does something for the table `t`."""
+    return Sink(variables, (), each, (), ("t",), repeatable=True)
+
+
+def _inside(step: Step, planner: Planner, key: ViewKey) -> bool:
+    """Whether a step needs rows of the component."""
+    goal = step.goal
+    return isinstance(goal, CallAtom) and goal.pattern in planner.calls.component(key.pattern)
+
+
+def _flat(steps: Sequence[Step], planner: Planner, key: ViewKey) -> list[Step]:
+    """The steps, without questions of existence that need rows of the component: nobody can wait for an answer."""
+    found: list[Step] = []
+    for step in steps:
+        if step.kind is Kind.EXISTS:
+            inner = _flat(step.inner[0].steps, planner, key)
+            if any(_inside(each, planner, key) for each in inner):
+                found += inner
+                continue
+        found.append(step)
+    return found
+
+
+class Suspending(Translation):
+    """Leaves the steps behind a call of the component to whoever has its rows.
+
+    Attributes:
+        key: what is evaluated.
+        first: the first step of the body, if there is one.
+    """
+
+    key: ViewKey
+    first: list[Step]
+
+    def _fork(self, block: Block, continuation: bool) -> Translation:
+        if not continuation:
+            return super()._fork(block, continuation)
+        inner = Suspending(self._planner, self._module, self._conjunction, block, {})
+        inner.key, inner.first = self.key, self.first
+        return inner
+
+    def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
+        assert isinstance(self._planner, Planner)
+        steps = _flat(steps, self._planner, self.key)
+        number = next((n for n, s in enumerate(steps) if _inside(s, self._planner, self.key)), None)
+        if number is None:
+            super()._steps(steps, sink)
+            return
+        before, step, rest = steps[:number], steps[number], steps[number + 1 :]
+        known = {*self._names, *chain.from_iterable(s.binds for s in before)} - self._constants.keys()
+        super()._steps(before, self._suspension(step, rest, sink, known))
+
+    def _suspension(self, step: Step, rest: Sequence[Step], sink: Sink, known: set[int]) -> Sink:
+        """Waits for the rows of a call; `known` are the variables that have values there, without constants."""
+        goal = step.goal
+        assert isinstance(goal, CallAtom)
+        bound = tuple(p for p, v in enumerate(goal.arguments) if v in known or v in self._constants)
+        given = tuple(goal.arguments[position] for position in bound)
+        free = tuple(v for p, v in enumerate(goal.arguments) if p not in bound)
+        calls = self._module.name(Recursive(goal.pattern, bound))
+        if not rest and step.binds and free == sink.variables and len(set(free)) == len(free):
+            return answers(given, lambda names: [f"{calls}.enter(t, {row(given, names)})"])
+        read = {*sink.variables, *(v for each in rest for v in mentioned(each))}
+        inputs = tuple(sorted(read & known))
+        how = "read" if step.binds else "once"
+        if self._is_own_call(step, bound, given) and step.binds and not inputs:
+            how = "again"
+
+        def each(names: Names) -> list[str]:
+            goes_on = self._rest(inputs, free if step.binds else (), len(free), rest, sink)
+            known_there = ", ".join(["t", *map(names, inputs)])
+            return [f"{calls}.{how}({row(given, names)}, {goes_on}, ({known_there},))"]
+
+        return answers((*given, *inputs), each)
+
+    def _is_own_call(self, step: Step, bound: tuple[int, ...], given: tuple[int, ...]) -> bool:
+        """Whether a body begins with the very call that is evaluated."""
+        assert isinstance(step.goal, CallAtom)
+        heads = tuple(self._conjunction.parameters[position] for position in self.key.bound)
+        plain = len(set(heads)) == len(heads) and self._constants.keys().isdisjoint(heads)
+        same = step.goal.pattern == self.key.pattern and bound == self.key.bound and given == heads
+        return plain and same and any(each is step for each in self.first)
+
+    def _rest(
+        self, inputs: Sequence[int], columns: Sequence[int], width: int, rest: Sequence[Step], sink: Sink
+    ) -> str:
+        """The name of the function that goes on with a row of `width` values, which are those of the columns."""
+        block = Block()
+        inner = self._fork(block, continuation=True)
+        inner._names = {v: f"v{v}" for v in inputs}
+        inner._joins = self._joins
+        parameters = [f"w{number}" for number in range(width)]
+        for number, variable in enumerate(columns):
+            if variable in inner._names:
+                block.test(f"w{number} == v{variable}")
+            else:
+                inner._names[variable] = parameters[number] = f"v{variable}"
+        inner._steps(rest, sink)
+        name = self._module.fresh("h")
+        self._module.function(name, ["t", *(f"v{v}" for v in inputs), *parameters], block)
+        return name

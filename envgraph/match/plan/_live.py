@@ -1,0 +1,79 @@
+"""Sizes as they are in a model, for plans that are made for it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence, Sized
+from typing import Final
+
+from envgraph.graph import Store
+from envgraph.match.plan._estimate import Sizes
+from envgraph.metamodel import Attribute, Reference
+from envgraph.pattern import Library
+
+SAMPLE: Final = 256
+"""Objects whose links are counted for an estimate."""
+
+
+class LiveSizes(Sizes):
+    """Sizes as they are in a model at the moment of asking, then kept."""
+
+    def __init__(self, library: Library, store: Store) -> None:
+        super().__init__(library.metamodel)
+        self._store = store
+        self._numbers = {cls.name: number for number, cls in enumerate(library.metamodel.class_list)}
+        self._degrees: dict[tuple[str, bool], float] = {}
+        self._values: dict[int, float] = {}
+
+    def exact_extent(self, cls: str) -> float:
+        """Objects of exactly this class."""
+        if cls not in self._exact:
+            self._exact[cls] = float(len(self._store.extents[self._numbers[cls]])) or 0.5
+        return self._exact[cls]
+
+    def forward(self, reference: Reference | Attribute) -> float:
+        """Targets of an object, or its values of an attribute with many, on average."""
+        return self._degree(reference, forward=True)
+
+    def backward(self, reference: Reference | Attribute) -> float:
+        """Sources of an object, on average, or objects that have a value."""
+        if isinstance(reference, Attribute):
+            return super().backward(reference)
+        return self._degree(reference, forward=False)
+
+    def link(self, reference: Reference | Attribute) -> float:
+        """The chance that two given objects are linked, or that an object has a given value among others."""
+        if isinstance(reference, Attribute):
+            return super().link(reference)
+        return min(self.forward(reference) / max(self.extent(reference.target), 1.0), 0.5)
+
+    def selectivity(self, attribute: int) -> float:
+        """The chance that an object has a given value in an attribute (by index)."""
+        if attribute not in self._values:
+            owner = self._metamodel.attributes[attribute].owner
+            column = self._store.values[attribute]
+            seen = Counter(column[node] for node in self._sample(owner))
+            total = sum(seen.values())
+            share = sum(count * count for count in seen.values()) / (total * total) if total else 0.2
+            self._values[attribute] = min(max(share, 0.001), 0.9)
+        return self._values[attribute]
+
+    def _degree(self, reference: Reference | Attribute, forward: bool) -> float:
+        key = (str(reference), forward)
+        if key not in self._degrees:
+            store, nodes = self._store, self._sample(reference.owner)
+            columns: Sequence[Sequence[Sized]] = store.forward
+            if isinstance(reference, Attribute):
+                columns = store.distinct
+            elif not forward:
+                columns, nodes = store.backward, self._sample(reference.target)
+            links = sum(len(columns[reference.index][node]) for node in nodes)
+            self._degrees[key] = max(links / len(nodes), 0.01) if nodes else 0.5
+        return self._degrees[key]
+
+    def _sample(self, cls: str) -> list[int]:
+        """Objects of a class, evenly spread over its extents."""
+        extents = [self._store.extents[self._numbers[name]] for name in self._metamodel.concrete(cls)]
+        total = sum(map(len, extents))
+        step = max(1, total // SAMPLE)
+        return [node for extent in extents for node in extent[::step]]

@@ -1,0 +1,373 @@
+"""What a goal costs and yields when it comes next."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import fsum, inf
+from typing import Final, Protocol
+
+from envgraph.match.plan._calls import CallGraph
+from envgraph.match.plan._estimate import Sizes
+from envgraph.match.plan._plan import (
+    Absence,
+    Condition,
+    Conjunction,
+    Goal,
+    Kind,
+    Plan,
+    Valuation,
+    ViewKey,
+    ViewPlan,
+    arguments,
+    inputs,
+    variables,
+)
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
+    InstanceAtom,
+    Library,
+    LinkAtom,
+    ObjectType,
+    UnequalAtom,
+)
+
+ACCESS: Final = 1.0
+"""The unit of cost: one look at the store."""
+EXPRESSION: Final = 2.0
+"""Work of an expression."""
+CALL: Final = 4.0
+"""Work of calling a function, on top of what it does."""
+REACHED: Final = 30.0
+"""Objects that a closure reaches, at least."""
+REACHED_SHARE: Final = 3.0
+"""One of how many objects a closure reaches."""
+MEETING_SHARE: Final = 8.0
+"""One of how many searches it takes to answer whether one end reaches another: they share their work."""
+OPAQUE_ROWS: Final = 10.0
+"""Matches of a recursive pattern, for each free parameter that matters."""
+OPAQUE_COST: Final = 500.0
+"""Work of finding them."""
+OPAQUE_WHOLE: Final = 100.0
+"""How many times that is for all matches, without a value for any parameter."""
+DEEPEST: Final = 12
+"""Chains of calls longer than this are not followed for an estimate."""
+
+
+class Unplannable(Exception):
+    """Nothing can give these variables a value; the pattern has to be asked with values for them."""
+
+    def __init__(self, numbers: frozenset[int]) -> None:
+        self.numbers = numbers
+        super().__init__(f"variables {sorted(numbers)} cannot be enumerated")
+
+
+class Views(Protocol):
+    """What a search asks about the patterns that its goals call."""
+
+    library: Library
+    calls: CallGraph
+    sizes: Sizes
+
+    def view(self, key: ViewKey) -> ViewPlan:
+        """The plan of a view; raises `Unplannable`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A goal that could come next: work of one execution, and rows for each row before, both estimated.
+
+    Attributes:
+        together: work and rows of all executions where the rows do not depend on those before.
+    """
+
+    kind: Kind
+    goal: Goal
+    binds: tuple[int, ...]
+    cost: float
+    fanout: float
+    inner: tuple[Plan, ...] = ()
+    together: tuple[float, float] | None = None
+
+    @property
+    def rank(self) -> float:
+        """Independent filters do the least work in ascending order of this (Hellerstein 1993, section 2)."""
+        return (self.fanout - 1.0) / self.cost
+
+    @property
+    def effort(self) -> float:
+        """Orders loops: by rows, and by work where that is out of proportion."""
+        return self.fanout + self.cost / 4
+
+
+Bound = set[int] | frozenset[int]
+PlanInside = Callable[[Sequence[Goal], frozenset[int], frozenset[int]], Plan]
+"""Plans goals for variables that have values and variables that are wanted."""
+
+
+class Options:
+    """Tells what the goals of one conjunction can do.
+
+    Args:
+        views: plans what calls need.
+        conjunction: the body.
+        plan_inside: plans negations and aggregates.
+    """
+
+    def __init__(self, views: Views, conjunction: Conjunction, plan_inside: PlanInside) -> None:
+        self._views = views
+        self._sizes = views.sizes
+        self._conjunction = conjunction
+        self._constants = frozenset(number for number, _ in conjunction.constants)
+        self._plan_inside = plan_inside
+        self._inner: dict[int, tuple[Plan, ...]] = {}
+        self._closure_ends: dict[int, tuple[float, float]] = {}
+
+    def filter(self, goal: Goal, bound: Bound, uses: Counter[int]) -> Option | None:
+        """The goal as something that cannot multiply the rows, if it can be that now."""
+        match goal:
+            case InstanceAtom():
+                return self._instance(goal, bound, uses)
+            case AttributeAtom(_, owner, value):
+                if owner not in bound:
+                    return None
+                if value in bound:
+                    return Option(Kind.TEST, goal, (), ACCESS, 0.2)
+                return Option(Kind.BIND, goal, (value,), ACCESS, 0.99)
+            case LinkAtom():
+                return self._link(goal, bound, uses)
+            case CallAtom():
+                free = _free(goal, bound)
+                return None if self._needed(goal, free, uses) else self._test_of_call(goal, bound)
+            case ClosureAtom():
+                return self._test_of_closure(goal, bound, uses)
+            case _:
+                return self._derived(goal, bound) if bound.issuperset(inputs(goal)) else None
+
+    def _derived(self, goal: Goal, bound: Bound) -> Option:
+        match goal:
+            case UnequalAtom():
+                return Option(Kind.TEST, goal, (), ACCESS, 0.9)
+            case Condition():
+                return Option(Kind.TEST, goal, (), EXPRESSION, 0.5)
+            case Valuation(_, _, result):
+                return self._value(goal, result, bound, EXPRESSION)
+            case AggregateAtom():
+                inner = self._plans_inside(goal)
+                return self._value(goal, goal.result, bound, CALL + inner[0].cost, inner)
+            case Absence():
+                inner = self._plans_inside(goal)
+                return Option(
+                    Kind.ABSENT, goal, (), ACCESS + fsum(plan.cost for plan in inner) / 2, 0.5, inner
+                )
+        raise AssertionError(goal)
+
+    def _value(
+        self, goal: Goal, result: int, bound: Bound, cost: float, inner: tuple[Plan, ...] = ()
+    ) -> Option:
+        if result in bound:
+            return Option(Kind.TEST, goal, (), cost, 0.2, inner)
+        return Option(Kind.BIND, goal, (result,), cost, 0.99, inner)
+
+    def _plans_inside(self, goal: Absence | AggregateAtom) -> tuple[Plan, ...]:
+        """Plans of a negation's alternatives, or of an aggregate's relation; their inputs have values."""
+        if id(goal) not in self._inner:
+            known = self._constants.union(inputs(goal))
+            alternatives: Sequence[tuple[Goal, ...]]
+            if isinstance(goal, Absence):
+                alternatives, wanted = goal.alternatives, frozenset[int]()
+            else:
+                alternatives, wanted = [(goal.relation,)], frozenset(arguments(goal.relation)) - known
+            self._inner[id(goal)] = tuple(self._plan_inside(goals, known, wanted) for goals in alternatives)
+        return self._inner[id(goal)]
+
+    def _instance(self, goal: InstanceAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        if goal.variable in bound or uses[goal.variable] == 1:
+            return Option(Kind.TEST, goal, (), ACCESS, 0.3)
+        return None
+
+    def _link(self, goal: LinkAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        reference, source, target = goal.reference, goal.source, goal.target
+        if source in bound and target in bound:
+            return Option(Kind.TEST, goal, (), ACCESS, self._sizes.link(reference))
+        if source in bound:
+            single, end, size = not reference.many, target, self._sizes.forward(reference)
+        elif target in bound:
+            single, end, size = self._sizes.single_source(reference), source, self._sizes.backward(reference)
+        else:
+            return None
+        if uses[end] == 1:
+            return Option(Kind.TEST, goal, (), ACCESS, min(0.9, size))
+        return Option(Kind.BIND, goal, (end,), ACCESS, min(0.99, size)) if single else None
+
+    def _test_of_call(self, goal: CallAtom, bound: Bound) -> Option | None:
+        try:
+            _, cost = self._estimate(goal, bound, ())
+        except Unplannable:
+            return None
+        return Option(Kind.TEST, goal, (), cost / 2, 0.5)
+
+    def _test_of_closure(self, goal: ClosureAtom, bound: Bound, uses: Counter[int]) -> Option | None:
+        step = CallAtom(goal.step, (goal.source, goal.target))
+        free = _free(step, bound)
+        try:
+            if not free:
+                return Option(Kind.TEST, goal, (), self._closure_cost(goal, bound) / 2, 0.5)
+            # Whether anything is reached is whether there is a step.
+            if (
+                goal.closure is Closure.PLUS
+                and goal.source != goal.target
+                and not self._needed(step, free, uses)
+            ):
+                return Option(Kind.TEST, goal, (), self._estimate(step, bound, ())[1] / 2, 0.9)
+        except Unplannable:
+            pass
+        return None
+
+    def _opaque(self, pattern: str) -> bool:
+        """Whether no estimate is made: it would depend on which of a cycle is asked first, or take a deep stack."""
+        return self._views.calls.recursive(pattern) or self._views.calls.height(pattern) > DEEPEST
+
+    def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
+        """Work of following the steps from a bound end, or from every source; twice that of a question of both."""
+        from_source, from_target = goal.source in bound, goal.target in bound
+        if self._opaque(goal.step):
+            cost = OPAQUE_COST
+        else:
+            keys = [ViewKey(goal.step, (0,), (1,))] if from_source or not from_target else []
+            if from_target:
+                keys.append(ViewKey(goal.step, (1,), (0,)))
+            cost = min(self._views.view(key).cost for key in keys)
+        if from_source and from_target:
+            return REACHED * (cost + CALL) / MEETING_SHARE
+        ends = self._ends(goal)
+        starts = 1.0 if from_source or from_target else ends[0]
+        reached = max(REACHED, ends[from_source or not from_target] / REACHED_SHARE)
+        return starts * reached * (cost + CALL)
+
+    def _follow(self, goal: ClosureAtom, free: tuple[int, ...], cost: float, forward: bool) -> Option:
+        ends = self._ends(goal)
+        rows = max(REACHED, ends[forward] / REACHED_SHARE)
+        if len(free) > 1:
+            return Option(Kind.LOOP, goal, free, cost, rows * ends[0])
+        all_ = ends[forward]
+        return Option(Kind.LOOP, goal, free, cost, rows, together=(max(1.0, all_ / rows) * cost, all_))
+
+    def values(self, variable: int) -> float:
+        """How many values a variable may have."""
+        type_ = self._conjunction.types[variable]
+        return self._sizes.extent(type_.cls) if isinstance(type_, ObjectType) else inf
+
+    def _ends(self, goal: ClosureAtom) -> tuple[float, float]:
+        """Objects that may be sources, and those that may be targets."""
+        found = self._closure_ends.get(id(goal))
+        if found is None:
+            types = (self._conjunction.types[end] for end in (goal.source, goal.target))
+            source, target = (
+                self._sizes.extent(t.cls) if isinstance(t, ObjectType) else REACHED for t in types
+            )
+            found = self._closure_ends[id(goal)] = source, target
+        return found
+
+    def _needed(self, goal: CallAtom, free: Sequence[int], uses: Counter[int]) -> tuple[int, ...]:
+        """The free variables of a call whose values matter; all of them if the pattern is recursive."""
+        if self._views.calls.recursive(goal.pattern) and any(uses[v] > 1 for v in free):
+            return tuple(free)
+        return tuple(v for v in free if uses[v] > 1)
+
+    def _estimate(self, goal: CallAtom, bound: Bound, needed: Sequence[int]) -> tuple[float, float]:
+        """Rows and work of a call."""
+        unbound = {goal.arguments[position] for position in self._views.library.inputs(goal.pattern)} - bound
+        if unbound:
+            raise Unplannable(frozenset(unbound))
+        if self._opaque(goal.pattern):
+            times = 1.0 if not bound.isdisjoint(goal.arguments) else OPAQUE_WHOLE
+            return times * OPAQUE_ROWS ** len(needed), times * OPAQUE_COST
+        view = self._views.view(call_key(goal, bound, needed))
+        return view.rows, view.cost + CALL
+
+    def loops(
+        self, goals: Iterable[Goal], bound: Bound, uses: Counter[int], known: dict[int, list[Option]]
+    ) -> list[Option]:
+        """What can be looped over now, the least effort first.
+
+        Args:
+            goals: what remains.
+            bound: variables with values.
+            uses: how often each variable is still used.
+            known: loops over the relations of goals, by identity, for which nothing has changed; more are added.
+        """
+        goals, found = list(goals), []
+        for goal in goals:
+            options = known.get(id(goal))
+            if options is None:
+                options = known[id(goal)] = list(self._relations([goal], bound, uses))
+            found += options
+        found += self._extents(goals, bound, uses)
+        return sorted(found, key=lambda option: option.effort)
+
+    def _relations(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
+        for goal in goals:
+            match goal:
+                case LinkAtom(reference, source, target) if source in bound:
+                    size = self._sizes.forward(reference)
+                    yield Option(Kind.LOOP, goal, (target,), size, size)
+                case LinkAtom(reference, source, target) if target in bound:
+                    size = self._sizes.backward(reference)
+                    yield Option(Kind.LOOP, goal, (source,), size, size)
+                case CallAtom():
+                    needed = self._needed(goal, _free(goal, bound), uses)
+                    try:
+                        rows, cost = self._estimate(goal, bound, needed)
+                    except Unplannable:
+                        continue
+                    yield Option(Kind.LOOP, goal, needed, cost, rows)
+                case ClosureAtom(_, _, source, target):
+                    try:
+                        cost = self._closure_cost(goal, bound)
+                    except Unplannable:
+                        continue
+                    free = tuple(dict.fromkeys(v for v in (source, target) if v not in bound))
+                    yield self._follow(goal, free, cost, target not in bound)
+                case _:
+                    pass
+
+    def _extents(self, goals: Sequence[Goal], bound: Bound, uses: Counter[int]) -> Iterator[Option]:
+        """For every object variable without a value the smallest class that all its values have."""
+        classes: dict[int, list[InstanceAtom]] = {}
+        for goal in goals:
+            for variable in variables(goal):
+                if variable not in bound and variable not in classes:
+                    type_ = self._conjunction.types[variable]
+                    if isinstance(type_, ObjectType):
+                        classes[variable] = [InstanceAtom(type_.cls, variable)]
+            if isinstance(goal, InstanceAtom):
+                classes[goal.variable].append(goal)
+        for variable, atoms in classes.items():
+            atom = atoms[0]
+            if len(atoms) > 1:
+                atom = min(atoms, key=lambda a: (self._extent(a), not a.exact))
+            size = self._extent(atom)
+            # An object that nothing else asks for is better found through what asks for it.
+            weight = 1.0 if uses[variable] > 1 else 1.5
+            yield Option(Kind.LOOP, atom, (variable,), size * weight, size)
+
+    def _extent(self, atom: InstanceAtom) -> float:
+        return self._sizes.exact_extent(atom.cls) if atom.exact else self._sizes.extent(atom.cls)
+
+
+def _free(goal: CallAtom, bound: Bound) -> tuple[int, ...]:
+    """The variables of a call without a value, each once."""
+    return tuple(dict.fromkeys(v for v in goal.arguments if v not in bound))
+
+
+def call_key(goal: CallAtom, bound: Bound, needed: Sequence[int]) -> ViewKey:
+    """The view that a call asks for: values come in at the bound positions, out at those of needed variables."""
+    given = tuple(position for position, v in enumerate(goal.arguments) if v in bound)
+    wanted = tuple(position for position, v in enumerate(goal.arguments) if v in needed)
+    return ViewKey(goal.pattern, given, wanted)

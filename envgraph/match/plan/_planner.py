@@ -1,0 +1,139 @@
+"""Orders the goals of a conjunction: cheap filters first, then the loop that promises the fewest rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import fsum
+
+from envgraph.match.plan._calls import CallGraph
+from envgraph.match.plan._estimate import Sizes
+from envgraph.match.plan._options import Unplannable
+from envgraph.match.plan._order import Search
+from envgraph.match.plan._plan import (
+    BodyPlan,
+    Conjunction,
+    Goal,
+    Kind,
+    Plan,
+    Valuation,
+    ViewKey,
+    ViewPlan,
+    inputs,
+    variables,
+)
+from envgraph.match.plan._simplify import Simplifier
+from envgraph.pattern import AggregateAtom, AttributeAtom, Library, LinkAtom
+
+
+class Planner:
+    """Plans views of the patterns of a library; a plan is a function of the pattern, the key and the sizes alone.
+
+    Args:
+        library: the patterns.
+        calls: which of them call which.
+        sizes: what estimates go by; else what the metamodel suggests.
+    """
+
+    def __init__(self, library: Library, calls: CallGraph, sizes: Sizes | None = None) -> None:
+        self.library = library
+        self.calls = calls
+        self.sizes = sizes or Sizes(library.metamodel)
+        self._simplifier = Simplifier(library, calls)
+        self._views: dict[ViewKey, ViewPlan | Unplannable] = {}
+
+    def view(self, key: ViewKey) -> ViewPlan:
+        """The plan of every body.
+
+        Raises:
+            Unplannable: a parameter that is free cannot be enumerated.
+        """
+        if key not in self._views:
+            try:
+                self._views[key] = self._plan_view(key, self._simplifier.conjunctions(key.pattern))
+            except Unplannable as reason:
+                self._views[key] = reason
+        found = self._views[key]
+        if isinstance(found, Unplannable):
+            raise found
+        return found
+
+    def expanded(self, key: ViewKey) -> ViewPlan:
+        """The plan of every body, with the bodies of called patterns multiplied out where that is cheap.
+
+        Raises:
+            Unplannable: a parameter that is free cannot be enumerated.
+        """
+        return self._plan_view(key, self._simplifier.expanded(key.pattern))
+
+    def whole(self, conjunction: Conjunction, bound: tuple[int, ...]) -> Plan:
+        """A plan that gives every variable a value, for values at the bound positions.
+
+        Raises:
+            Unplannable: some variable cannot be enumerated.
+        """
+        fixed = frozenset(number for number, _ in conjunction.constants)
+        known = fixed | {conjunction.parameters[position] for position in bound}
+        wanted = {v for goal in conjunction.goals for v in variables(goal)} | {*conjunction.parameters}
+        return Search(self, conjunction, known, frozenset(wanted) - known).plan(conjunction.goals)
+
+    def _plan_view(self, key: ViewKey, conjunctions: tuple[Conjunction, ...]) -> ViewPlan:
+        bodies = tuple(self._plan_body(key, conjunction) for conjunction in conjunctions)
+        distinct = not any(body.repeats for body in bodies) and disjoint(
+            (*key.outputs, *key.bound), conjunctions
+        )
+        rows = fsum(body.plan.rows for body in bodies)
+        return ViewPlan(key, bodies, distinct, rows, fsum(body.plan.cost for body in bodies))
+
+    def _plan_body(self, key: ViewKey, conjunction: Conjunction) -> BodyPlan:
+        fixed = frozenset(number for number, _ in conjunction.constants)
+        bound = fixed | {conjunction.parameters[position] for position in key.bound}
+        wanted = frozenset(conjunction.parameters[position] for position in key.outputs) - bound
+        plan = Search(self, conjunction, bound, wanted).plan(conjunction.goals)
+        missing = wanted - bound - {number for step in plan.steps for number in step.binds}
+        if missing:
+            raise Unplannable(missing)
+        return BodyPlan(conjunction, plan, self._repeats(conjunction, plan, bound | wanted))
+
+    def _repeats(self, conjunction: Conjunction, plan: Plan, known: frozenset[int]) -> bool:
+        """Whether the loops of a plan bind a variable that the known ones do not determine."""
+        looped = {number for step in plan.steps if step.kind is Kind.LOOP for number in step.binds}
+        return not looped <= determined(conjunction.goals, known, self.sizes)
+
+
+def determined(goals: Sequence[Goal], known: Iterable[int], sizes: Sizes) -> set[int]:
+    """The variables that have one value at most once the known ones have theirs."""
+    found = set(known)
+    size = -1
+    while size != len(found):
+        size = len(found)
+        for goal in goals:
+            match goal:
+                case LinkAtom(reference, source, target):
+                    if source in found and not reference.many:
+                        found.add(target)
+                    if target in found and sizes.single_source(reference):
+                        found.add(source)
+                case AttributeAtom(_, owner, value):
+                    if owner in found:
+                        found.add(value)
+                case Valuation() | AggregateAtom():
+                    if found.issuperset(inputs(goal)):
+                        found.add(goal.result)
+                case _:
+                    pass
+    return found
+
+
+def disjoint(positions: Sequence[int], bodies: Sequence[Conjunction]) -> bool:
+    """Whether no two bodies can give the same values at some positions: one differs by a constant."""
+    fixed = [dict(body.constants) for body in bodies]
+    return all(
+        any(
+            body.parameters[p] in fixed[i]
+            and other.parameters[p] in fixed[j]
+            and fixed[i][body.parameters[p]] != fixed[j][other.parameters[p]]
+            for p in positions
+        )
+        for i, body in enumerate(bodies)
+        for j, other in enumerate(bodies[:i])
+    )

@@ -1,0 +1,1 @@
+"""Rules and units, checked and worked out to plans."""

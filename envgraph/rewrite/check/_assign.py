@@ -1,0 +1,219 @@
+"""Values that a right side gives to features: `set`, and the braces of object literals."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from envgraph.errors import Diagnostic, Note, Span, with_article
+from envgraph.metamodel import Attribute, Reference, Scalar
+from envgraph.pattern import (
+    Assignment,
+    Constant,
+    Expression,
+    Node,
+    ObjectType,
+    Set,
+    StaticType,
+    Variable,
+    check_expression,
+    type_text,
+    variables_in,
+)
+from envgraph.rewrite._plan import (
+    Assign,
+    ChangeTargets,
+    Compute,
+    Increase,
+    Link,
+    SetTargets,
+    SetValue,
+    SetValues,
+)
+from envgraph.rewrite.check._sight import Sight
+
+Operator = Literal["=", "+=", "-="]
+Values = Expression | tuple[Expression, ...]
+
+
+class AssignmentReader:
+    """Checks the assignments of one block.
+
+    Attributes:
+        computed: values that are worked out before the rule.
+        links: what references of new objects hold; like arrows, they are refused where there is no room.
+        sets: everything else.
+    """
+
+    def __init__(self, sight: Sight) -> None:
+        self.sight = sight
+        self.computed: list[Compute] = []
+        self.links: list[Link] = []
+        self.sets: list[Assign] = []
+        self._earlier: dict[tuple[str, str], tuple[Operator, Span | None]] = {}
+
+    def initialise(self, node: Node, assignment: Assignment) -> None:
+        """A feature in the literal of a new object."""
+        span = assignment.span or node.span
+        where = assignment.feature_span or span
+        feature = self._feature(Variable(node.name, node.span), assignment.feature, "=", where)
+        if isinstance(feature, Attribute):
+            self._attribute(node.name, feature, "=", assignment.value, span)
+        elif isinstance(feature, Reference) and not _is_none(assignment.value):
+            for value in self._targets(feature, assignment.value, span):
+                self.links.append(Link(self.sight.slot(node.name), feature, value, span))
+
+    def set(self, action: Set) -> None:
+        """`set object.feature = value`, `+=`, `-=`."""
+        where = action.feature_span or action.span
+        found = self._feature(action.object, action.feature, action.operator, where)
+        if isinstance(found, Attribute):
+            self._attribute(action.object.name, found, action.operator, action.value, action.span)
+        elif isinstance(found, Reference):
+            self._reference(action.object.name, found, action.operator, action.value, action.span)
+
+    def _feature(
+        self, owner: Variable, feature: str, operator: Operator, span: Span | None
+    ) -> Attribute | Reference | None:
+        name = owner.name
+        cls = self.sight.after(name) if self.sight.is_object(name, owner.span or span) else None
+        found = self.sight.feature(cls, feature, span) if cls else None
+        if found is None:
+            return None
+        if (name, feature) in self._earlier:
+            earlier, where = self._earlier[name, feature]
+            if "=" in (operator, earlier):
+                notes = (Note("the first is here", where),)
+                message = f"`{name}.{feature}` gets two values"
+                self.sight.problems.append(
+                    Diagnostic("duplicate-assignment", message, span, "leave one out", notes=notes)
+                )
+                return None
+        self._earlier[name, feature] = operator, span
+        return found
+
+    def _attribute(
+        self, name: str, attribute: Attribute, operator: Operator, value: Values, span: Span | None
+    ) -> None:
+        if attribute.many:
+            self._values(name, attribute, operator, value, span)
+        elif isinstance(value, tuple):
+            self.sight.error(
+                "wrong-type",
+                f"`{attribute}` has one value, not a list",
+                span,
+                "write one value without brackets",
+            )
+        elif operator != "=" and not _can_increase(attribute, operator):
+            message = (
+                f"`{operator}` does not apply to `{attribute}`, {with_article(type_text(attribute.type))}"
+            )
+            self.sight.error("wrong-type", message, span, "write `=`")
+        elif operator == "=" and _is_none(value):
+            self.sets.append(SetValue(self.sight.slot(name), attribute, None, span))
+        else:
+            slot = self._value(value, attribute.type, span, needed=operator != "=" or not attribute.optional)
+            if slot is not None:
+                object_ = self.sight.slot(name)
+                self.sets.append(
+                    SetValue(object_, attribute, slot, span)
+                    if operator == "="
+                    else Increase(object_, attribute, operator, slot, span)
+                )
+
+    def _values(
+        self, name: str, attribute: Attribute, operator: Operator, value: Values, span: Span | None
+    ) -> None:
+        """An attribute with many values."""
+        parts = () if operator == "=" and _is_none(value) else value if isinstance(value, tuple) else (value,)
+        slots = [self._value(part, attribute.type, part.span or span, needed=True) for part in parts]
+        found = tuple(slot for slot in slots if slot is not None)  # the others are reported
+        object_ = self.sight.slot(name)
+        if operator == "=":
+            self.sets.append(SetValues(object_, attribute, found, span))
+        else:
+            self.sets.extend(Increase(object_, attribute, operator, slot, span) for slot in found)
+
+    def _reference(
+        self, name: str, reference: Reference, operator: Operator, value: Values, span: Span | None
+    ) -> None:
+        object_ = self.sight.slot(name)
+        if operator != "=" and not reference.many:
+            message = f"`{reference}` has at most one target, so `{operator}` does not apply"
+            self.sight.error("wrong-type", message, span, "write `=`, or `= none` to clear it")
+        elif operator == "=" and _is_none(value):
+            self.sets.append(SetTargets(object_, reference, (), span))
+        else:
+            values = self._targets(reference, value, span)
+            self.sets.append(
+                SetTargets(object_, reference, values, span)
+                if operator == "="
+                else ChangeTargets(object_, reference, operator, values, span)
+            )
+
+    def _targets(self, reference: Reference, value: Values, span: Span | None) -> tuple[int, ...]:
+        """Slots of the targets that a value gives; what is wrong is reported and left out."""
+        if isinstance(value, tuple) and not reference.many and len(value) != 1:
+            self.sight.error(
+                "wrong-type",
+                f"`{reference}` has at most one target, not a list",
+                span,
+                "write one object without brackets",
+            )
+            return ()
+        found: list[int] = []
+        for part in value if isinstance(value, tuple) else (value,):
+            where = part.span or span
+            if isinstance(part, Variable):
+                if self.sight.is_object(part.name, where) and self.sight.fits(part.name, reference, where):
+                    found.append(self.sight.slot(part.name))
+            else:
+                slot = self._value(part, ObjectType(reference.target), where, needed=False)
+                found += [] if slot is None else [slot]
+        return tuple(found)
+
+    def _value(
+        self, expression: Expression, expected: StaticType, span: Span | None, *, needed: bool
+    ) -> int | None:
+        """The slot of a value on the state before the rule; `needed`: it is an error if there is none."""
+        read = {variable.name: variable for variable in variables_in(expression)}
+        for name, variable in read.items():
+            if name in self.sight.created:
+                message = f"`{name}` is created by this rule: it has no values before it"
+                self.sight.error(
+                    "no-value-yet", message, variable.span or span, "take a value from the left side"
+                )
+                return None
+        problems = self._check(expression, expected, span)
+        self.sight.problems.extend(problems)
+        if problems:
+            return None
+        if isinstance(expression, Variable):
+            return self.sight.slot(expression.name)
+        scope = tuple((name, self.sight.slot(name), self.sight.types[name]) for name in read)
+        slot = self.sight.add("")
+        self.computed.append(Compute(slot, expression, scope, needed, isinstance(expected, ObjectType)))
+        return slot
+
+    def _check(self, expression: Expression, expected: StaticType, span: Span | None) -> list[Diagnostic]:
+        if _is_none(expression):
+            return [
+                Diagnostic("wrong-type", "`none` is no value here", expression.span or span, "write `= none`")
+            ]
+        _, problems = check_expression(expression, self.sight.types, self.sight.metamodel, expected=expected)
+        return [_located(problem, span) for problem in problems]
+
+
+def _can_increase(attribute: Attribute, operator: Operator) -> bool:
+    numeric = attribute.type in (Scalar.INT, Scalar.FLOAT)
+    return numeric or (operator == "+=" and attribute.type is Scalar.STRING)
+
+
+def _is_none(value: Values) -> bool:
+    return isinstance(value, Constant) and value.value is None
+
+
+def _located(problem: Diagnostic, span: Span | None) -> Diagnostic:
+    """The diagnostic, at least at the action when the expression has no span of its own."""
+    if problem.span is not None or span is None:
+        return problem
+    return Diagnostic(problem.code, problem.message, span, problem.hint, problem.severity, problem.notes)

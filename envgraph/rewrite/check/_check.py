@@ -1,0 +1,393 @@
+"""Rules, checked and worked out to plans."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from itertools import chain, combinations, zip_longest
+from typing import Final
+
+from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
+from envgraph.pattern import (
+    Aggregate,
+    Block,
+    Constraint,
+    Create,
+    Library,
+    Modification,
+    Negation,
+    Node,
+    ObjectType,
+    Parameter,
+    Pattern,
+    PatternCall,
+    RightSide,
+    Rule,
+    StaticType,
+    TypeConstraint,
+    Variable,
+    static_type,
+    terms_in,
+    type_hint,
+)
+from envgraph.rewrite._plan import BlockPlan, RulePlan
+from envgraph.rewrite.check._block import BlockBuilder
+from envgraph.rewrite.check._header import (
+    annotation_span,
+    check_annotations,
+    check_weight,
+    duplicate_parameters,
+    left_problems,
+)
+from envgraph.rewrite.check._left import LeftLowering, LoweredBlock
+from envgraph.rewrite.check._sight import Sight
+from envgraph.rewrite.check._single_use import used_once
+from envgraph.rewrite.check._variables import all_names, is_named, own_variables
+
+RULE_ANNOTATIONS = ("hom", "match", "priority", "semantics", "weight")
+
+_LINTS: Final = (
+    "always-different",
+    "constant-comparison",
+    "derived-feature",
+    "never-matches",
+    "self-comparison",
+)
+"""Warnings about patterns that mean the same about left sides."""
+
+MOST_BLOCKS = 100
+"""How deep the blocks of a rule may nest."""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedRule:
+    """What checking a rule gives.
+
+    Attributes:
+        patterns: its left sides, in the order in which a library can take them.
+        plan: None if there are errors.
+    """
+
+    rule: Rule
+    patterns: tuple[Pattern, ...]
+    plan: RulePlan | None
+    problems: tuple[Diagnostic, ...]
+
+
+def check_rule(rule: Rule, library: Library) -> list[Diagnostic]:
+    """All errors and warnings of a rule over the patterns of a library, which stays as it is."""
+    return list(examine(rule, library).problems)
+
+
+def examine(rule: Rule, library: Library) -> CheckedRule:
+    """Check a rule, and work out its plan if it has no errors."""
+    problems = [*_check_header(rule), *_check_names(rule), *_check_types(rule, library)]
+    if _depth(rule) > MOST_BLOCKS:
+        hint = "make a pattern of a part of it"
+        message = f"more than {MOST_BLOCKS} blocks inside each other"
+        return CheckedRule(rule, (), None, (*problems, Diagnostic("rule-too-deep", message, rule.span, hint)))
+    lowering = LeftLowering(rule, library)
+    lowered = lowering.lower(_created(rule))
+    patterns = tuple(lowering.patterns)
+    called = _called_types(rule, library)
+    problems += [_with_class(one, called) for one in lowering.problems]
+    problems += _left_problems(library, lowering, called, problems)
+    known = None
+    if not has_errors(problems):
+        known = copy(library)  # a library never changes what it has: a shallow copy is one of its own
+        known.add(*patterns)
+    sight = Sight(library.metamodel, problems, elsewhere=_block_names(rule.blocks))
+    for parameter in rule.parameters:
+        if parameter.type:
+            sight.declared[parameter.name] = {parameter.type}
+    builder = BlockBuilder(rule, lowered, sight, lambda block: _types_of(block, known))
+    body = builder.build()
+    positions = known.inputs(lowered.pattern.qualified_name) if known else ()
+    inputs = tuple(lowered.own[position] for position in positions)
+    outputs = _outputs(rule, builder.sight, inputs)
+    _check_homomorphic(rule, builder.sight, problems)
+    if not has_errors(problems):
+        problems += _check_effect(rule, lowered, body)
+        problems += used_once(rule)
+    if has_errors(problems) or known is None:
+        return CheckedRule(rule, patterns, None, tuple(problems))
+    plan = RulePlan(
+        name=rule.qualified_name,
+        weight=float(rule.weight),
+        priority=rule.priority,
+        parameters=tuple(parameter.name for parameter in rule.parameters),
+        variables=lowered.own,
+        types=known.parameter_types(lowered.pattern.qualified_name),
+        inputs=inputs,
+        outputs=outputs,
+        lossy=rule.semantics == "spo",
+        body=body,
+        exact=_exact_class(lowered),
+        span=rule.span,
+    )
+    return CheckedRule(rule, patterns, plan, tuple(problems))
+
+
+def _left_problems(
+    library: Library,
+    lowering: LeftLowering,
+    called: Mapping[str, StaticType | None],
+    told: Sequence[Diagnostic],
+) -> list[Diagnostic]:
+    """The errors that the library finds in left sides, without what has been told of the same places and names."""
+    places = {problem.span for problem in told if problem.span}
+    declared: list[Parameter | Node] = [*lowering.rule.parameters, *_nodes(lowering.rule)]
+    unknown = {one.name for one in declared if one.type and not static_type(one.type, library.metamodel)}
+    unknown |= {name for name, type_ in called.items() if type_ is None}
+
+    def echoes(problem: Diagnostic) -> bool:
+        names = {"untyped-source": unknown, "not-enumerable": lowering.unclear}.get(problem.code, set())
+        if any(f"`{name}`" in problem.message for name in names):
+            return True
+        return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
+
+    said = left_problems(library, *lowering.patterns)
+    found = [one for one in said if one.severity is Severity.ERROR or (one.code in _LINTS and one.span)]
+    fresh = [_with_class(one, called) for one in found if not echoes(one)]
+    return fresh if fresh or has_errors(told) else found
+
+
+def _called_types(rule: Rule, library: Library) -> dict[str, StaticType | None]:
+    """What calls of patterns say about variables, wherever they stand in a rule; None if one has a mistake."""
+    found: dict[str, StaticType | None] = {}
+    parts: list[Rule | Block] = [rule]
+    for part in parts:  # which grows
+        parts += part.blocks
+        for call in chain.from_iterable(map(_calls, part.left.constraints)):
+            pattern = library.resolve(call.pattern, rule.package)
+            sound = pattern is not None and len(pattern.parameters) == len(call.arguments)
+            types = library.parameter_types(pattern.qualified_name) if pattern and sound else ()
+            for term, type_ in zip_longest(call.arguments, types):
+                if isinstance(term, Variable) and (type_ is None or term.name not in found):
+                    found[term.name] = type_
+    return found
+
+
+def _calls(constraint: Constraint) -> Iterator[PatternCall]:
+    """The calls of patterns in a condition, those under `neg` and in aggregates included."""
+    relations = [constraint.relation if isinstance(constraint, Negation) else constraint]
+    relations += [term.over for term in terms_in(constraint) if isinstance(term, Aggregate)]
+    yield from (relation for relation in relations if isinstance(relation, PatternCall))
+
+
+def _with_class(problem: Diagnostic, called: Mapping[str, StaticType | None]) -> Diagnostic:
+    """Of a variable that has no type where it is: with the class that a call at another place says."""
+    if problem.code not in ("untyped-source", "untyped-variable"):
+        return problem
+    for name, type_ in called.items():
+        if f"`{name}`" in problem.message and isinstance(type_, ObjectType):
+            return replace(problem, hint=f"write `{name} : {type_.cls}`")
+    return problem
+
+
+def _nodes(part: Rule | Block) -> Iterator[Node]:
+    """The nodes of the left sides of a rule and its blocks."""
+    yield from part.left.nodes
+    for block in part.blocks:
+        yield from _nodes(block)
+
+
+def _depth(rule: Rule) -> int:
+    levels = 0
+    level = rule.blocks
+    while level:
+        levels += 1
+        level = tuple(inner for block in level for inner in block.blocks)
+    return levels
+
+
+def _types_of(block: LoweredBlock, known: Library | None) -> Mapping[str, StaticType | None]:
+    """Types of the variables in sight: what the library found where it found no error, else what arrows tell."""
+    if known is None:
+        return block.types
+    found = known.parameter_types(block.pattern.qualified_name)
+    return {**block.types, **dict(zip((*block.inherited, *block.own), found, strict=True))}
+
+
+def _created(rule: Rule) -> set[str]:
+    """Parameters that the right side creates: they are `out`, and no part of the match."""
+    outputs = {p.name for p in rule.parameters if p.direction == "out"}
+    left = {node.name for node in rule.left.nodes} | {
+        e for edge in rule.left.edges for e in (edge.source, edge.target)
+    }
+    return {name for name in _created_nodes(rule.right) if name in outputs and name not in left}
+
+
+def _created_nodes(right: RightSide | Modification | None) -> list[str]:
+    """The names that a right side gives a class: new objects, and in `rhs` also those that it retypes."""
+    match right:
+        case Modification(actions):
+            nodes = [node for action in actions if isinstance(action, Create) for node in action.nodes]
+        case RightSide():
+            nodes = list(right.nodes)
+        case None:
+            nodes = []
+    return [node.name for node in nodes if node.type]
+
+
+def _exact_class(lowered: LoweredBlock) -> str | None:
+    constraints = lowered.pattern.bodies[0].constraints
+    if len(lowered.own) == 1 and len(constraints) == 1 and not lowered.nested:
+        match constraints[0]:
+            case TypeConstraint(cls, Variable(), True):
+                return cls
+    return None
+
+
+# --- what stands in the header
+
+
+def _check_header(rule: Rule) -> Iterable[Diagnostic]:
+    yield from check_weight(rule.weight, rule.annotations, rule.span)
+    yield from check_annotations(rule.annotations, RULE_ANNOTATIONS)
+    if rule.semantics not in ("dpo", "spo"):
+        span = annotation_span(rule.annotations, "semantics") or rule.span
+        hint = "write `@semantics(dpo)` or `@semantics(spo)`"
+        yield Diagnostic("unknown-semantics", f"unknown semantics `{rule.semantics}`", span, hint)
+
+
+def _check_names(rule: Rule) -> Iterable[Diagnostic]:
+    yield from duplicate_parameters(rule.parameters)
+    for parameter in rule.parameters:
+        if not is_named(parameter.name):
+            hint = "a name that starts with `_` stands for anything, once"
+            message = f"`{parameter.name}` cannot name a parameter"
+            yield Diagnostic("bad-name", message, parameter.span, hint)
+    declared: dict[str, Span | None] = {}
+    for node in rule.left.nodes:
+        if node.type is None or not is_named(node.name):
+            continue
+        if node.name in declared:
+            notes = (Note("the first definition is here", declared[node.name]),)
+            message = f"`{node.name}` is declared twice"
+            yield Diagnostic(
+                "duplicate-definition",
+                message,
+                node.span,
+                f"choose another name; for the same object write `{node.name}` without a class",
+                notes=notes,
+            )
+        declared.setdefault(node.name, node.span)
+
+
+def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
+    """Types of parameters; those of the left side are checked with it."""
+    for parameter in rule.parameters:
+        if parameter.type and static_type(parameter.type, library.metamodel) is None:
+            hint = type_hint(parameter.type, library.metamodel)
+            yield Diagnostic(
+                "unknown-type",
+                f"unknown type `{parameter.type}`",
+                parameter.type_span or parameter.span,
+                hint,
+            )
+
+
+# --- what needs the whole rule
+
+
+def _outputs(rule: Rule, sight: Sight, given: Sequence[str]) -> tuple[tuple[str, int], ...]:
+    """Name and slot of the `out` parameters; `given` are variables that only a caller can bind."""
+    found: list[tuple[str, int]] = []
+    mentioned = all_names(rule.left)
+    for parameter in rule.parameters:
+        name = parameter.name
+        if parameter.direction != "out":
+            continue
+        if name in sight.deleted:
+            message = f"`{name}` is deleted by this rule, and cannot be handed out"
+            sight.error(
+                "deleted-variable", message, parameter.span, "leave out the deletion, or the parameter"
+            )
+        elif name in sight.created:
+            found.append((name, sight.slot(name)))
+            _check_created_output(parameter, sight)
+        elif name not in mentioned or name in given:
+            hint = "bind it in the left side, or create it in the right side"
+            sight.error("unbound-output", f"nothing gives `{name}` a value", parameter.span, hint)
+        else:
+            found.append((name, sight.slot(name)))
+    return tuple(found)
+
+
+def _check_created_output(parameter: Parameter, sight: Sight) -> None:
+    cls = sight.created[parameter.name]
+    above = parameter.type
+    if above and above in sight.metamodel.classes and not sight.metamodel.is_a(cls, above):
+        message = f"`{parameter.name}` is declared as `{above}` and created as `{cls}`"
+        sight.error("wrong-type", message, parameter.span, f"write `out {parameter.name} : {cls}`")
+
+
+def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterable[Diagnostic]:
+    """Warn where nothing is said about what changes: rules and blocks that only ask, and hand nothing out."""
+    block = lowered.block
+    if block is None and any(parameter.direction == "out" for parameter in rule.parameters):
+        return
+    if plan.nested or plan.operations or (rule.right if block is None else block.right) is not None:
+        for inner, inner_plan in zip(lowered.nested, plan.nested, strict=True):
+            yield from _check_effect(rule, inner, inner_plan)
+    elif block is None:
+        message = f"rule `{rule.name}` has no right side: it changes nothing"
+        hint = "add `modify { .. }`, which may be empty; what is only to be found is a `pattern`"
+        yield Diagnostic("no-right-side", message, rule.span, hint, Severity.WARNING)
+    else:
+        message = f"this `{block.kind}` block has no right side: it changes nothing"
+        hint = "add `modify { .. }`" + ("; a condition is a `require`" if block.kind == "forall+" else "")
+        yield Diagnostic("no-right-side", message, block.span, hint, Severity.WARNING)
+
+
+def _check_homomorphic(rule: Rule, sight: Sight, problems: list[Diagnostic]) -> None:
+    """The groups of `@hom`: variables of left sides, that may stand for one object."""
+    nested = _block_variables(rule.blocks)
+    for group, places in zip_longest(rule.homomorphic, rule.homomorphic_spans, fillvalue=()):
+        spans = dict(zip(group, places, strict=False))
+        for name in dict.fromkeys(group):
+            span = spans.get(name) or annotation_span(rule.annotations, "hom") or rule.span
+            if name not in sight.types and name not in nested:
+                hint = name_hint(name, [*sight.types, *nested])
+                message = f"the left side has no variable `{name}`"
+                problems.append(Diagnostic("unknown-variable", message, span, hint))
+            elif sight.types.get(name) is not None and not isinstance(sight.types[name], ObjectType):
+                message = f"`{name}` is a data value; values are never compared"
+                problems.append(Diagnostic("not-an-object", message, span, "leave it out"))
+        problems.extend(_never_one(group, spans, sight))
+
+
+def _block_names(blocks: Iterable[Block]) -> dict[str, str]:
+    """The variables of blocks and the objects that they create, with the kind of the block."""
+    found: dict[str, str] = {}
+    for block in blocks:
+        names = [*own_variables(block.left, ()), *_created_nodes(block.right)]
+        for name, kind in (*dict.fromkeys(names, block.kind).items(), *_block_names(block.blocks).items()):
+            found.setdefault(name, kind)
+    return found
+
+
+def _block_variables(blocks: Iterable[Block]) -> dict[str, None]:
+    """The variables of the left sides of blocks, and of those inside them."""
+    found: dict[str, None] = {}
+    for block in blocks:
+        found.update(dict.fromkeys(own_variables(block.left, ())))
+        found.update(_block_variables(block.blocks))
+    return found
+
+
+def _never_one(group: Sequence[str], spans: Mapping[str, Span], sight: Sight) -> Iterable[Diagnostic]:
+    """Warn of names that no object can share."""
+    if len(set(group)) < 2:
+        message = "`@hom` names two or more different variables"
+        hint = "write `@hom(a, b)`, or `@match(homomorphic)` for all names"
+        yield Diagnostic("bad-annotation", message, spans.get(group[0]) if group else None, hint)
+    for one, other in combinations(dict.fromkeys(group), 2):
+        left, right = sight.before(one), sight.before(other)
+        if left and right and not sight.metamodel.overlap(left, right):
+            classes = f"{with_article(left)} and {with_article(right)}"
+            message = f"`{one}` and `{other}` are never one object: nothing is {classes}"
+            hint = f"leave `{other}` out"
+            yield Diagnostic("useless-annotation", message, spans.get(other), hint, Severity.WARNING)

@@ -1,0 +1,91 @@
+"""Units that can never succeed, because they call themselves whatever happens."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+from envgraph.errors import Diagnostic, Severity
+from envgraph.pattern import Alap, Atomic, Call, Choice, If, Repeat, Step, Try
+from envgraph.pattern import Sequence as Steps
+from envgraph.rewrite.check._unit_check import CheckedUnit, inner_steps
+
+
+def endless(units: Sequence[CheckedUnit]) -> Iterator[Diagnostic]:
+    """Warn once of each circle of calls that no unit in it can leave but by failing; the units have no errors.
+
+    A unit may succeed if some way through it calls only rules, and units of which that is known already: what is left
+    when no more are found never succeeds.
+    """
+    left = {checked.unit.qualified_name: checked for checked in units}
+    callers: dict[str, list[str]] = {name: [] for name in left}
+    for name, one in left.items():
+        for callee, _ in _calls(one.unit.body, one, left):
+            callers[callee].append(name)
+    waiting = list(left)
+    for name in waiting:
+        if name in left and _succeeds(left[name].unit.body, left[name], left):
+            del left[name]
+            waiting += callers[name]
+    calls = {name: list(_calls(one.unit.body, one, left)) for name, one in left.items()}
+    told: set[str] = set()
+    for name in left:
+        path = [] if name in told else _circle(name, calls)
+        if path and told.isdisjoint(path):
+            told.update(path)
+            yield _warning(name, path, calls)
+
+
+def _succeeds(step: Step, checked: CheckedUnit, left: Collection[str]) -> bool:
+    """Whether a step may succeed without those of the units that are left."""
+    match step:
+        case Call():
+            callee = checked.calls.get(id(step))
+            return callee is None or callee.name not in left
+        case Steps(steps):
+            return all(_succeeds(inner, checked, left) for inner in steps)
+        case Choice(alternatives):
+            return any(_succeeds(inner, checked, left) for inner in alternatives)
+        case Alap():
+            return True
+        case Repeat(lower, _, body):
+            return lower == 0 or not isinstance(lower, int) or _succeeds(body, checked, left)
+        case Try(body, otherwise) | If(_, body, otherwise):
+            return otherwise is None or any(_succeeds(one, checked, left) for one in (body, otherwise))
+        case Atomic(body):
+            return _succeeds(body, checked, left)
+
+
+def _calls(step: Step, checked: CheckedUnit, left: Collection[str]) -> Iterator[tuple[str, Call]]:
+    """The calls of units that are left, in the order of the text."""
+    if isinstance(step, Call):
+        callee = checked.calls.get(id(step))
+        if callee is not None and callee.name in left:
+            yield callee.name, step
+    for inner in inner_steps(step):
+        yield from _calls(inner, checked, left)
+
+
+def _circle(start: str, calls: Mapping[str, Sequence[tuple[str, Call]]]) -> list[str]:
+    """The shortest way from a unit back to it: the units on it; empty if there is none."""
+    before = {start: ""}
+    waiting = [start]
+    for name in waiting:
+        for callee, _ in calls[name]:
+            if callee == start:
+                path = [name]
+                while path[-1] != start:
+                    path.append(before[path[-1]])
+                return path[::-1]
+            if callee not in before:
+                before[callee] = name
+                waiting.append(callee)
+    return []
+
+
+def _warning(name: str, path: Sequence[str], calls: Mapping[str, Sequence[tuple[str, Call]]]) -> Diagnostic:
+    following = path[1] if len(path) > 1 else name
+    call = next(call for callee, call in calls[name] if callee == following)
+    through = "".join(f" through `{one}`" for one in path[1:2]) + (" and others" if len(path) > 2 else "")
+    message = f"`{name}` always calls itself{through}, so that it never succeeds"
+    hint = "put the call into `try { .. }` or behind an `if`, or write `alap { .. }` instead"
+    return Diagnostic("endless-unit", message, call.name_span or call.span, hint, Severity.WARNING)

@@ -1,0 +1,366 @@
+"""Left sides as ordinary patterns.
+
+The left side of a rule becomes a pattern over the variables of its match. A `not` or `require` block becomes a
+pattern of its own, over the enclosing variables that it uses, which the enclosing one calls; so does a `forall` or
+`optional` block, whose matches are looked up when the rule is applied. Generated patterns are named `rule#lhs`,
+`rule#not1`: no text can spell such a name. Injectivity becomes `!=`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from itertools import count
+
+from envgraph.errors import Diagnostic, Span, has_errors, with_article
+from envgraph.metamodel import Attribute
+from envgraph.pattern import (
+    Binary,
+    Block,
+    Body,
+    Check,
+    Closure,
+    Comparison,
+    Constant,
+    Constraint,
+    Edge,
+    LeftSide,
+    Library,
+    Negation,
+    ObjectType,
+    Parameter,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Rule,
+    StaticType,
+    TypeConstraint,
+    Variable,
+    static_type,
+    terms_in,
+    type_text,
+)
+from envgraph.rewrite.check._header import left_problems
+from envgraph.rewrite.check._variables import (
+    TypeReader,
+    Types,
+    all_names,
+    equated,
+    is_named,
+    may_be_one,
+    own_variables,
+)
+
+_CONDITIONS = ("not", "require")
+
+
+@dataclass(frozen=True, slots=True)
+class LoweredBlock:
+    """A block that rewrites, or a whole rule.
+
+    Attributes:
+        block: what was written; None for the rule itself.
+        pattern: its pattern: `inherited` parameters first, then `own`.
+        inherited: enclosing variables that the pattern takes as arguments.
+        own: the variables that the block adds.
+        types: types of all variables in sight, as far as the left sides tell.
+        nested: the blocks inside that rewrite.
+    """
+
+    block: Block | None
+    left: LeftSide
+    pattern: Pattern
+    inherited: tuple[str, ...]
+    own: tuple[str, ...]
+    types: Mapping[str, StaticType | None]
+    nested: tuple[LoweredBlock, ...]
+
+
+class LeftLowering:
+    """Lowers all left sides of one rule.
+
+    Attributes:
+        patterns: every pattern made, callees before callers.
+        problems: what is wrong with arrows and blocks; the library checks the rest, on the patterns.
+        untyped: the names of which nothing says what they are, which is among the problems.
+        unclear: the names whose types are not known for other problems.
+    """
+
+    def __init__(self, rule: Rule, library: Library) -> None:
+        self.rule = rule
+        self.library = library
+        self.metamodel = library.metamodel
+        self.reader = TypeReader(library, rule.package)
+        self.patterns: list[Pattern] = []
+        self.problems: list[Diagnostic] = []
+        self.untyped: set[str] = set()
+        self.unclear: set[str] = set()
+        self._numbers = count(1)
+
+    def lower(self, created: set[str]) -> LoweredBlock:
+        """The rule itself; parameters among the `created` names are left out of the match."""
+        rule = self.rule
+        parameters = [p for p in rule.parameters if p.name not in created]
+        outside = self.reader.parameters(parameters)
+        types = self._types(rule.left, rule.blocks, outside)
+        constraints, nested = self._body(rule.left, rule.blocks, types, ())
+        names = tuple(types)
+        declared = [self._parameter(p, rule.left, constraints, types[p.name]) for p in parameters]
+        constraints += self._unmentioned(parameters, constraints, types)
+        declared += [Parameter(name, span=self.rule.span) for name in names[len(declared) :]]
+        pattern = self._pattern("lhs", declared, constraints, rule.left)
+        return LoweredBlock(None, rule.left, pattern, (), names, types, nested)
+
+    # --- parameters
+
+    def _parameter(
+        self,
+        parameter: Parameter,
+        left: LeftSide,
+        constraints: Sequence[Constraint],
+        type_: StaticType | None,
+    ) -> Parameter:
+        """A value that the left side does not enumerate has to be given: `in`."""
+        if type_ is None or isinstance(type_, ObjectType):
+            return replace(parameter, direction=None)
+        positive = {
+            term.name
+            for constraint in left.constraints
+            if not isinstance(constraint, Negation | Check)
+            for term in terms_in(constraint)
+            if isinstance(term, Variable)
+        }
+        return replace(parameter, direction=None if parameter.name in positive else "in")
+
+    def _unmentioned(
+        self, parameters: Sequence[Parameter], constraints: Sequence[Constraint], types: Types
+    ) -> list[Constraint]:
+        """Constraints that mention parameters of which the left side says nothing: every parameter needs one."""
+        mentioned = all_names(LeftSide(constraints=tuple(constraints)))
+        found: list[Constraint] = []
+        for parameter in parameters:
+            variable = Variable(parameter.name, parameter.span)
+            if parameter.name in mentioned:
+                continue
+            if parameter.type is None:
+                self._untyped(parameter.name, parameter.span)
+                continue
+            if isinstance(types[parameter.name], ObjectType):
+                found.append(TypeConstraint(parameter.type, variable, span=parameter.span))
+            else:
+                found.append(Check(Binary("==", variable, variable)))
+        return found
+
+    # --- types
+
+    def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
+        """Types of all variables in sight; blocks need to know also of those that are computed."""
+        types = self.reader.left_side(left, outside)
+        if not blocks or None not in types.values():
+            return types
+        told = len(self.problems)
+        constraints = (*self._nodes(left), *self._edges(left, types), *left.constraints)
+        del self.problems[told:]
+        used = all_names(LeftSide(constraints=constraints))
+        names = [name for name in types if name in used]
+        declared = tuple(
+            self._inherited(name, types[name]) if name in outside else Parameter(name) for name in names
+        )
+        pattern = Pattern(
+            f"{self.rule.name}#types", declared, (Body(constraints),), package=self.rule.package
+        )
+        wrong = left_problems(self.library, pattern)
+        if has_errors(wrong):
+            # A block that says of what class an object is would say so too late: it differs from the others already.
+            self.problems += [problem for problem in wrong if problem.code == "untyped-source"]
+            self.unclear.update(name for name, type_ in types.items() if type_ is None)
+            return types  # it is told where the whole left side is checked
+        known = copy(self.library)
+        known.add(pattern)
+        found = known.parameter_types(pattern.qualified_name)
+        return {**types, **{name: types[name] or type_ for name, type_ in zip(names, found, strict=True)}}
+
+    # --- bodies
+
+    def _body(
+        self, left: LeftSide, blocks: Sequence[Block], types: Types, enclosing: Sequence[str]
+    ) -> tuple[list[Constraint], tuple[LoweredBlock, ...]]:
+        self._check_bare(left, types, enclosing)
+        constraints = [*self._nodes(left), *self._edges(left, types), *left.constraints]
+        own = [name for name in types if name not in enclosing]
+        constraints += self._injectivity(own, enclosing, types, left)
+        nested: list[LoweredBlock] = []
+        for block in blocks:
+            if block.kind in _CONDITIONS:
+                constraints.append(self._condition(block, types))
+            else:
+                lowered = self._rewriting(block, types)
+                nested.append(lowered)
+                if block.kind == "forall+":
+                    constraints.append(_call(lowered, span_of=block))
+        return constraints, tuple(nested)
+
+    def _check_bare(self, left: LeftSide, types: Types, enclosing: Sequence[str]) -> None:
+        """Names that stand alone, and that nothing else explains."""
+        explained = {end for edge in left.edges for end in (edge.source, edge.target)}
+        explained |= all_names(LeftSide(constraints=left.constraints))
+        explained |= {parameter.name for parameter in self.rule.parameters}
+        for node in left.nodes:
+            if node.name in explained or node.name in enclosing:
+                continue
+            if node.type is None:
+                self._untyped(node.name, node.span)
+            elif not isinstance(static_type(node.type, self.metamodel) or ObjectType(""), ObjectType):
+                hint = f"bind it, as in `Class.feature(object, {node.name});`, or make it a parameter"
+                message = f"nothing gives `{node.name}`, {with_article(node.type)}, a value"
+                self.problems.append(Diagnostic("unbound-value", message, node.span, hint))
+                self.untyped.add(node.name)
+
+    def _untyped(self, name: str, span: Span | None) -> None:
+        self.untyped.add(name)
+        message = f"nothing says of what class `{name}` is"
+        self.problems.append(Diagnostic("untyped-variable", message, span, f"write `{name} : Class`"))
+
+    def _nodes(self, left: LeftSide) -> Iterator[Constraint]:
+        for node in left.nodes:
+            if node.type:
+                yield TypeConstraint(
+                    node.type, Variable(node.name, node.span), span=node.span, type_span=node.type_span
+                )
+
+    def _edges(self, left: LeftSide, types: Types) -> Iterator[Constraint]:
+        for edge in left.edges:
+            feature = self.reader.feature(types.get(edge.source), edge.reference)
+            if isinstance(feature, Attribute):
+                self._attribute_in_arrow(edge, feature)
+            yield PathConstraint(
+                "",
+                (edge.reference,),
+                Variable(edge.source, edge.source_span or edge.span),
+                Variable(edge.target, edge.target_span or edge.span),
+                Closure(edge.closure),
+                edge.span,
+                feature_spans=(edge.reference_span,) if edge.reference_span else (),
+            )
+
+    def _attribute_in_arrow(self, edge: Edge, feature: Attribute) -> None:
+        self.problems.append(
+            Diagnostic(
+                "not-a-reference",
+                f"`{feature}` is an attribute, and an arrow follows references",
+                edge.reference_span or edge.span,
+                f"write `{feature.owner}.{feature.name}({edge.source}, {edge.target});`",
+            )
+        )
+
+    def _injectivity(
+        self, own: Sequence[str], enclosing: Sequence[str], types: Types, left: LeftSide
+    ) -> Iterator[Constraint]:
+        if not self.rule.injective:
+            return
+        groups, same = self.rule.homomorphic, equated(self.rule.left, left)
+        for position, one in enumerate(own):
+            for other in (*own[position + 1 :], *enclosing):
+                if self._overlap(types[one], types[other]) and not may_be_one(one, other, groups, same):
+                    yield Comparison("!=", Variable(one), Variable(other))
+
+    def _overlap(self, left: StaticType | None, right: StaticType | None) -> bool:
+        """Whether an object may be of both types."""
+        if not (isinstance(left, ObjectType) and isinstance(right, ObjectType)):
+            return False
+        known = self.metamodel.classes
+        return left.cls in known and right.cls in known and self.metamodel.overlap(left.cls, right.cls)
+
+    # --- blocks
+
+    def _condition(self, block: Block, outside: Types) -> Constraint:
+        """The call that stands for a `not` or `require` block."""
+        if block.right is not None:
+            self.problems.append(
+                Diagnostic(
+                    "misplaced-right-side",
+                    f"a `{block.kind}` block is a condition and rewrites nothing",
+                    block.right.span or block.span,
+                    "move the rewriting to the rule, or use `forall`",
+                )
+            )
+        for inner in block.blocks:
+            if inner.kind not in _CONDITIONS:
+                self.problems.append(
+                    Diagnostic(
+                        "misplaced-block",
+                        f"`{inner.kind}` cannot stand in a `{block.kind}` block, which rewrites nothing",
+                        inner.span,
+                        "move it to the rule",
+                    )
+                )
+        conditions = tuple(inner for inner in block.blocks if inner.kind in _CONDITIONS)
+        misplaced = len(conditions) < len(block.blocks)
+        lowered = self._helper(replace(block, blocks=conditions), outside, (), quiet=misplaced)
+        call = _call(lowered, span_of=block)
+        return Negation(call, block.span) if block.kind == "not" else call
+
+    def _rewriting(self, block: Block, outside: Types) -> LoweredBlock:
+        types = self.reader.left_side(block.left, outside)
+        return self._helper(block, outside, [name for name in types if name not in outside])
+
+    def _helper(
+        self, block: Block, outside: Types, exported: Sequence[str], *, quiet: bool = False
+    ) -> LoweredBlock:
+        """The pattern of a block, over the enclosing variables that it uses and the `exported` ones of its own."""
+        types = self._types(block.left, block.blocks, outside)
+        enclosing = list(outside)
+        number = next(self._numbers)
+        constraints, nested = self._body(block.left, block.blocks, types, enclosing)
+        if not constraints and not quiet:
+            self.problems.append(
+                Diagnostic(
+                    "empty-block",
+                    f"this `{block.kind}` block asks for nothing",
+                    block.span,
+                    "leave it out, or write a constraint in it",
+                )
+            )
+        used = all_names(LeftSide(constraints=tuple(constraints)))
+        # What the blocks inside rewrite may need more: they are looked up with the enclosing match at hand.
+        inherited = tuple(name for name in enclosing if name in used)
+        declared = [self._inherited(name, outside[name]) for name in inherited]
+        declared += [Parameter(name) for name in exported]
+        pattern = self._pattern(f"{block.kind.rstrip('+')}{number}", declared, constraints, block.left)
+        return LoweredBlock(block, block.left, pattern, inherited, tuple(exported), types, nested)
+
+    def _inherited(self, name: str, type_: StaticType | None) -> Parameter:
+        if type_ is None:
+            return Parameter(name)
+        return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
+
+    def _pattern(
+        self, suffix: str, parameters: Sequence[Parameter], constraints: Sequence[Constraint], left: LeftSide
+    ) -> Pattern:
+        span = left.span or self.rule.span
+        body = Body(tuple(constraints) or (Check(Constant(True), span),), span=span)
+        home = self.rule.left.span or self.rule.span
+        if span is not None and home is not None and span.source.name != home.source.name:
+            span = home  # the blocks are a text of their own, and what is private is seen in one source only
+        pattern = Pattern(
+            f"{self.rule.name}#{suffix}",
+            tuple(parameters),
+            (body,),
+            package=self.rule.package,
+            private=True,
+            span=span,
+        )
+        self.patterns.append(pattern)
+        return pattern
+
+
+def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
+    """`find helper(enclosing.., _, ..)`."""
+    arguments = (*lowered.inherited, *("_" for _ in lowered.own))
+    return PatternCall(
+        lowered.pattern.qualified_name, tuple(Variable(name) for name in arguments), span=span_of.span
+    )
+
+
+__all__ = ["LeftLowering", "LoweredBlock", "is_named", "own_variables"]

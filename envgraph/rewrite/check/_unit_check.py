@@ -1,0 +1,463 @@
+"""What can be wrong with a unit, and its conditions as patterns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, with_article
+from envgraph.metamodel import Metamodel, Scalar
+from envgraph.pattern import (
+    Alap,
+    Applicable,
+    Atomic,
+    Body,
+    Call,
+    Check,
+    Choice,
+    Constant,
+    Constraint,
+    EnumLiteral,
+    Evaluation,
+    Expression,
+    If,
+    Library,
+    Negation,
+    ObjectType,
+    Parameter,
+    Pattern,
+    Repeat,
+    StaticType,
+    Step,
+    Try,
+    TypeConstraint,
+    Unit,
+    Variable,
+    assignable,
+    check_expression,
+    static_type,
+    type_hint,
+    type_text,
+    value_hint,
+)
+from envgraph.pattern import (
+    Sequence as Steps,
+)
+from envgraph.rewrite._names import Directory, Signature, Taken
+from envgraph.rewrite.check._header import (
+    check_annotations,
+    check_weight,
+    duplicate_parameters,
+    left_problems,
+)
+from envgraph.rewrite.check._variables import is_named, mentioned
+
+UNIT_ANNOTATIONS = ("priority", "weight")
+Scope = dict[str, StaticType | None]
+
+MOST_LEVELS: Final = 100
+"""How deep the steps of a unit may nest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """The condition of an `if` as a pattern over the variables of the unit that it uses."""
+
+    pattern: Pattern
+    arguments: tuple[str, ...]
+    negated: bool
+
+
+@dataclass(slots=True)
+class CheckedUnit:
+    """What checking a unit gives.
+
+    Attributes:
+        calls: what each call means, by the identity of the step; None where the name is unknown.
+        conditions: the conditions with `find` of each `if` and each call, by the identity of the step and their place.
+        asked: the conditions that ask a rule, by the identity of the `if`, and what they ask.
+        types: of the parameters.
+    """
+
+    unit: Unit
+    problems: list[Diagnostic] = field(default_factory=list)
+    calls: dict[int, Signature] = field(default_factory=dict)
+    conditions: dict[tuple[int, int], Condition] = field(default_factory=dict)
+    asked: dict[int, tuple[Applicable, Signature]] = field(default_factory=dict)
+    types: Scope = field(default_factory=dict)
+
+    @property
+    def patterns(self) -> tuple[Pattern, ...]:
+        """Patterns of the conditions."""
+        return tuple(condition.pattern for condition in self.conditions.values())
+
+
+def check_unit(unit: Unit, directory: Directory, library: Library) -> CheckedUnit:
+    """All errors and warnings of a unit, and what its names mean."""
+    checker = _Checker(unit, directory, library)
+    checker.check()
+    return checker.result
+
+
+def unit_signature(unit: Unit, metamodel: Metamodel) -> Signature:
+    """What a call of a unit takes; its `out` parameters are not required."""
+    return Signature(
+        unit.qualified_name,
+        "unit",
+        unit.package,
+        tuple(
+            Taken(
+                parameter.name,
+                static_type(parameter.type, metamodel) if parameter.type else None,
+                parameter.direction == "out",
+                parameter.direction != "out",
+            )
+            for parameter in unit.parameters
+        ),
+        unit.weight,
+        unit.priority,
+    )
+
+
+def depth(step: Step) -> int:
+    """Number of levels of steps; counted without recursion, so that no input exhausts the stack."""
+    levels = 0
+    level = [step]
+    while level:
+        levels += 1
+        level = [inner for outer in level for inner in inner_steps(outer)]
+    return levels
+
+
+def inner_steps(step: Step) -> tuple[Step, ...]:
+    """The steps directly inside a step."""
+    match step:
+        case Steps(steps):
+            return steps
+        case Choice(alternatives):
+            return alternatives
+        case Alap(body) | Atomic(body) | Repeat(_, _, body):
+            return (body,)
+        case Try(body, otherwise) | If(_, body, otherwise):
+            return (body,) if otherwise is None else (body, otherwise)
+        case Call():
+            return ()
+
+
+def applicable(condition: Constraint | Applicable) -> Applicable | None:
+    """A condition as one that asks a rule, if it can be read as one."""
+    match condition:
+        case Applicable():
+            return condition
+        case Negation(TypeConstraint() as relation):
+            found = applicable(relation)
+            return found and replace(found, negated=True)
+        case TypeConstraint(name, Variable() | Constant() | EnumLiteral() as term):
+            return Applicable(name, (term,), span=condition.span)
+        case TypeConstraint(name, Evaluation(expression)):
+            return Applicable(name, (expression,), span=condition.span)
+    return None
+
+
+class _Checker:
+    def __init__(self, unit: Unit, directory: Directory, library: Library) -> None:
+        self.unit = unit
+        self.directory = directory
+        self.library = library
+        self.metamodel = library.metamodel
+        self.result = CheckedUnit(unit)
+
+    def check(self) -> None:
+        unit = self.unit
+        self.result.problems.extend(check_weight(unit.weight, unit.annotations, unit.span))
+        self.result.problems.extend(check_annotations(unit.annotations, UNIT_ANNOTATIONS))
+        self.result.problems.extend(duplicate_parameters(unit.parameters))
+        self.result.types = {parameter.name: self._type(parameter) for parameter in unit.parameters}
+        outputs = {parameter.name for parameter in unit.parameters if parameter.direction == "out"}
+        scope = {name: type_ for name, type_ in self.result.types.items() if name not in outputs}
+        if depth(unit.body) > MOST_LEVELS:
+            hint = "make a unit of a part of it"
+            self._error("unit-too-deep", f"more than {MOST_LEVELS} blocks inside each other", unit.span, hint)
+            return
+        self._step(unit.body, scope)
+        for parameter in unit.parameters:
+            if parameter.name in outputs and parameter.name not in scope:
+                self._error(
+                    "unbound-output",
+                    f"nothing gives `{parameter.name}` a value",
+                    parameter.span,
+                    "pass it to an `out` parameter of a rule, outside of any block",
+                )
+
+    def _type(self, parameter: Parameter) -> StaticType | None:
+        if parameter.type is None:
+            advice = f"write `{parameter.name} : Class`, or a data type"
+            self._error("missing-type", f"parameter `{parameter.name}` has no type", parameter.span, advice)
+            return None
+        type_ = static_type(parameter.type, self.metamodel)
+        if type_ is None:
+            hint = type_hint(parameter.type, self.metamodel)
+            span = parameter.type_span or parameter.span
+            self._error("unknown-type", f"unknown type `{parameter.type}`", span, hint)
+        return type_
+
+    def _error(self, code: str, message: str, span: Span | None, hint: str | None = None) -> None:
+        self.result.problems.append(Diagnostic(code, message, span, hint))
+
+    # --- steps
+
+    def _step(self, step: Step, scope: Scope) -> None:
+        """Check a step; `out` arguments of its calls join the scope, unless they are inside a block."""
+        match step:
+            case Call():
+                self._call(step, scope)
+            case Steps(steps):
+                if not steps:
+                    hint = "write the name of a rule or unit, or leave the block out"
+                    found = Diagnostic("empty-block", "nothing to do here", step.span, hint, Severity.WARNING)
+                    self.result.problems.append(found)
+                for inner in steps:
+                    self._step(inner, scope)
+            case Choice(alternatives):
+                for inner in alternatives:
+                    self._step(inner, dict(scope))
+            case Alap(body):
+                self._step(body, dict(scope))
+            case Atomic(body):
+                self._step(body, scope)
+            case Repeat(_, _, body):
+                self._bounds(step, scope)
+                self._step(body, dict(scope))
+            case Try(body, otherwise):
+                self._step(body, dict(scope))
+                if otherwise is not None:
+                    self._step(otherwise, dict(scope))
+            case If():
+                self._asked(step, scope)
+                self._step(step.then, dict(scope))
+                if step.otherwise is not None:
+                    self._step(step.otherwise, dict(scope))
+
+    def _bounds(self, step: Repeat, scope: Scope) -> None:
+        lower, upper = step.lower, step.upper
+        for bound in dict.fromkeys((lower, upper)):
+            if not isinstance(bound, int):
+                found = check_expression(
+                    bound, scope, self.metamodel, expected=Scalar.INT, bare_objects=False
+                )
+                self.result.problems.extend(found[1])
+        least = lower if isinstance(lower, int) else 0
+        if least < 0 or (isinstance(upper, int) and upper < least):
+            hint = "the lower bound comes first, and is at least 0"
+            shown = f"{least}..{upper}" if isinstance(upper, int) else str(least)
+            self._error("bad-bounds", f"cannot repeat {shown} times", step.span, hint)
+
+    def _call(self, call: Call, scope: Scope) -> None:
+        span = call.name_span or call.span
+        callee = self._callee(call)
+        if callee is None:
+            return
+        self.result.calls[id(call)] = callee
+        if call.every and callee.kind == "unit":
+            self._error(
+                "wrong-kind", f"`all` takes a rule, and `{call.name}` is a unit", span, "leave `all` out"
+            )
+            return
+        if self._arity(call, callee):
+            for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
+                self._argument(argument, parameter, callee, scope, call.every)
+        self._selection(call, callee, scope)
+
+    def _callee(self, call: Call) -> Signature | None:
+        """What a name means; if that is nothing, or several things, it is an error."""
+        span = call.name_span or call.span
+        found = self.directory.candidates(call.name, self.unit.package)
+        if len(found) == 1:
+            return self.directory.signatures[found[0]]
+        if found:
+            names = ", ".join(f"`{name}`" for name in found)
+            message = f"`{call.name}` may mean {names}"
+            self._error("ambiguous-name", message, span, "write the qualified name")
+        else:
+            message = f"unknown rule or unit `{call.name}`"
+            self._error("unknown-rule", message, span, self.directory.hint(call.name))
+        return None
+
+    # --- the choice of matches
+
+    def _selection(self, call: Call, callee: Signature, scope: Scope) -> None:
+        """Check which matches a call is about, and in which order."""
+        self._shape_of_selection(call)
+        used = {"first": call.first, "top": call.limit is not None, "where": call.where, "by": call.by}
+        words = [word for word, given in used.items() if given]
+        if not words:
+            return
+        if callee.kind != "rule":
+            span = call.name_span or call.span
+            message = f"`{words[0]}` takes a rule, and `{call.name}` is a {callee.kind}"
+            self._error("wrong-kind", message, span, f"leave `{words[0]}` out")
+            return
+        if any(variable.type is None for variable in callee.variables) or not (
+            callee.variables or not callee.parameters
+        ):
+            return  # the rule has errors of its own
+        inside = {**scope, **{variable.name: variable.type for variable in callee.variables}}
+        for place, condition in enumerate(call.where):
+            self._condition(call, place, condition, inside)
+        if call.by is not None:
+            self._order(call.by, inside)
+
+    def _shape_of_selection(self, call: Call) -> None:
+        if call.limit is not None and call.limit < 1:
+            self._error("bad-bounds", "`top` takes at least 1", call.span, "write `top 1`")
+        if call.limit is not None and call.by is None:
+            hint = "write `by` and an expression: the matches with the largest values are taken"
+            self._error("missing-by", "`top` says how many, and not by what", call.span, hint)
+        if call.by is not None and not call.every:
+            hint = "write `top 1` before the rule for the match with the largest value, `all` for one after the other"
+            self._error(
+                "missing-top", "`by` puts several matches in order, and this is one", call.by.span, hint
+            )
+        if (call.first or call.limit is not None) and call.every is not (call.limit is not None):
+            message = "a call takes the `first`, `all` or the `top` ones of the matches, not several of these"
+            self._error("wrong-selection", message, call.span, "leave one of the words out")
+
+    def _order(self, by: Expression, scope: Scope) -> None:
+        type_, problems = check_expression(by, scope, self.metamodel, bare_objects=False)
+        self.result.problems.extend(problems)
+        if type_ is not None and not problems and type_ not in (Scalar.INT, Scalar.FLOAT):
+            message = f"`by` takes a number, not {with_article(type_text(type_))}"
+            self._error("wrong-type", message, by.span, "take an attribute that is an int or a float")
+
+    def _arity(self, call: Call, callee: Signature) -> bool:
+        required = [parameter.name for parameter in callee.parameters if parameter.required]
+        names = ", ".join(parameter.name for parameter in callee.parameters)
+        hint = f"write `{call.name}({names})`; `_` leaves one open" if names else f"write `{call.name}`"
+        if not call.arguments:
+            if required:
+                missing = ", ".join(f"`{name}`" for name in required)
+                self._error("wrong-arity", f"`{call.name}` needs arguments for {missing}", call.span, hint)
+            return not required
+        if len(call.arguments) != len(callee.parameters):
+            message = f"`{call.name}` takes {len(callee.parameters)} arguments, not {len(call.arguments)}"
+            self._error("wrong-arity", message, call.span, hint)
+            return False
+        return True
+
+    def _argument(
+        self, argument: Expression, parameter: Taken, callee: Signature, scope: Scope, every: bool
+    ) -> None:
+        if isinstance(argument, Variable) and not is_named(argument.name):
+            if parameter.required:
+                message = f"`{callee.simple}` needs a value for `{parameter.name}`"
+                self._error("wrong-arity", message, argument.span, "write a value instead of `_`")
+            return
+        if isinstance(argument, Variable) and argument.name not in scope and parameter.output and not every:
+            scope[argument.name] = parameter.type
+            return
+        if parameter.output and callee.kind == "rule" and self._is_created(parameter, callee):
+            message = f"`{parameter.name}` of `{callee.simple}` is a new object, and no value that there is"
+            self._error("bound-output", message, argument.span, "write a new name, or `_`")
+            return
+        type_, problems = check_expression(argument, scope, self.metamodel, expected=_data(parameter.type))
+        self.result.problems.extend(problems)
+        if not problems and type_ and parameter.type and not self._may_be(type_, parameter.type):
+            message = f"`{parameter.name}` of `{callee.simple}` is {with_article(type_text(parameter.type))}"
+            fitting = [name for name, known in scope.items() if known and self._may_be(known, parameter.type)]
+            hint = f"write {listed(fitting)}" if fitting else value_hint(parameter.type, type_)
+            message = f"{message}, not {with_article(type_text(type_))}"
+            self._error("wrong-type", message, argument.span, hint)
+
+    def _is_created(self, parameter: Taken, callee: Signature) -> bool:
+        return all(variable.name != parameter.name for variable in callee.variables) and (
+            isinstance(parameter.type, ObjectType)
+        )
+
+    def _may_be(self, type_: StaticType, wanted: StaticType) -> bool:
+        """An object may turn out to be of the wanted class; if it is not, the rule has no match."""
+        if isinstance(type_, ObjectType) and isinstance(wanted, ObjectType):
+            return self.metamodel.overlap(type_.cls, wanted.cls)
+        return assignable(type_, wanted, self.metamodel)
+
+    # --- conditions
+
+    def _asked(self, step: If, scope: Scope) -> None:
+        """What an `if` asks; of a name that is no type, whether a rule is applicable."""
+        asked = applicable(step.condition)
+        if not isinstance(step.condition, Applicable) and (asked is None or not self._means_rule(asked.name)):
+            self._condition(step, 0, step.condition, scope)
+            return
+        assert asked is not None
+        callee = self._callee(Call(asked.name, span=asked.span))
+        if callee is None:
+            return
+        if callee.kind == "unit":
+            hint = "ask one of its rules, or write `try { .. } else { .. }`"
+            self._error("wrong-kind", f"`{asked.name}` is a unit, which cannot be asked", asked.span, hint)
+            return
+        self.result.asked[id(step)] = asked, callee
+        call = Call(asked.name, asked.arguments, span=asked.span)
+        if self._arity(call, callee):
+            for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
+                self._argument(argument, parameter, callee, scope, every=True)
+
+    def _means_rule(self, name: str) -> bool:
+        """Whether a name is that of no type, but of a rule, at least nearly."""
+        if static_type(name, self.metamodel) is not None:
+            return False
+        rules = [signature.simple for signature in self.directory.signatures.values()]
+        near = did_you_mean(name, rules) and not did_you_mean(name, self.metamodel.classes)
+        return bool(self.directory.candidates(name, self.unit.package) or near)
+
+    def _condition(self, step: Step, place: int, condition: Constraint, scope: Scope) -> None:
+        unknown = list(self._unknown(condition, scope))
+        for variable in unknown:
+            hint = did_you_mean(variable.name, scope) or "write `_` for any"
+            self._error("unknown-variable", f"unknown variable `{variable.name}`", variable.span, hint)
+        if unknown:
+            return
+        if isinstance(condition, Check):
+            expected = static_type("bool", self.metamodel)
+            _, problems = check_expression(
+                condition.expression, scope, self.metamodel, expected=expected, bare_objects=False
+            )
+            self.result.problems.extend(problems)
+            return
+        relation = condition.relation if isinstance(condition, Negation) else condition
+        lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
+        problems = [p for p in left_problems(self.library, lowered.pattern) if p.severity is Severity.ERROR]
+        self.result.problems.extend(problems)
+        self.result.conditions[id(step), place] = lowered
+
+    def _unknown(self, condition: Constraint, scope: Scope) -> Iterator[Variable]:
+        for variable in mentioned(condition):
+            if is_named(variable.name) and variable.name not in scope:
+                yield variable
+
+    def _pattern(self, relation: Constraint, negated: bool, scope: Scope, span: Span | None) -> Condition:
+        """Negation is left to the caller: then an argument need not be bound by anything else."""
+        used = tuple(dict.fromkeys(v.name for v in mentioned(relation) if is_named(v.name)))
+        parameters = tuple(_parameter(name, scope[name]) for name in used)
+        name = f"{self.unit.name}#if{len(self.result.conditions) + 1}"
+        pattern = Pattern(
+            name,
+            parameters,
+            (Body((relation,), span=span),),
+            package=self.unit.package,
+            private=True,
+            strategy="search",
+            span=span,
+        )
+        return Condition(pattern, used, negated)
+
+
+def _parameter(name: str, type_: StaticType | None) -> Parameter:
+    if type_ is None:
+        return Parameter(name)
+    return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
+
+
+def _data(type_: StaticType | None) -> StaticType | None:
+    """The type that an argument has to have; classes are compared less strictly."""
+    return None if isinstance(type_, ObjectType) else type_

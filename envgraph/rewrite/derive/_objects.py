@@ -1,0 +1,493 @@
+"""Operators that create, delete and retype objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import combinations, permutations
+
+from envgraph.errors import with_article
+from envgraph.pattern import (
+    Aggregate,
+    Binary,
+    Body,
+    Check,
+    Comparison,
+    Constant,
+    Constraint,
+    Create,
+    Negation,
+    Node,
+    PatternCall,
+    Retype,
+    Term,
+    TypeConstraint,
+    Variable,
+)
+from envgraph.rewrite.derive._draft import Draft, variable_for
+from envgraph.rewrite.derive._keys import key_owner, new_key
+from envgraph.rewrite.derive._links import Operator
+from envgraph.rewrite.derive._plans import Plan, creation_plans, retyping_plans, uses
+from envgraph.rewrite.derive._schema import End, Schema
+
+
+def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> Iterator[Operator]:
+    """The operators that make and remove objects of exactly one class.
+
+    What an operator creates together, another one deletes together; what one steals, another one spreads.
+    """
+    plans = creation_plans(schema, cls, most)
+    for plan in plans:
+        yield _create(Draft(schema, group), plan)
+    yield _delete(Draft(schema, group), cls)
+    yield from _rehome(Draft(schema, group), cls)
+    for end in schema.ends_of(cls):
+        if _goes_over(end, 1) and not schema.metamodel.overlap(end.near, end.far):
+            yield _share(Draft(schema, group), cls, end)
+    for plan in plans:
+        if plan.steals and len(plan.tops) == 1:
+            yield _spread(Draft(schema, group), plan)
+        elif not plan.steals and len(plan.tops) > 1:
+            yield _delete_together(Draft(schema, group), plan)
+
+
+# --- the objects of a plan as variables
+
+
+class _Cast:
+    """Variables for the objects of a plan."""
+
+    def __init__(self, draft: Draft, plan: Plan) -> None:
+        self.draft = draft
+        self.plan = plan
+        self.new: list[str] = []
+        self.old: list[str] = []
+
+    def declare_old(self) -> None:
+        """Declare the objects that are there, with the conditions on each."""
+        draft, plan = self.draft, self.plan
+        for old in plan.old:
+            self.old.append(draft.node(variable_for(old.cls), old.cls))
+        self._apart()
+        self._links_apart()
+        for link in plan.links:
+            if link.far_new:
+                continue
+            name, other = self.old[link.far], link.end.other
+            donor = plan.old[link.far].stolen_from
+            if other.held:
+                draft.spared(name, other.near)
+            if plan.old[link.far].repaid:
+                continue
+            if donor is None:
+                draft.ask(other.room(name, self._at_once(link.end, name)))
+            else:
+                draft.edge(link.end, self.old[donor], name)
+                draft.spared(self.old[donor], link.end.near)
+                given = sum(o.stolen_from == donor for o in plan.old)
+                if not plan.old[donor].repaid:
+                    draft.ask(link.end.spare(self.old[donor], given))
+
+    def _at_once(self, end: End, name: str) -> int:
+        return uses(self.plan, end, self.old.index(name))
+
+    def _apart(self) -> None:
+        """Objects that stand in for the same end must differ where they share an object, or room."""
+        targets = [(link.end, link.near, link.far) for link in self.plan.links if not link.far_new]
+        for (end, near, one), (again, also, other) in combinations(targets, 2):
+            if one != other and end == again:
+                stolen = any(self.plan.old[o].stolen_from is not None for o in (one, other))
+                if near == also or stolen or end.other.upper is not None:
+                    self.draft.differ(self.old[one], self.old[other])
+                self._donors_apart(one, other)
+
+    def _links_apart(self) -> None:
+        """No link is stolen twice, once from each of its ends."""
+        taken = [
+            (link.end, self.old[donor], self.old[link.far])
+            for link in self.plan.links
+            for donor in (None if link.far_new else self.plan.old[link.far].stolen_from,)
+            if donor is not None
+        ]
+        for (end, donor, _), (again, _, target) in permutations(taken, 2):
+            if end == again.other:
+                self.draft.differ(donor, target)
+
+    def _donors_apart(self, one: int, other: int) -> None:
+        first, second = (self.plan.old[o].stolen_from for o in (one, other))
+        if first is not None and second is not None and first != second:
+            self.draft.differ(self.old[first], self.old[second])
+
+    def variable(self, position: int, new: bool) -> str:
+        """The variable of an object."""
+        return self.new[position] if new else self.old[position]
+
+    def connect(self) -> None:
+        """Make the links of the plan."""
+        for link in self.plan.links:
+            if not link.far_new:
+                donor = self.plan.old[link.far].stolen_from
+                if donor is not None:
+                    self.draft.unlink(link.end, self.old[donor], self.old[link.far])
+            self.draft.link(link.end, self.new[link.near], self.variable(link.far, link.far_new))
+
+
+def _suffix(plan: Plan) -> str:
+    """What tells the operators for the plans of one class apart, for names."""
+    parts = [link.end.name for link in plan.links if link.end.contained and not link.far_new][:1]
+    if len(plan.new) > 1:
+        parts += ["with", *plan.new[1:]]
+    stolen = [
+        link.end.name
+        for link in plan.links
+        if not link.far_new and plan.old[link.far].stolen_from is not None
+    ]
+    if stolen:
+        parts += ["stealing", *stolen]
+    return "".join(f".{part}" for part in parts)
+
+
+def _create(draft: Draft, plan: Plan) -> Operator:
+    cast = _Cast(draft, plan)
+    cast.declare_old()
+    cast.new += [draft.name(variable_for(cls)) for cls in plan.new]
+    nodes = [
+        Node(name, cls, tuple(new_key(draft, plan.new, number)))
+        for number, (name, cls) in enumerate(zip(cast.new, plan.new, strict=True))
+    ]
+    draft.act(Create(tuple(nodes)))
+    cast.connect()
+    return "create", f"create.{plan.new[0]}{_suffix(plan)}", draft, _creation_doc(plan), False
+
+
+def _creation_doc(plan: Plan) -> str:
+    text = f"A new `{plan.new[0]}`"
+    if len(plan.new) > 1:
+        text += ", together with " + " and ".join(map(with_article, plan.new[1:]))
+    return text + (", which takes what it needs from others." if plan.steals else ".")
+
+
+# --- deletion
+
+
+def _delete(draft: Draft, cls: str) -> Operator:
+    name = draft.node(variable_for(cls), cls, exact=True)
+    if draft.schema.contains_any(cls):
+        _none_short(draft, f"delete.{cls}", [name])
+    else:
+        for end in draft.schema.ends_of(cls):
+            draft.lacking(end, name)
+    draft.delete(name)
+    doc = f"A `{cls}` goes, with what it contains, if everybody else can do without."
+    return "delete", f"delete.{cls}", draft, doc, True
+
+
+def _delete_together(draft: Draft, plan: Plan) -> Operator:
+    """What was created together goes together."""
+    tops = plan.tops
+    names = {
+        number: draft.node(variable_for(plan.new[number]), plan.new[number], exact=True) for number in tops
+    }
+    for one, other in combinations(names.values(), 2):
+        draft.differ(one, other)
+    for link in plan.links:
+        if link.far_new and link.near in names and link.far in names:
+            draft.edge(link.end, names[link.near], names[link.far])
+    classes = [plan.new[number] for number in tops]
+    name = f"delete.{classes[0]}.with.{'.'.join(classes[1:])}"
+    _none_short(draft, name, list(names.values()))
+    for gone in names.values():
+        draft.delete(gone)
+    doc = "Objects that need each other go together: " + ", ".join(f"a `{cls}`" for cls in classes) + "."
+    return "delete", name, draft, doc, True
+
+
+def _none_short(draft: Draft, name: str, roots: Sequence[str]) -> None:
+    """Forbid that somebody is left short when several objects go, with everything inside them."""
+    gone = _Gone(draft, name, roots)
+    bodies = [body for end in draft.schema.ends for body in gone.short(end)]
+    bodies += gone.frozen()
+    if bodies:
+        short = draft.pattern(f"#{name}.short", gone.parameters, bodies)
+        draft.ask([Negation(_find(short, roots))])
+
+
+class _Gone:
+    """Objects that are about to go, with everything inside them."""
+
+    def __init__(self, draft: Draft, name: str, roots: Sequence[str]) -> None:
+        self.draft = draft
+        self.name = name
+        self.parameters = {root: draft.types[root] for root in roots}
+        self.typed = [TypeConstraint(cls, Variable(root)) for root, cls in self.parameters.items()]
+
+    def each(self, part: str, cls: str) -> Iterator[Constraint]:
+        """The ways in which an object of a class is one of them."""
+        overlap = self.draft.schema.metamodel.overlap
+        for root, outer in self.parameters.items():
+            if overlap(outer, cls):
+                yield Comparison("==", Variable(part), Variable(root))
+            for end in self.draft.contents(outer):
+                if overlap(end.far, cls):
+                    yield self.draft.inside(end, outer, root, part)
+
+    def none(self, name: str, cls: str) -> Iterator[Constraint]:
+        """An object of a class is none of them."""
+        for way in self.each(name, cls):
+            match way:
+                case Comparison(_, left, right):
+                    yield Comparison("!=", left, right)
+                case PatternCall():
+                    yield Negation(way)
+
+    def frozen(self) -> Iterator[Body]:
+        """One of them is to be left alone."""
+        for outer in self.parameters.values():
+            for end in self.draft.contents(outer):
+                for cls in self.draft.schema.frozen_below(end.far):
+                    for way in self.each("part", cls):
+                        yield Body((*self.typed, TypeConstraint(cls, Variable("part")), way))
+
+    def short(self, end: End) -> Iterator[Body]:
+        """Ways in which somebody who stays and is linked to them is left short, or is to be left alone."""
+        links = [(*self.typed, way, end.path("part", "far")) for way in self.each("part", end.near)]
+        if end.association.frozen:
+            yield from map(Body, links)
+        if end.contains or end.association.frozen or not links:
+            return
+        links = [(*link, *self.none("far", end.far)) for link in links]
+        if end.other.held:
+            for cls in self.draft.schema.frozen_below(end.far):
+                yield from (Body((*link, TypeConstraint(cls, Variable("far")))) for link in links)
+        if end.other.lower:
+            yield self._too_few(end, [Body(link) for link in links])
+
+    def _too_few(self, end: End, links: Sequence[Body]) -> Body:
+        suffix = f"#{self.name}.{end.reference}.{'far' if end.forward else 'near'}"
+        parameters = {**self.parameters, "far": end.far, "part": end.near}
+        lost = self.draft.pattern(suffix, parameters, links)
+        roots = tuple(self.parameters)
+        counts: list[tuple[str, Term]] = [
+            ("lost", Aggregate("count", _find(lost, roots, "far", "_"))),
+            ("all", end.other.count("far")),
+        ]
+        left = Binary("-", Variable("all"), Variable("lost"))
+        return Body(
+            (
+                _find(lost, roots, "far", "_"),
+                *(Comparison("==", Variable(name), count) for name, count in counts),
+                Check(Binary("<", left, Constant(end.other.lower))),
+            )
+        )
+
+
+def _find(pattern: str, roots: Sequence[str], *more: str) -> PatternCall:
+    return PatternCall(pattern, tuple(Variable(name) for name in (*roots, *more)))
+
+
+# --- deletion that gives others something else
+
+
+def _empty(draft: Draft, name: str, cls: str) -> None:
+    """The object contains nothing: what is inside would go as well, and could leave others short."""
+    for end in draft.schema.ends_of(cls):
+        if end.contains:
+            draft.ask([Negation(end.path(name, "_"))])
+
+
+def _spread(draft: Draft, plan: Plan) -> Operator:
+    """The inverse of stealing: what needs the object goes over to others, to as many as gave it away."""
+    cls = plan.new[0]
+    name = draft.node(variable_for(cls), cls, exact=True)
+    _empty(draft, name, cls)
+    moved: list[tuple[End, str]] = []
+    receivers: dict[int, tuple[End, str]] = {}
+    for link in plan.links:
+        donor = None if link.far_new else plan.old[link.far].stolen_from
+        if link.near != 0 or donor is None:
+            continue
+        if donor not in receivers:
+            receivers[donor] = link.end, _receiver(draft, name, link.end, receivers.values())
+        receiver = receivers[donor][1]
+        target = draft.node(variable_for(link.end.far), link.end.far)
+        draft.edge(link.end, name, target)
+        for one in (name, *(earlier for end, earlier in moved if end == link.end)):
+            draft.differ(target, one)
+        moved.append((link.end, target))
+        if plan.old[donor].repaid:
+            draft.edge(link.end, receiver, name)
+            for end, earlier in moved:
+                if end == link.end.other:
+                    draft.differ(receiver, earlier)
+            moved.append((link.end.other, receiver))
+        draft.spared_ends(link.end, receiver, target)
+        draft.absent(link.end, receiver, target)
+        draft.link(link.end, receiver, target)
+    for donor, (end, receiver) in receivers.items():
+        if plan.old[donor].repaid:
+            continue
+        draft.ask(end.room(receiver, sum(old.stolen_from == donor for old in plan.old)))
+    for end in draft.schema.ends_of(cls):
+        _lacking_but(draft, end, name, moved)
+    draft.delete(name)
+    stolen = [end.name for end, _ in moved]
+    doc = f"A `{cls}` goes, and what needs it goes over to others."
+    return "delete", f"delete.{cls}.spreading.{'.'.join(stolen)}", draft, doc, True
+
+
+def _receiver(draft: Draft, name: str, end: End, earlier: Iterable[tuple[End, str]]) -> str:
+    """An object that takes over what another one has at an end."""
+    receiver = draft.node("other", end.near)
+    for one in (name, *(other for again, other in earlier if again == end)):
+        draft.differ(one, receiver)
+    return receiver
+
+
+def _lacking_but(draft: Draft, end: End, name: str, moved: Sequence[tuple[End, str]]) -> None:
+    """As `lacking`, but for those that go over to another object at this end."""
+    needy = draft.lacking(end, name)
+    if needy is None:
+        return
+    own = [target for one, target in moved if one == end]
+    for other in draft.types:
+        if other != name and other not in own:
+            draft.may_be(needy, other)
+
+
+def _rehome(draft: Draft, cls: str) -> Iterator[Operator]:
+    """Whatever would be left short goes over to one other object of the class."""
+    name, other = draft.node(variable_for(cls), cls, exact=True), draft.node("other", cls)
+    draft.differ(name, other)
+    if _all_over(draft, cls, name, other):
+        draft.delete(name)
+        doc = f"A `{cls}` goes, and another one takes its place where it is needed."
+        yield "delete", f"delete.{cls}.rehoming", draft, doc, True
+
+
+def _share(draft: Draft, cls: str, end: End) -> Operator:
+    """As rehoming, but of those that would be left short at one end, one goes over to a third object."""
+    name, other = draft.node(variable_for(cls), cls, exact=True), draft.node("other", cls)
+    third = draft.node("third", cls)
+    for one, two in combinations((name, other, third), 2):
+        draft.differ(one, two)
+    needy = [draft.node(variable_for(end.far), end.far) for _ in range(2)]
+    draft.differ(*needy)
+    for target, receiver in zip(needy, (third, other), strict=True):
+        draft.edge(end, name, target)
+        draft.ask([Comparison("==", end.other.count(target), Constant(end.other.lower))])
+        draft.spared_ends(end, receiver, target)
+        draft.absent(end, receiver, target)
+        draft.link(end, receiver, target)
+    draft.ask(end.room(third))
+    _all_over(draft, cls, name, other, shared=end)
+    draft.delete(name)
+    doc = f"A `{cls}` goes, and two others take its place at `{end.name}`."
+    return "delete", f"delete.{cls}.spreading.{end.name}.all", draft, doc, True
+
+
+def _goes_over(end: End, elsewhere: int = 0) -> bool:
+    """Whether who needs an object at an end may go over to another one, all but some that go elsewhere."""
+    fits = end.upper is None or 2 * end.lower <= end.upper + elsewhere
+    return bool(end.other.lower) and fits and not (end.association.frozen or end.contained or end.contains)
+
+
+def _all_over(draft: Draft, cls: str, name: str, other: str, shared: End | None = None) -> bool:
+    """At every end, who would be left short goes over to the other object; whether there is such an end.
+
+    At the shared end one link goes elsewhere.
+    """
+    _empty(draft, name, cls)
+    ends = draft.schema.ends_of(cls)
+    objects = [one for one in draft.types if one != name]
+    for end in ends:
+        if not _goes_over(end, int(end == shared)):
+            needy = draft.lacking(end, name)
+            if needy is not None:
+                for one in objects:
+                    draft.may_be(needy, one)
+            continue
+        _rehome_end(draft, end, name, other, int(end == shared))
+    return any(map(_goes_over, ends))
+
+
+def _rehome_end(draft: Draft, end: End, name: str, other: str, elsewhere: int) -> None:
+    if end.held:
+        draft.spared(other, end.near)
+    if end.other.held:
+        for frozen_class in draft.schema.frozen_below(end.far):
+            frozen = draft.name("frozen")
+            draft.block("not", [Node(frozen, frozen_class)], [end.edge(name, frozen)])
+    if end.upper is not None:
+        ours, theirs = draft.name("links"), draft.name("links")
+        for number, one in ((ours, name), (theirs, other)):
+            draft.ask([Comparison("==", Variable(number), end.count(one))])
+        together = Binary("+", Variable(ours), Variable(theirs))
+        draft.ask([Check(Binary("<=", together, Constant(end.upper + elsewhere)))])
+    stuck, needy = draft.name("stuck"), draft.name("needy")
+    short = {one: Comparison("==", end.other.count(one), Constant(end.other.lower)) for one in (stuck, needy)}
+    edges = [end.edge(name, stuck), end.edge(other, stuck)]
+    draft.block("not", [Node(stuck, end.far)], edges, [short[stuck]])
+    edge = end.edge(other, needy)
+    link = Create((Node(edge.source), Node(edge.target)), (edge,))
+    draft.block(
+        "forall",
+        [Node(needy, end.far)],
+        [end.edge(name, needy)],
+        [short[needy], Negation(end.path(other, needy))],
+        [link],
+    )
+    for one in (stuck, needy):
+        for known in draft.types:
+            if known != name and not (elsewhere and draft.types[known] == end.far):
+                draft.may_be(one, known)
+
+
+# --- new classes
+
+
+def retypings(schema: Schema, group: str, cls: str, most: int) -> Iterator[Operator]:
+    """The operators that make an object an instance of another subclass of a class."""
+    classes = [sub for sub in schema.metamodel.concrete(cls) if not schema.frozen(sub)]
+    for before in classes:
+        for after in classes:
+            if before != after and _has_place(schema, before, after):
+                for plan in retyping_plans(schema, before, after, most):
+                    yield _retype(Draft(schema, group), before, after, plan)
+
+
+def _has_place(schema: Schema, before: str, after: str) -> bool:
+    if before in schema.roots and after not in schema.roots:
+        return False
+    had = schema.containers(before)
+    keys = [key_owner(schema, cls) for cls in (after, before)]
+    return keys[0] in (None, keys[1]) and all(end in had for end in schema.containers(after) if end.lower)
+
+
+def _retype(draft: Draft, before: str, after: str, plan: Plan) -> Operator:
+    cast = _Cast(draft, plan)
+    name = draft.node(variable_for(before), before, exact=True)
+    cast.declare_old()
+    for old in cast.old:
+        if not draft.schema.is_a(after, draft.types[old]):
+            draft.differ(name, old)
+    kept = draft.schema.ends_of(after)
+    gained = [link.end.association for link in plan.links]
+    for end in draft.schema.ends_of(before):
+        if end in kept:
+            continue
+        if end.contains or end.contained or end.association in gained:
+            draft.ask([Negation(end.path(name, "_"))])
+        else:
+            needy = draft.lacking(end, name)
+            if needy is not None:
+                for other in draft.types:
+                    draft.may_be(needy, other)
+    cast.new += [name, *(draft.name(variable_for(cls)) for cls in plan.new[1:])]
+    fresh = [
+        Node(one, cls, tuple(new_key(draft, plan.new[1:], number - 1)))
+        for number, (one, cls) in enumerate(zip(cast.new, plan.new, strict=True))
+        if number
+    ]
+    draft.act(Retype(Variable(name), after), *([Create(tuple(fresh))] if fresh else []))
+    cast.connect()
+    doc = f"`{before}` becomes `{after}`."
+    return "retype", f"retype.{before}.{after}{_suffix(plan)}", draft, doc, True

@@ -1,0 +1,100 @@
+"""Units whose body is a Python function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from inspect import signature as signature_of
+from typing import TYPE_CHECKING, Final
+
+from envgraph.errors import InvalidArgument, RuleError, with_article
+from envgraph.graph import Node
+from envgraph.pattern import ObjectType, Parameter, static_type, type_hint
+from envgraph.rewrite._names import Signature, Taken
+from envgraph.rewrite.engine._described import unit_parameters
+from envgraph.rewrite.run._run import Environment, Run, note_refusal
+from envgraph.rewrite.run._units import UnitProgram
+
+if TYPE_CHECKING:
+    from envgraph.rewrite.engine._engine import Engine
+
+ENGINE: Final = "engine"
+"""The parameter that a function takes the engine by."""
+
+
+class PythonUnit(UnitProgram):
+    """A unit that calls a function with its arguments as handles or values, and with the engine if it wants that.
+
+    It fails if the function returns False. It also fails if the model refuses something and the function does not go on
+    from the `RuleError`; then what the function did is taken back.
+    """
+
+    def __init__(self, function: Callable[..., object], signature: Signature, engine: Engine) -> None:
+        self.name = signature.name
+        self.signature = signature
+        self.weight = signature.weight
+        self.priority = signature.priority
+        self.levels = 1
+        self._engine = engine
+        self._called = function
+        self._takes_engine = ENGINE in signature_of(function).parameters
+        self._objects = {p.name for p in signature.parameters if isinstance(p.type, ObjectType)}
+        self._function = self._call
+        self._source = ""
+
+    def _call(self, run: Run, environment: Environment) -> bool | None:
+        engine, model = self._engine, self._engine.model
+        arguments: dict[str, object] = {
+            name: Node(model, int(value)) if name in self._objects else value
+            for name, value in environment.items()
+        }
+        if self._takes_engine:
+            arguments[ENGINE] = engine
+        before = model.revision
+        run.refusal = None
+        try:
+            with engine.lent(run.rng) as trace, model.transaction():
+                outcome = self._called(**arguments)
+                if not (outcome is None or isinstance(outcome, bool)):
+                    found = with_article(type(outcome).__name__)
+                    raise InvalidArgument(
+                        f"unit `{self.name}` returned {found}: it returns False if it has failed, else nothing or True"
+                    )
+                trace.notice(model.state_hash())
+        except RuleError as error:
+            if error.reason == "failed":
+                run.failure = error.message, error.span
+            else:
+                note_refusal(run, error)
+                run.failure = f"the model refused what `{self.name}` did", None
+            return None
+        run.gaps.extend(len(run.trace) // 2 + gap for gap in trace.gaps)
+        for firing in trace:
+            run.put(engine.prepare(firing.rule))
+            run.put(firing.values)
+        if outcome is False:
+            run.failure = f"`{self.name}` returned False", None
+            return None
+        return bool(trace) or model.revision != before
+
+
+def unit_signature_of(
+    function: Callable[..., object], name: str, engine: Engine, weight: float, priority: int
+) -> Signature:
+    """What a call of the unit takes.
+
+    Raises:
+        InvalidArgument: a parameter without a type, or of an unknown one, or one that a unit cannot have.
+    """
+    taken = tuple(_taken(one, name, engine) for one in unit_parameters(function, name, (ENGINE,)))
+    return Signature(name, "unit", "", taken, weight, priority)
+
+
+def _taken(parameter: Parameter, name: str, engine: Engine) -> Taken:
+    metamodel = engine.model.metamodel
+    assert parameter.type is not None, "parameters of functions have types"
+    type_ = static_type(parameter.type, metamodel)
+    if type_ is None:
+        hint = type_hint(parameter.type, metamodel)
+        message = f"parameter `{parameter.name}` of unit `{name}` has the unknown type `{parameter.type}`"
+        raise InvalidArgument(message + (f": {hint}" if hint else ""))
+    return Taken(parameter.name, type_, required=True)

@@ -1,0 +1,205 @@
+"""Definitions that are added together: checked against what is there and against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import replace
+from typing import Final, TypeVar
+
+from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors, sort_diagnostics
+from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, static_type
+from envgraph.rewrite._names import Directory, Signature, Taken
+from envgraph.rewrite._plan import RulePlan
+from envgraph.rewrite.check._check import CheckedRule, examine
+from envgraph.rewrite.check._endless import endless
+from envgraph.rewrite.check._header import left_problems
+from envgraph.rewrite.check._unit_check import CheckedUnit, check_unit, unit_signature
+from envgraph.rewrite.derive._derive import check_derivation, derived
+from envgraph.rewrite.derive._operators import Derived
+
+Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
+Called = TypeVar("Called", Rule, Unit)
+
+
+_MOST_TRIED: Final = 1000
+"""Patterns that are tried one by one; of more, with an error among them, rules can use none."""
+
+
+class Registration:
+    """Checks definitions, and works out everything that adding them takes.
+
+    Attributes:
+        problems: all errors and warnings, in the order of the text.
+        all_patterns: the patterns, then those that rules and units are made into.
+        plans: of the rules, those of derivations included.
+        units: in the order of the text.
+        groups: members of each derivation.
+        directory: names of everything, what was there before included.
+        functions: that expressions can call.
+    """
+
+    def __init__(self, definitions: Sequence[Definition], library: Library, directory: Directory) -> None:
+        declarations = [d for d in definitions if isinstance(d, FunctionDeclaration)]
+        if declarations:
+            library = copy(library)
+        undeclared = library.declare(*declarations)
+        self.functions = library.functions
+        self._definitions = [
+            library.resolved(d) for d in definitions if not isinstance(d, Pattern | FunctionDeclaration)
+        ]
+        self._derivations = {
+            id(d): check_derivation(d, library.metamodel)
+            for d in self._definitions
+            if isinstance(d, Derivation)
+        }
+        self._derived = self._derive(library, directory)
+        written = [d for d in definitions if isinstance(d, Pattern)]
+        made = [pattern for group in self._derived.values() for pattern in group.patterns]
+        self._patterns = [*written, *made]
+        self._before = directory
+        self._library = library
+        self.directory = Directory(directory.signatures.values())
+        self.units: list[CheckedUnit] = []
+        self.groups: dict[str, tuple[str, ...]] = {}
+        self._rules: list[CheckedRule] = []
+        self._broken: set[str] = set()
+        found = [*undeclared, *left_problems(library, *written), *self._duplicates(directory)]
+        # Nobody wrote the others: warnings about them help nobody.
+        found += [p for p in left_problems(library, *made) if p.severity is Severity.ERROR]
+        known = self._with_patterns(found)
+        found += self._check(known)
+        if not has_errors(found):
+            found += endless(self.units)
+        self.problems = sort_diagnostics(found)
+
+    @property
+    def all_patterns(self) -> tuple[Pattern, ...]:
+        """See above."""
+        rules = [pattern for checked in self._rules for pattern in checked.patterns]
+        units = [pattern for checked in self.units for pattern in checked.patterns]
+        return (*self._patterns, *rules, *units)
+
+    @property
+    def plans(self) -> list[RulePlan]:
+        """See above; complete if there are no errors."""
+        return [checked.plan for checked in self._rules if checked.plan is not None]
+
+    def _derive(self, library: Library, directory: Directory) -> dict[str, Derived]:
+        """What the derivations without errors stand for; of namesakes the first."""
+        found: dict[str, Derived] = {}
+        taken = {*directory.signatures, *library.names()}
+        for definition in self._definitions:
+            name = definition.qualified_name
+            if not isinstance(definition, Derivation) or name in taken or name in found:
+                continue
+            if not has_errors(self._derivations[id(definition)]):
+                found[name] = derived(definition, library.metamodel)
+        return found
+
+    def _with_patterns(self, problems: Sequence[Diagnostic]) -> Library:
+        """The library as it will be, without the patterns that have errors."""
+        if not self._patterns:
+            return self._library
+        if has_errors(problems):
+            return self._with_sound_patterns() if self._definitions else self._library
+        library = copy(self._library)  # the copy may grow by itself: a library never changes what it has
+        library.add(*self._patterns)
+        return library
+
+    def _with_sound_patterns(self) -> Library:
+        """With those patterns that can be added one by one; rules must not be blamed for the others."""
+        library = copy(self._library)
+        left = list(self._patterns)
+        while 0 < len(left) <= _MOST_TRIED:
+            sound = [pattern for pattern in left if not has_errors(library.check(pattern))]
+            if not sound:
+                break
+            try:
+                for pattern in sound:
+                    library.add(pattern)
+            except ResolutionError:
+                break
+            left = [pattern for pattern in left if pattern not in sound]
+        self._broken = {pattern.name for pattern in left}
+        return library
+
+    def _duplicates(self, directory: Directory) -> Iterator[Diagnostic]:
+        first: dict[str, Span | None] = {pattern.qualified_name: pattern.span for pattern in self._patterns}
+        for definition in self._definitions:
+            name = definition.qualified_name
+            known = name in directory.signatures or name in self._library.names()
+            if known or name in first:
+                notes = (Note("the first definition is here", first[name]),) if first.get(name) else ()
+                message = f"`{name}` is defined twice" if name in first else f"`{name}` is defined already"
+                hint = "rules, units, derivations and patterns share their names: rename one of them"
+                yield Diagnostic("duplicate-definition", message, definition.span, hint, notes=notes)
+            first.setdefault(name, definition.span)
+
+    def _apart(self, definition: Called) -> Called:
+        """The definition under a name of its own, so that its patterns do not clash with those of a namesake."""
+        if definition.qualified_name in self._before.signatures:
+            return replace(definition, name=f"{definition.name}#again")
+        return definition
+
+    def _check(self, library: Library) -> list[Diagnostic]:
+        problems: list[Diagnostic] = []
+        for definition in self._definitions:
+            match definition:
+                case Rule():
+                    problems += self._check_rule(self._apart(definition), library)
+                case Derivation():
+                    problems += self._check_derivation(definition, library)
+                case Unit():
+                    self.directory.add(unit_signature(definition, library.metamodel))
+        for definition in self._definitions:
+            if isinstance(definition, Unit):
+                checked = check_unit(self._apart(definition), self.directory, library)
+                self.units.append(checked)
+                problems += checked.problems
+        return problems
+
+    def _check_rule(self, rule: Rule, library: Library) -> list[Diagnostic]:
+        checked = examine(rule, library)
+        self._rules.append(checked)
+        self.directory.add(_rule_signature(checked, library))
+        return [problem for problem in checked.problems if not self._follows(problem)]
+
+    def _follows(self, problem: Diagnostic) -> bool:
+        """Whether a problem is there only because a pattern has been left out for its own errors."""
+        return any(f"`{name}`" in problem.message for name in self._broken)
+
+    def _check_derivation(self, derivation: Derivation, library: Library) -> list[Diagnostic]:
+        problems = self._derivations[id(derivation)]
+        name, weight = derivation.qualified_name, derivation.weight
+        self.directory.add(Signature(name, "group", derivation.package, weight=weight))
+        if name in self._derived:
+            rules = self._derived.pop(name).rules
+            self.groups[name] = tuple(rule.qualified_name for rule in rules)
+            for rule in rules:
+                # Warnings would come once for each member, and the members have no text of their own.
+                problems += [p for p in self._check_rule(rule, library) if p.severity is Severity.ERROR]
+        return problems
+
+
+def _rule_signature(checked: CheckedRule, library: Library) -> Signature:
+    rule, plan = checked.rule, checked.plan
+    types = dict(zip(plan.variables, plan.types, strict=True)) if plan else {}
+    return Signature(
+        rule.qualified_name,
+        "rule",
+        rule.package,
+        tuple(
+            Taken(
+                parameter.name,
+                types.get(parameter.name)
+                or (static_type(parameter.type, library.metamodel) if parameter.type else None),
+                parameter.direction == "out",
+                plan is not None and parameter.name in plan.inputs,
+            )
+            for parameter in rule.parameters
+        ),
+        rule.weight,
+        rule.priority,
+        tuple(Taken(name, type_) for name, type_ in types.items()),
+    )

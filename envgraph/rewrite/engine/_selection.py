@@ -1,0 +1,124 @@
+"""Which matches of a rule are meant, as people say it from Python: those of a query, the first, the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from math import isnan
+from typing import TYPE_CHECKING, Any, Literal
+
+from envgraph.errors import InvalidArgument
+from envgraph.match import FREE
+from envgraph.pattern import Expression, value_of
+from envgraph.rewrite._match import Match, Row
+from envgraph.rewrite.run._runner import RuleRunner
+from envgraph.rewrite.run._unit_source import best, read_feature
+
+if TYPE_CHECKING:
+    from envgraph.rewrite.engine._engine import Engine
+
+Choose = Literal["random", "first"] | Callable[[list[Match]], "Match | None"]
+"""How one of several matches is chosen: drawn uniformly, the first in their order, or by a function of the user."""
+
+Where = str | Expression | Callable[[Match], object]
+"""Which matches are meant: the name of a pattern, whose parameters are the variables of the match that have the same
+names; an expression over the variables of the match; or a function."""
+
+By = Expression | Callable[[Match], Any]
+"""What orders the matches: an expression over their variables, or a function."""
+
+
+def select(
+    engine: Engine, rule: RuleRunner, rows: Sequence[Row], where: Where | None, by: By | None, top: int | None
+) -> list[Row]:
+    """The rows for which `where` holds; with `by`, the largest first, ties as they come, and `top` of them.
+
+    Raises:
+        InvalidArgument: an unknown pattern, one that shares no variable with the rule, an impossible `top`, or values
+            of `by` that have no order.
+    """
+    if top is not None and (type(top) is not int or top < 1):
+        raise InvalidArgument(f"`top` is a number from 1, not {top!r}")
+    if top is not None and by is None:
+        raise InvalidArgument("`top` says how many: `by` has to say of what order")
+    found = list(among(engine, rule, rows, where))
+    return found if by is None else _best(found, _value(engine, rule, by), rule, top)
+
+
+def _best(rows: Sequence[Row], value: Callable[[Row], Any], rule: RuleRunner, top: int | None) -> list[Row]:
+    """As `best`, for values that people make."""
+    valued = {row: value(row) for row in rows}
+    if any(isinstance(one, float) and isnan(one) for one in valued.values()):
+        raise InvalidArgument(f"`by` is nan at a match of `{rule.name}`: return None where there is no value")
+    try:
+        return best(rows, valued.__getitem__, top)
+    except TypeError as error:
+        raise InvalidArgument(f"`by` cannot put the matches of `{rule.name}` in order: {error}") from error
+
+
+def among(engine: Engine, rule: RuleRunner, rows: Iterable[Row], where: Where | None) -> Iterator[Row]:
+    """Those of the rows for which `where` holds, as they come; raises as `select`."""
+    return iter(rows) if where is None else filter(_condition(engine, rule, where), rows)
+
+
+def choose_one(
+    engine: Engine, rule: RuleRunner, rows: Sequence[Row], choose: Choose, pick: Callable[[int], int]
+) -> Row | None:
+    """One of the rows; None if there is none, or the function wants none.
+
+    Raises:
+        InvalidArgument: `choose` is nothing of the kind, or chose something else.
+    """
+    if not (choose in ("random", "first") or callable(choose)):
+        raise InvalidArgument(f'`choose` is "random", "first" or a function, not {choose!r}')
+    if not rows:
+        return None
+    if choose == "random":
+        return rows[pick(len(rows))]
+    if choose == "first":
+        return rows[0]
+    assert not isinstance(choose, str)
+    matches = [Match(engine.model, rule.shape, row) for row in rows]
+    chosen = choose(matches)
+    if chosen is not None and chosen not in matches:
+        raise InvalidArgument(f"`choose` has to return one of the matches it was given, not {chosen!r}")
+    return None if chosen is None else chosen.row
+
+
+def _condition(engine: Engine, rule: RuleRunner, where: Where) -> Callable[[Row], bool]:
+    if isinstance(where, str):
+        return _pattern(engine, rule, where)
+    value = _value(engine, rule, where)
+    return lambda row: bool(value(row))
+
+
+def _pattern(engine: Engine, rule: RuleRunner, name: str) -> Callable[[Row], bool]:
+    pattern, names = engine.parameters_of(name)
+    own = rule.shape.names
+    if not set(names) & set(own):
+        known = ", ".join(f"`{variable}`" for variable in own) or "none"
+        raise InvalidArgument(
+            f"`{name}` has no parameter that is a variable of `{rule.name}`: these are {known}"
+        )
+    places = [own.index(parameter) if parameter in own else None for parameter in names]
+    exists = engine.matcher.exists
+    return lambda row: exists(pattern, tuple(FREE if place is None else row[place] for place in places))
+
+
+def _value(
+    engine: Engine, rule: RuleRunner, asked: Expression | Callable[[Match], Any]
+) -> Callable[[Row], Any]:
+    model, shape = engine.model, rule.shape
+    if isinstance(asked, Expression):
+        expression = engine.library.resolved(asked)
+        return lambda row: value_of(
+            expression,
+            dict(zip(shape.names, row, strict=True)),
+            lambda node, feature: read_feature(model, node, feature),
+        )
+    if not callable(asked):
+        raise InvalidArgument(
+            f"a function of the match, or an expression of `envgraph.pattern`, is asked, not {asked!r}: "
+            "write `lambda match: ..`"
+        )
+    function = asked
+    return lambda row: function(Match(model, shape, row))

@@ -1,0 +1,1 @@
+"""Event rules, the agenda, and listeners of matches."""

@@ -1,0 +1,503 @@
+"""Event rules: what is done when matches appear, disappear or change; and the conflict set of what is still to do.
+
+The matches of an event rule's pattern are watched. At the end of every outermost transaction, at a commit and when
+asked to settle, the net change of the matches becomes *activations*:
+
+- `appear`: a match is new;
+- `disappear`: a match is gone whose appearance was handled: its `appear` has fired, or there is no such job;
+- `update`: a match is gone and another one with the same key is new, in one net change. A key is a set of variables.
+
+They fire one after the other: the highest priority first, then the rule that was registered first, then the activation
+that came first (of one net change: what is gone, what has changed, what is new). Each firing is a transaction; its net
+change is looked at before the next one. So an activation goes without firing when there is no reason for it any more:
+
+- an `appear` whose match is gone; a `disappear` whose match is back;
+- an `update` whose match is back as it was. If it changes again, there is one update, from the first to the last; if it
+  goes, a `disappear` of the first, which is the last that a job was told of.
+
+A job that raises has done nothing, is not tried again, and ends the settling; what is left stays in the conflict set
+until something settles again. Changes that are rolled back never arrive here. A checkout delivers nothing and empties
+the conflict set: the other version has been settled when it was made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from heapq import heappop, heappush
+from itertools import count, islice
+from typing import TYPE_CHECKING, overload
+
+from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.graph import ensured
+from envgraph.match import Subscription, ViewMatcher
+from envgraph.pattern import Pattern
+from envgraph.rewrite._match import Match, Row, Shape
+from envgraph.rewrite.events._jobs import BoundJob, Event
+
+if TYPE_CHECKING:
+    from envgraph.rewrite.engine._engine import Engine
+
+_ROUND = 20
+"""So many of the last firings are named when event rules go round."""
+
+
+class Activation:
+    """Something that an event rule is about to do; `old` is the match before an update, else None."""
+
+    __slots__ = ("event", "live", "match", "old", "rule")
+
+    def __init__(self, rule: EventRule, event: Event, match: Match, old: Match | None) -> None:
+        self.rule = rule
+        self.event = event
+        self.match = match
+        self.old = old
+        self.live = True
+
+    def __repr__(self) -> str:
+        before = "" if self.old is None else f" from {self.old!r}"
+        return f"<{self.event} {self.rule.name}: {self.match!r}{before}>"
+
+
+class EventRule:
+    """What `Engine.on` has registered; as a context manager it is cancelled at the end of the block.
+
+    Invariants: `_here` holds the pending `appear` and `update` activations by the match that is there now, `_moved`
+    the updates by the match that was there before, `_gone` the `disappear`s. `_failed` are present matches whose
+    `appear` has raised. Every other present match counts as handled.
+
+    Attributes:
+        name: for messages.
+        pattern: qualified name of what is watched.
+        priority: higher ones fire first.
+        calls: qualified names of its jobs that are rules, groups or units.
+    """
+
+    def __init__(
+        self,
+        events: Events,
+        name: str,
+        shape: Shape,
+        jobs: Mapping[Event, BoundJob],
+        priority: int,
+        key: tuple[int, ...],
+        calls: Collection[str],
+    ) -> None:
+        self.name = name
+        self.pattern = shape.definition
+        self.priority = priority
+        self.jobs = jobs
+        self.calls = calls
+        self._events = events
+        self._shape = shape
+        self._key = key
+        self._here: dict[Row, Activation] = {}
+        self._moved: dict[Row, Activation] = {}
+        self._gone: dict[Row, Activation] = {}
+        self._failed: set[Row] = set()
+        self.subscription: Subscription | None = None
+
+    @property
+    def activations(self) -> tuple[Activation, ...]:
+        """What this rule is about to do, in the order of the conflict set."""
+        return tuple(activation for activation in self._events.pending() if activation.rule is self)
+
+    @property
+    def active(self) -> bool:
+        """False once it is cancelled."""
+        return self.subscription is not None
+
+    def cancel(self) -> None:
+        """Do nothing any more; activations of this rule are dropped. The pattern stays watched."""
+        self._events.remove(self)
+        self.clear()
+
+    def __enter__(self) -> EventRule:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.cancel()
+
+    def __repr__(self) -> str:
+        return f"<event rule {self.name} on {self.pattern}{'' if self.active else ', cancelled'}>"
+
+    # --- what the matches do
+
+    def changed(self, appeared: Sequence[Row], disappeared: Sequence[Row]) -> None:
+        """Take in a net change."""
+        pairs, new, old = self._paired(appeared, disappeared)
+        for row in old:
+            self._left(row)
+        for before, after in pairs:
+            self._replaced(before, after)
+        for row in new:
+            self.came(row)
+
+    def _paired(
+        self, appeared: Sequence[Row], disappeared: Sequence[Row]
+    ) -> tuple[list[tuple[Row, Row]], Sequence[Row], Sequence[Row]]:
+        if "update" not in self.jobs:
+            return [], appeared, disappeared
+        return paired(appeared, disappeared, self._key)
+
+    def came(self, row: Row) -> None:
+        """A match that was not there."""
+        back = self._gone.pop(row, None)
+        if back is not None:
+            back.live = False
+            return
+        update = self._moved.get(row)
+        if update is not None:
+            self._drop(update)
+            self.came(update.match.row)
+        elif "appear" in self.jobs:
+            self._here[row] = self._push("appear", row, None)
+
+    def _left(self, row: Row) -> None:
+        known = self._known(row)
+        if known is not None:
+            self._lost(known)
+
+    def _replaced(self, before: Row, after: Row) -> None:
+        known = self._known(before)
+        if known is None:
+            self.came(after)
+        elif after in self._gone or after in self._moved:
+            self._lost(known)
+            self.came(after)
+        elif known != after:
+            self._here[after] = self._moved[known] = self._push("update", after, known)
+
+    def _known(self, row: Row) -> Row | None:
+        """For a match that has gone, what jobs last knew: the match, what it was before an update, or nothing."""
+        if row in self._failed:
+            self._failed.remove(row)
+            return None
+        pending = self._here.get(row)
+        if pending is None:
+            return row
+        self._drop(pending)
+        return None if pending.old is None else pending.old.row
+
+    def _lost(self, row: Row) -> None:
+        if "disappear" in self.jobs:
+            self._gone[row] = self._push("disappear", row, None)
+
+    def _push(self, event: Event, row: Row, old: Row | None) -> Activation:
+        model = self._events.engine.model
+        before = None if old is None else Match(model, self._shape, old)
+        activation = Activation(self, event, Match(model, self._shape, row), before)
+        self._events.push(activation)
+        return activation
+
+    def _drop(self, activation: Activation) -> None:
+        activation.live = False
+        row, old = activation.match.row, activation.old
+        del (self._gone if activation.event == "disappear" else self._here)[row]
+        if old is not None:
+            del self._moved[old.row]
+
+    # --- firing
+
+    def take(self, activation: Activation) -> None:
+        """The activation is about to fire: its match counts as handled."""
+        self._drop(activation)
+
+    def failed(self, activation: Activation) -> None:
+        """The job has raised."""
+        if activation.event == "appear":
+            self._failed.add(activation.match.row)
+
+    def clear(self) -> None:
+        """Forget everything that is pending; what is there counts as handled."""
+        for pending in (self._here, self._gone):
+            for activation in pending.values():
+                activation.live = False
+            pending.clear()
+        self._moved.clear()
+        self._failed.clear()
+
+
+def paired(
+    appeared: Sequence[Row], disappeared: Sequence[Row], key: Sequence[int]
+) -> tuple[list[tuple[Row, Row]], Sequence[Row], Sequence[Row]]:
+    """Updates as matches before and after, what merely came, what merely went.
+
+    Of several matches with one key, the first to go meets the first to come.
+
+    >>> paired([("a", 2), ("c", 1)], [("a", 1), ("b", 1)], [0])
+    ([(('a', 1), ('a', 2))], [('c', 1)], [('b', 1)])
+    """
+    if not appeared or not disappeared:
+        return [], appeared, disappeared
+    waiting: dict[Hashable, list[Row]] = {}
+    for row in reversed(disappeared):
+        waiting.setdefault(tuple([row[place] for place in key]), []).append(row)
+    pairs: list[tuple[Row, Row]] = []
+    new: list[Row] = []
+    for row in appeared:
+        found = waiting.get(tuple([row[place] for place in key]))
+        if found:
+            pairs.append((found.pop(), row))
+        else:
+            new.append(row)
+    before = {one for one, _ in pairs}
+    return pairs, new, [row for row in disappeared if row not in before]
+
+
+class Events:
+    """All event rules of an engine, and their conflict set. A `Follower` of the model, after the matcher.
+
+    Invariant: the conflict set is a heap by the order of firing; activations that are not `live` are no longer part of
+    it.
+    """
+
+    def __init__(self, engine: Engine, matcher: ViewMatcher) -> None:
+        self.engine = engine
+        self._matcher = matcher
+        self._rules: dict[EventRule, int] = {}
+        self._registered = count()
+        self._arrived = count()
+        self._heap: list[tuple[int, int, int, Activation]] = []
+        self._held = 0
+        self._firing = False
+        self._muted = False
+        self._asleep = False
+
+    # --- rules
+
+    @property
+    def rules(self) -> tuple[EventRule, ...]:
+        """Those that are not cancelled."""
+        return tuple(self._rules)
+
+    def add(self, rule: EventRule, pattern: str, existing: bool) -> None:
+        """Watch the pattern of a rule, and take in the matches that it has.
+
+        Raises:
+            InvalidArgument, TransactionError: as `Engine.watch`.
+        """
+
+        def changed(appeared: list[Row], disappeared: list[Row]) -> None:
+            if not self._muted:
+                rule.changed(appeared, disappeared)
+
+        rule.subscription = self._matcher.listen(pattern, changed, _nothing)
+        self._rules[rule] = next(self._registered)
+        followers = self.engine.model.store.followers
+        if not any(follower is self for follower in followers):
+            followers.append(self)
+        if existing:
+            for row in self._matcher.prepare(pattern, ())():
+                rule.came(row)
+
+    def remove(self, rule: EventRule) -> None:
+        """Forget a rule; once is enough."""
+        if rule.subscription is None:
+            return
+        self._matcher.unlisten(rule.subscription)
+        rule.subscription = None
+        del self._rules[rule]
+        if not self._rules:
+            followers = self.engine.model.store.followers
+            followers[:] = [follower for follower in followers if follower is not self]
+
+    # --- the conflict set
+
+    def push(self, activation: Activation) -> None:
+        """Add an activation."""
+        rule = activation.rule
+        heappush(self._heap, (-rule.priority, self._rules[rule], next(self._arrived), activation))
+
+    def pending(self) -> Iterator[Activation]:
+        """The conflict set, in the order of firing."""
+        return (entry[-1] for entry in sorted(self._heap) if entry[-1].live)
+
+    def _next(self) -> Activation | None:
+        while self._heap:
+            activation = heappop(self._heap)[-1]
+            if activation.live:
+                return activation
+        return None
+
+    def clear(self) -> None:
+        """Empty the conflict set."""
+        for rule in self._rules:
+            rule.clear()
+        self._heap.clear()
+
+    def run(self) -> None:
+        """Fire until nothing is left to fire; not while something is under way that will settle at its end.
+
+        Raises:
+            EvaluationError: more firings than the engine's step limit.
+            Exception: what a job has raised.
+        """
+        if self._firing or self._held or self._matcher.telling or self.engine.model.in_transaction:
+            return
+        self._firing = True
+        try:
+            self._fire_all()
+        finally:
+            self._firing = False
+
+    def _fire_all(self) -> None:
+        limit = self.engine.step_limit
+        last: list[str] = []
+        for fired in count():
+            self._matcher.deliver()
+            if fired == limit and any(True for _ in self.pending()):
+                names = ", ".join(f"`{name}`" for name in dict.fromkeys(last))
+                message = f"event rules do not come to rest: {limit} firings, the last ones of {names}"
+                hint = "what a rule does must end what it waits for; else set `step_limit` of the engine"
+                raise EvaluationError(message, hint=hint)
+            activation = self._next()
+            if activation is None:
+                return
+            if fired >= limit - _ROUND:
+                last.append(activation.rule.name)
+            self._fire(activation)
+
+    def _fire(self, activation: Activation) -> None:
+        rule = activation.rule
+        rule.take(activation)
+        try:
+            with self.engine.transaction():
+                rule.jobs[activation.event](activation.match, activation.old)
+        except BaseException as error:
+            rule.failed(activation)
+            error.add_note(f"raised by event rule `{rule.name}`, {activation!r}")
+            raise
+
+    @ensured
+    def held(self) -> Iterator[None]:
+        """Fire nothing inside the block; settle at its end, if it ends well."""
+        self._held += 1
+        try:
+            yield
+        finally:
+            self._held -= 1
+        self.run()
+
+    @ensured
+    def muted(self) -> Iterator[None]:
+        """What changes inside the block activates nothing, and empties the conflict set."""
+        self.run()
+        self._muted = True
+        try:
+            yield
+        finally:
+            self._muted = False
+            self.clear()
+
+    @ensured
+    def asleep(self) -> Iterator[None]:
+        """Nothing fires inside the block, and what is pending stays so: it ends in the state in which it began."""
+        self._held += 1
+        self._asleep = True
+        try:
+            yield
+        finally:
+            self._asleep = False
+            self._held -= 1
+
+    # --- Follower
+
+    def settle(self) -> None:
+        """A savepoint or a commit follows: nothing fires before its end."""
+
+    def released(self) -> None:
+        """The outermost transaction has ended well, or the present state has become a version."""
+        if not self._muted:
+            self.run()
+
+    def checked_out(self) -> None:
+        """The model is in another version."""
+        if not self._asleep:
+            self.clear()
+
+    def rolled_back(self) -> None:
+        """What was rolled back has not arrived here."""
+
+    def torn(self) -> None:
+        """What the matcher tells is right."""
+
+    def suspend(self) -> None:
+        """The model is about to be loaded."""
+
+    def loaded(self) -> None:
+        """The load has ended; its net change arrives with the next one."""
+
+
+def _nothing(appeared: list[Row], disappeared: list[Row]) -> None:
+    """What a checkout has changed activates nothing."""
+
+
+class Agenda(Sequence[Activation]):
+    """The conflict set of an engine: what its event rules are about to do, in the order of firing. Live, and read-only.
+
+    Outside of jobs it is empty, unless a job has raised, a rule is new, or a transaction is open.
+    """
+
+    __slots__ = ("_events",)
+
+    def __init__(self, events: Events | None) -> None:
+        self._events = events
+
+    def _list(self) -> list[Activation]:
+        return [] if self._events is None else list(self._events.pending())
+
+    def __len__(self) -> int:
+        return len(self._list())
+
+    @overload
+    def __getitem__(self, index: int) -> Activation: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Activation]: ...
+    def __getitem__(self, index: int | slice) -> Activation | list[Activation]:
+        return self._list()[index]
+
+    def __repr__(self) -> str:
+        return f"<agenda: {len(self._list())} to fire>"
+
+    def __str__(self) -> str:
+        """The first twenty, a line each."""
+        found = self._list()
+        lines = [
+            f"<agenda: {len(found)} to fire>",
+            *(f"  {activation!r}" for activation in islice(found, 20)),
+        ]
+        return "\n".join([*lines, f"  and {len(found) - 20} more"] if len(found) > 20 else lines)
+
+
+def update_key(pattern: Pattern | None, shape: Shape, key: Iterable[str] | None) -> tuple[int, ...]:
+    """The places of the variables by which two matches are the same thing, before and after an update.
+
+    Args:
+        pattern: may say so by `@FunctionalDependency`; None for the left side of a rule.
+        shape: variables and types.
+        key: names, or None for what the pattern says, else the variables that stand for objects.
+
+    Raises:
+        InvalidArgument: an unknown variable, or a key of all variables: two different matches never share it.
+    """
+    if isinstance(key, str):
+        raise InvalidArgument(f"`key` takes several names: write ({key!r},)")
+    names = tuple(key) if key is not None else _dependency(pattern)
+    if names is None:
+        names = tuple(name for place, name in enumerate(shape.names) if shape.is_object(place))
+    places = tuple(shape.position(name) for name in dict.fromkeys(names))
+    if len(places) == len(shape.names):
+        raise InvalidArgument(
+            f"no match of `{shape.definition}` is ever updated: all its variables belong to the key; give `key`"
+        )
+    return places
+
+
+def _dependency(pattern: Pattern | None) -> tuple[str, ...] | None:
+    """The `forEach` of the first `@FunctionalDependency`."""
+    for annotation in () if pattern is None else pattern.annotations:
+        if annotation.name == "FunctionalDependency":
+            values: list[object] = [value for name, value in annotation.named if name == "forEach"]
+            groups = (value if isinstance(value, tuple) else (value,) for value in values)
+            return tuple(str(name) for group in groups for name in group)
+    return None

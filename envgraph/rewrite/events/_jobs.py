@@ -1,0 +1,103 @@
+"""What event rules do when they fire: Python functions, or rules and units by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from inspect import iscoroutinefunction, isgeneratorfunction
+from typing import TYPE_CHECKING, Literal
+
+from envgraph.errors import InvalidArgument
+from envgraph.graph import Node
+from envgraph.rewrite._match import Match, Shape
+from envgraph.rewrite.run._runner import wanted_arguments
+
+if TYPE_CHECKING:
+    from envgraph.rewrite.engine._engine import Engine
+
+Event = Literal["appear", "disappear", "update"]
+
+Job = Callable[..., object] | str
+"""A function that takes variables of the match by name, or the name of a rule, group or unit."""
+
+BoundJob = Callable[[Match, "Match | None"], object]
+"""A job that is ready to be done, at a match and, for an update, the match before."""
+
+
+def bind_job(engine: Engine, shape: Shape, event: Event, job: Job) -> BoundJob:
+    """Make a job ready for the matches of a pattern.
+
+    Raises:
+        InvalidArgument: an unknown name, or one that needs a value that the match does not have.
+    """
+    if isinstance(job, str):
+        return _named(engine, shape, job)
+    if callable(job):
+        return _function(engine, shape, event, job)
+    raise InvalidArgument(f"`{event}` takes a function or the name of a rule or unit, not {job!r}")
+
+
+def _function(engine: Engine, shape: Shape, event: Event, function: Callable[..., object]) -> BoundJob:
+    others = ("engine", "match", "old") if event == "update" else ("engine", "match")
+    check_runs(function)
+    names, taken = wanted_arguments(function, shape, others)
+    places = [(name, shape.position(name)) for name in names]
+
+    def do(match: Match, old: Match | None) -> object:
+        arguments: dict[str, object] = {}
+        for name, place in places:
+            value = match.row[place]
+            # A handle even of what has been deleted: a `disappear` may want its id.
+            arguments[name] = Node(engine.model, int(value)) if shape.is_object(place) else value
+        for name, other in (("engine", engine), ("match", match), ("old", old)):
+            if name in taken:
+                arguments[name] = other
+        return function(**arguments)
+
+    return do
+
+
+def _named(engine: Engine, shape: Shape, name: str) -> BoundJob:
+    signature = engine.signature(name)
+    qualified = signature.name
+    required = [parameter.name for parameter in signature.parameters if parameter.required]
+    if signature.kind == "rule":
+        runner = engine.prepare(qualified)
+        known = runner.shape.names
+        required = [*required, *runner.inputs]
+    else:
+        known = tuple(parameter.name for parameter in signature.parameters if not parameter.output)
+    missing = [f"`{parameter}`" for parameter in dict.fromkeys(required) if parameter not in shape.names]
+    if missing:
+        raise InvalidArgument(
+            f"{signature.kind} `{name}` needs {', '.join(missing)}, which is no variable of `{shape.definition}`"
+        )
+    places = [(variable, shape.position(variable)) for variable in known if variable in shape.names]
+
+    def do(match: Match, _: Match | None) -> object:
+        objects = [match.row[place] for _, place in places if shape.is_object(place)]
+        if not all(engine.model.alive(int(node)) for node in objects):
+            return None
+        arguments = {variable: match.row[place] for variable, place in places}
+        result = engine.run(qualified, bound=arguments)
+        if result.refusal is not None:  # nobody looks at the result
+            raise result.refusal
+        return result
+
+    return do
+
+
+def job_name(job: Job) -> str:
+    """What a rule is called that has this job and no name of its own."""
+    return job if isinstance(job, str) else getattr(job, "__name__", type(job).__name__)
+
+
+def check_runs(function: Callable[..., object]) -> None:
+    """Refuse functions that a call only prepares.
+
+    Raises:
+        InvalidArgument: it is a coroutine or a generator.
+    """
+    for kind, found in (("a coroutine", iscoroutinefunction), ("a generator", isgeneratorfunction)):
+        if found(function):
+            name = getattr(function, "__name__", type(function).__name__)
+            raise InvalidArgument(f"`{name}` is {kind}: a call does not run what stands in it")

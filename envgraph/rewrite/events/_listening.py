@@ -1,0 +1,62 @@
+"""Listeners of people, who are told matches, as listeners of the matcher, which tells rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from envgraph.errors import InvalidArgument
+from envgraph.graph import Model
+from envgraph.rewrite._match import Match, Row, Shape
+from envgraph.rewrite.events._events import paired
+from envgraph.rewrite.events._jobs import check_runs
+
+Listener = Callable[[list[Match], list[Match]], object]
+"""Called with the matches that have appeared, and those that have disappeared."""
+
+UpdateListener = Callable[[list[tuple[Match, Match]]], object]
+"""Called with the matches that were replaced, each with the one that is there now."""
+
+Change = Callable[[list[Row], list[Row]], object]
+
+
+def told_matches(model: Model, shape: Shape, listener: Listener) -> Change:
+    """A listener that is told rows."""
+    return lambda appeared, disappeared: listener(
+        _matches(model, shape, appeared), _matches(model, shape, disappeared)
+    )
+
+
+def told_updates(
+    model: Model, shape: Shape, changed: Listener, updated: UpdateListener, key: Sequence[int]
+) -> Change:
+    """A listener that is told rows: those of one key as updates, then the others, even if the first call raises."""
+    others = told_matches(model, shape, changed)
+
+    def told(appeared: list[Row], disappeared: list[Row]) -> None:
+        pairs, new, gone = paired(appeared, disappeared, key)
+        try:
+            if pairs:
+                before = _matches(model, shape, (row for row, _ in pairs))
+                after = _matches(model, shape, (row for _, row in pairs))
+                updated(list(zip(before, after, strict=True)))
+        finally:
+            if new or gone:
+                others([*new], [*gone])
+
+    return told
+
+
+def _matches(model: Model, shape: Shape, rows: Iterable[Row]) -> list[Match]:
+    return [Match(model, shape, row) for row in rows]
+
+
+def check_functions(*given: object) -> None:
+    """Refuse listeners that cannot be called.
+
+    Raises:
+        InvalidArgument: one is no function, or one whose body a call does not run.
+    """
+    for one in given:
+        if not callable(one):
+            raise InvalidArgument(f"a listener is a function, not {one!r}")
+        check_runs(one)

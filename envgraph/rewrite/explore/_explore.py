@@ -1,0 +1,291 @@
+"""The states that rules can reach.
+
+Every move is made once and taken back: a state costs the changes that lead to it from the one in which it was found. It
+is known by its facts by identity, or, up to isomorphism, by what `Shapes` makes of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+from envgraph.errors import InvalidArgument, RuleError
+from envgraph.graph import Model, Shapes, Version
+from envgraph.rewrite._branches import Branches
+from envgraph.rewrite._match import Firing, Row, Shape
+from envgraph.rewrite.explore._exploration import Ending, Exploration, Firings, Record, State
+from envgraph.rewrite.explore._walks import Walk, walk_of_savepoints, walk_of_versions
+from envgraph.rewrite.run._interrupts import deferred
+from envgraph.rewrite.run._runner import REFUSALS, RuleRunner
+
+if TYPE_CHECKING:
+    from envgraph.rewrite.engine._engine import Engine
+
+Strategy = Literal["breadth", "depth"]
+Sameness = Literal["identity", "isomorphism"]
+
+Test = Callable[[], bool]
+"""Whether something holds in the present state."""
+
+
+class Mover(Protocol):
+    """A rule or a unit.
+
+    Attributes:
+        name: of it.
+        shape: of its matches; None for a unit.
+    """
+
+    name: str
+    shape: Shape | None
+
+    def choices(self) -> Iterator[Any]:
+        """What can be tried in the present state, which is the same again whenever the iterator goes on."""
+
+    def make(self, choice: Any) -> Row | Firings | None:
+        """Make the move: the match of the rule, or what the unit applied; None if that was nothing.
+
+        Raises:
+            RuleError: it is refused. The model is as before.
+        """
+
+
+class RuleMover:
+    """A rule: a move for each match."""
+
+    def __init__(self, rule: RuleRunner) -> None:
+        self.name = rule.name
+        self.shape: Shape | None = rule.shape
+        self._rule = rule
+        rule.prepare(())  # refuses a rule that needs values
+
+    def choices(self) -> Iterator[Row]:
+        """The matches."""
+        return iter(self._rule.all_rows())
+
+    def make(self, choice: Row) -> Row:
+        """See `Mover`."""
+        self._rule.fire(choice)
+        return choice
+
+
+class UnitMover:
+    """A unit: a move for every way in which its random choices may turn out.
+
+    Args:
+        name: of the unit.
+        run: runs it, and returns what was applied.
+    """
+
+    def __init__(self, name: str, run: Callable[[Branches], Sequence[Firing]]) -> None:
+        self.name = name
+        self.shape: Shape | None = None
+        self._run = run
+
+    def choices(self) -> Iterator[Branches]:
+        """One that goes on by itself."""
+        branches = Branches()
+        while branches.advance():
+            yield branches
+
+    def make(self, choice: Branches) -> Firings | None:
+        """See `Mover`."""
+        return tuple(self._run(choice)) or None
+
+
+def movers(
+    engine: Engine,
+    names: Iterable[str],
+    run: Callable[[str, Mapping[str, object], Branches], Sequence[Firing]],
+) -> list[Mover]:
+    """The rules and units of these names, each once.
+
+    Args:
+        engine: that has them.
+        names: of rules, groups and units.
+        run: runs a unit with arguments.
+
+    Raises:
+        InvalidArgument: no name, an unknown one, or a rule or unit that needs values.
+    """
+    if not isinstance(names, Iterable):
+        raise InvalidArgument(f"rules, units and groups are given by their names, not as {names!r}")
+    members = dict.fromkeys(member for name in names for member in engine.group(name))
+    if not members:
+        raise InvalidArgument("name a rule, group or unit")
+    return [_mover(engine, member, run) for member in members]
+
+
+def _mover(
+    engine: Engine, name: str, run: Callable[[str, Mapping[str, object], Branches], Sequence[Firing]]
+) -> Mover:
+    signature = engine.signature(name)
+    if signature.kind == "rule":
+        return RuleMover(engine.prepare(name))
+    required = [f"`{parameter.name}`" for parameter in signature.parameters if parameter.required]
+    if required:
+        raise InvalidArgument(f"unit `{name}` needs values for {', '.join(required)}")
+    return UnitMover(name, lambda branches: run(name, {}, branches))
+
+
+@dataclass(slots=True)
+class Search:
+    """One exploration.
+
+    Attributes:
+        movers: what is done in every state, in this order.
+        predicates: by name what is asked of every state.
+        goal: where to stop; None for nowhere.
+        limit: how many states there may be, and how many ways one unit may run in one of them.
+        depth: how many moves from the first state are made; None for any number.
+
+    Raises:
+        InvalidArgument: a limit below 1, an unknown strategy or sameness, a depth below 0 or of a depth-first search.
+    """
+
+    model: Model
+    movers: Sequence[Mover]
+    predicates: Mapping[str, Test]
+    goal: Test | None
+    limit: int
+    depth: int | None
+    strategy: Strategy
+    up_to: Sameness
+    keep: bool
+    _record: Record = field(default_factory=Record)
+    _known: dict[int, int] = field(default_factory=dict)
+    _by_shape: dict[int, int] = field(default_factory=dict)
+    _shapes: Shapes = field(default_factory=Shapes)
+    _cut: bool = False
+
+    def __post_init__(self) -> None:
+        if self.limit < 1:
+            raise InvalidArgument(f"there is at least one state, so the limit is not {self.limit}")
+        if self.strategy not in ("breadth", "depth"):
+            raise InvalidArgument(f'the strategy is "breadth" or "depth", not {self.strategy!r}')
+        if self.depth is not None and (type(self.depth) is not int or self.depth < 0):
+            raise InvalidArgument(f"`depth` is a number of moves from 0, not {self.depth!r}")
+        if self.depth is not None and self.strategy == "depth":
+            raise InvalidArgument(
+                'a depth-first search may come to a state by a long way first: with `depth` leave `strategy` "breadth"'
+            )
+        if self.up_to not in ("identity", "isomorphism"):
+            raise InvalidArgument(f'`up_to` is "identity" or "isomorphism", not {self.up_to!r}')
+
+    def run(self) -> Exploration:
+        """Explore; at the end, however it comes, the model is in the state in which it was."""
+        walking = walk_of_versions if self.keep else walk_of_savepoints
+        with deferred() as check, walking(self.model) as walk:
+            self._number(0)
+            ending = self._enter(0, self.model.version if self.keep else None)
+            if ending is None:
+                ending = (self._breadth if self.strategy == "breadth" else self._depth)(walk, check)
+        shapes = {mover.name: mover.shape for mover in self.movers if mover.shape is not None}
+        ending = ending or ("limit" if self._cut else "exhausted")
+        return Exploration(self._record, self.model, shapes, tuple(self.predicates), ending)
+
+    def _breadth(self, walk: Walk, check: Callable[[], None]) -> Ending | None:
+        record = self._record
+        for state in record.states:  # grows
+            if state.depth == self.depth:
+                return "depth"
+            walk.go(state.number)
+            for mover, choice in self._moves():
+                check()
+                walk.attempt()
+                done = self._make(state, mover, choice)
+                if done is None:
+                    walk.back()
+                    continue
+                ending = self._arrive(walk, state, mover.name, done)
+                if ending is not None:
+                    return ending
+                walk.park()
+            record.expanded.append(state.number)
+        return None
+
+    def _depth(self, walk: Walk, check: Callable[[], None]) -> Ending | None:
+        record = self._record
+        stack = [(record.states[0], self._moves())]
+        while stack:
+            state, moves = stack[-1]
+            move = next(moves, None)
+            if move is None:
+                record.expanded.append(state.number)
+                stack.pop()
+                if stack:
+                    walk.ascend()
+                continue
+            check()
+            walk.attempt()
+            done = self._make(state, *move)
+            if done is None:
+                walk.back()
+                continue
+            ending = self._arrive(walk, state, move[0].name, done)
+            if ending is not None:
+                return ending
+            walk.descend()
+            stack.append((record.states[-1], self._moves()))
+        return None
+
+    def _moves(self) -> Iterator[tuple[Mover, Any]]:
+        for mover in self.movers:
+            for number, choice in enumerate(mover.choices()):
+                if number >= self.limit and mover.shape is None:
+                    self._cut = True
+                    break
+                yield mover, choice
+
+    def _make(self, state: State, mover: Mover, choice: Any) -> Row | Firings | None:
+        """Make a move: what was done if it leads to a new state; any other is noted here."""
+        record = self._record
+        try:
+            done = mover.make(choice)
+        except RuleError as error:
+            if error.reason not in REFUSALS:
+                raise
+            record.refused += 1
+            return None
+        if done is None:
+            return None
+        new = len(record.states)
+        target = self._number(new)
+        if target == new:
+            return done
+        record.note(state.number, target, mover.name, done)
+        return None
+
+    def _number(self, new: int) -> int:
+        """The number of the present state, `new` if it has none yet."""
+        total = self.model.store.total
+        known = self._known.get(total)
+        if known is None:
+            known = new
+            if self.up_to == "isomorphism":
+                known = self._by_shape.setdefault(self._shapes.number(self.model.store), new)
+                self._record.merged += known < new
+            self._known[total] = known
+        return known
+
+    def _arrive(self, walk: Walk, source: State, name: str, done: Row | Firings) -> Ending | None:
+        """A move has led to a new state."""
+        record = self._record
+        number = len(record.states)
+        if number >= self.limit:
+            return "limit"
+        record.note(source.number, number, name, done)
+        return self._enter(source.depth + 1, walk.keep())
+
+    def _enter(self, depth: int, version: Version | None) -> Ending | None:
+        """Note the present state, and ask what there is to ask of it."""
+        record = self._record
+        number = len(record.states)
+        holds = tuple([name for name, test in self.predicates.items() if test()])
+        record.states.append(State(number, depth, holds, version))
+        record.found_by.append(len(record.sources) - 1)
+        if self.goal is not None and self.goal():
+            record.goal = number
+            return "goal"
+        return None

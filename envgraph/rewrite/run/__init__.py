@@ -1,0 +1,1 @@
+"""Rules and units as functions that change a model."""

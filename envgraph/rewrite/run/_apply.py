@@ -1,0 +1,327 @@
+"""Plans as functions that change a model.
+
+A rule without nested blocks whose variables are all different objects becomes one straight function. Any other rule
+is carried out phase by phase over the matches of all its blocks, after looking for conflicts between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Any, Final
+
+from envgraph.code import define
+from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, limit
+from envgraph.graph import Model
+from envgraph.match import Matcher
+from envgraph.metamodel import Metamodel, Reference
+from envgraph.rewrite._match import Row
+from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
+from envgraph.rewrite.check._conflicts import Conflicts, Contradiction, Fresh, told
+from envgraph.rewrite.run._finish import finisher
+from envgraph.rewrite.run._notices import Report
+from envgraph.rewrite.run._refusal import OPERATIONS, refusal, table
+from envgraph.rewrite.run._source import Line, Writer, check_kept
+
+Effect = Callable[[Row], Sequence[Any]]
+"""Applies a rule at a row that is a match, and returns all slots of the rule, created objects among them.
+
+Raises:
+    RuleError: the rule is refused; the model is as before.
+"""
+
+Again = Callable[[Link, int, int], None]
+
+MOST_INSTANCES: Final = 100_000
+"""Matches of the blocks of one application: a `forall` that makes the model larger each time ends here."""
+
+PHASES: Final = ("compute", "unlink", "delete", "strip", "retype", "create", "link", "assign")
+
+
+def effect_of(plan: RulePlan, model: Model, matcher: Matcher, report: Report) -> Effect:
+    """The function that applies a rule; `report` is told of links that it creates although they are there."""
+
+    def again(link: Link, source: int, target: int) -> None:
+        report(plan.name, link, model.describe(source), model.describe(target))
+
+    body = plan.body
+    if body.nested or body.coinciding or _contended(body):
+        return _Staged(plan, model, matcher, again).apply
+    return _straight(plan, model, again)
+
+
+def _contended(body: BlockPlan) -> bool:
+    """Whether objects that only values name may be changed otherwise, too."""
+    computed = {each.slot for each in body.computed if each.object}
+    named = [link.target for link in body.links]
+    for change in body.sets:
+        named += change.values if isinstance(change, SetTargets | ChangeTargets) else ()
+    others = len(body.unlinks) + len(body.deletes) + len(body.retypes) + len(body.absorbs) + len(body.moves)
+    return not computed.isdisjoint(named) and (others > 0 or len(named) > 1)
+
+
+# --- straight rules
+
+
+def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
+    body = plan.body
+    endangered = _endangered([body], model.metamodel)
+    writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True, again=again, endangered=endangered)
+    kept = tuple(slot for slot in body.kept if body.classes[slot] in endangered)
+    changes = [*writer.unlink(body), *writer.delete(body)]
+    changes += [Line(writer.keep(kept, body))] if kept else []
+    changes += [line for phase in PHASES[3:] for line in getattr(writer, phase)(body)]
+    computed = writer.compute(body)
+    writer.namespace.update(
+        torn=model.store.torn,
+        recover=model.store.recover,
+        refusals=REFUSALS,
+        refused=lambda error: refusal(plan, error, model),
+        BaseException=BaseException,
+    )
+    lines = [*computed, *changes]
+    several = len(changes) > 1
+    if kept or _needs_savepoint(body, model.metamodel):
+        several = False
+        writer.namespace.update(savepoint=model.savepoint, release=model.release, take_back=model.take_back)
+        lines = [*computed, Line("mark = savepoint()"), Line("try:"), *(line.inside for line in changes)]
+        lines += [Line(" release(mark)"), Line("except BaseException:"), *_interrupted("take_back, (mark,)")]
+    lines.append(Line(f"return {writer.slots(tuple(range(body.slots)))}"))
+    unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
+    caught = [Line("except refusals as error:"), Line(" raise refused(error) from None")]
+    if several:
+        caught += [Line("except BaseException as error:"), *_interrupted("finish, (error, {})")]
+    whole = [Line(unpack), Line("try:"), *(line.inside for line in lines), *caught]
+    if several:
+        writer.namespace["finish"] = finisher(whole, 2 + len(computed), changes, writer.namespace)
+    return _function("do_apply", "row", whole, writer.namespace)
+
+
+def _interrupted(step: str) -> list[Line]:
+    """What a handler does with an interruption: see `Store.torn`."""
+    return [Line(f" torn.append(({step}))"), Line(" recover()"), Line(" raise")]
+
+
+def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:
+    """Classes of variables whose objects may go along with an object that one of the blocks deletes."""
+    classes = dict.fromkeys(b.classes[d.node] for b in blocks for d in b.deletes)
+    queue = [sub for cls in classes if cls is not None for sub in metamodel.concrete(cls)]
+    inside: dict[str, None] = {}
+    for cls in queue:
+        for feature in metamodel.features(cls).values():
+            if isinstance(feature, Reference) and feature.containment:
+                new = [sub for sub in metamodel.concrete(feature.target) if sub not in inside]
+                inside.update(dict.fromkeys(new))
+                queue.extend(new)
+    return {above for cls in inside for above in metamodel.supertypes(cls)}
+
+
+def _needs_savepoint(body: BlockPlan, metamodel: Metamodel) -> bool:
+    """Whether a change that the model may refuse comes after another one; each is made completely or not at all."""
+    if body.moves or body.absorbs:
+        return True
+    safe = [True] * len(body.unlinks)
+    safe += [False] * (len(body.deletes) + len(body.retypes))
+    safe += [True] * len(body.creates)
+    safe += [_always_fits(link.reference, metamodel) for link in body.links]
+    for change in body.sets:
+        match change:
+            case SetValue():
+                safe.append(True)
+            case SetTargets():
+                safe.append(_always_set(change.reference, metamodel))
+            case ChangeTargets():
+                safe += [change.operator == "-=" or _always_fits(change.reference, metamodel)] * len(
+                    change.values
+                )
+            case _:
+                safe.append(False)
+    return not all(safe[1:])
+
+
+def _always_fits(reference: Reference, metamodel: Metamodel) -> bool:
+    """Whether the model never refuses a link, given ends of the right classes."""
+    opposite = metamodel.opposite(reference)
+    return (
+        reference.upper is None
+        and not _contains(reference, opposite)
+        and (opposite is None or opposite.upper is None)
+    )
+
+
+def _always_set(reference: Reference, metamodel: Metamodel) -> bool:
+    """Whether the model never refuses to replace the targets of a single-valued reference."""
+    opposite = metamodel.opposite(reference)
+    if reference.many or _contains(reference, opposite):
+        return False
+    return opposite is None or opposite.upper in (None, 1)
+
+
+def _contains(reference: Reference, opposite: Reference | None) -> bool:
+    return reference.containment or (opposite is not None and opposite.containment)
+
+
+def _function(
+    name: str, parameters: str, lines: Sequence[Line], namespace: dict[str, Any]
+) -> Callable[..., Any]:
+    lines = lines or [Line("pass")]
+    source = "\n".join([f"def {name}({parameters}):", *(line.inside.source for line in lines)])
+    namespace.setdefault(OPERATIONS, {})[name] = table(lines)
+    function: Callable[..., Any] = define(source, f"<rule {name}>", namespace)[name]
+    return function
+
+
+REFUSALS: Final = (RuleError, EvaluationError)
+
+
+# --- rules with blocks
+
+
+@dataclass(slots=True)
+class Instance:
+    """One match of a block: its plan, its slots, and the match of the enclosing block."""
+
+    block: _Block
+    slots: list[Any]
+    parent: Instance | None
+
+
+class _Block:
+    """A block with its compiled phases."""
+
+    def __init__(
+        self,
+        plan: BlockPlan,
+        model: Model,
+        matcher: Matcher,
+        lossy: bool,
+        doomed: Collection[int],
+        endangered: Collection[str],
+    ) -> None:
+        self.plan = plan
+        self.rows = (
+            matcher.prepare(plan.pattern, tuple(range(len(plan.arguments)))) if plan.kind != "rule" else None
+        )
+        self.nested = [_Block(inner, model, matcher, lossy, doomed, endangered) for inner in plan.nested]
+        self.phases: dict[str, Callable[[list[Any]], None] | None] = {}
+        writer = Writer(model, "e[{}]".format, lossy=lossy, doomed=doomed, endangered=endangered)
+        for phase in PHASES:
+            lines = getattr(writer, phase)(plan)
+            self.phases[phase] = _function(f"do_{phase}", "e", lines, writer.namespace) if lines else None
+
+    def collect(
+        self,
+        slots: list[Any],
+        parent: Instance | None,
+        found: list[Instance],
+        fresh: Iterator[int],
+        most: int,
+    ) -> None:
+        """Add the match with these slots, then those of the nested blocks, all on the present state.
+
+        Raises:
+            EvaluationError: there are more than `most`.
+        """
+        slots += [None] * (self.plan.slots - len(slots))
+        for new in self.plan.creates:
+            slots[new.node] = Fresh(next(fresh))
+        instance = Instance(self, slots, parent)
+        found.append(instance)
+        for block in self.nested:
+            assert block.rows is not None
+            # Sorted: the order of rows is the matcher's own, and ids of new objects follow from this one.
+            rows = sorted(block.rows(*(slots[number] for number in block.plan.arguments)))
+            if block.plan.kind == "optional":
+                rows = rows[:1]
+            if len(found) + len(rows) > most:
+                message = f"the blocks of one application have more than {most:,} matches"
+                raise EvaluationError(message, block.plan.span, f"ask for less; {RAISE_LIMIT}")
+            for row in rows:
+                block.collect([*slots, *row[len(block.plan.arguments) :]], instance, found, fresh, most)
+
+
+def _blocks(plan: BlockPlan) -> Iterator[BlockPlan]:
+    """A block and those inside it."""
+    yield plan
+    for inner in plan.nested:
+        yield from _blocks(inner)
+
+
+class _Staged:
+    """Applies a rule with nested blocks, or one of which not even the match tells what it changes."""
+
+    def __init__(self, plan: RulePlan, model: Model, matcher: Matcher, again: Again) -> None:
+        self.plan = plan
+        self.model = model
+        self.again = again
+        self.most = limit(MOST_INSTANCES)
+        self.doomed: set[int] = set()
+        endangered = _endangered([*_blocks(plan.body)], model.metamodel)
+        self.block = _Block(plan.body, model, matcher, plan.lossy, self.doomed, endangered)
+
+    def apply(self, row: Row) -> Sequence[Any]:
+        """See `Effect`."""
+        instances: list[Instance] = []
+        try:
+            self.block.collect(list(row), None, instances, count(-1, -1), self.most)
+            self._run(instances, "compute")
+            wants = self._check(instances)
+            self.doomed.clear()
+            self.doomed.update(i.slots[each.node] for i in instances for each in i.block.plan.deletes)
+            with self.model.transaction():
+                for phase in PHASES[1:]:
+                    self._run(instances, phase)
+                    if phase == "delete":
+                        self._check_kept(instances, wants)
+                        self._tell(instances)
+        except REFUSALS as error:
+            raise refusal(self.plan, error, self.model) from None
+        return instances[0].slots
+
+    def _run(self, instances: Sequence[Instance], phase: str) -> None:
+        for instance in instances:
+            if phase == "create" and instance.parent is not None:
+                inherited = instance.block.plan.inherited
+                instance.slots[:inherited] = instance.parent.slots[:inherited]
+            function = instance.block.phases[phase]
+            if function is not None:
+                function(instance.slots)
+
+    def _check(self, instances: Sequence[Instance]) -> Conflicts:
+        """Look for conflicts; returns what all matches want."""
+        conflicts = Conflicts(self.model.metamodel, self._describe)
+        try:
+            for instance in instances:
+                conflicts.add(instance.block.plan, instance.slots)
+            conflicts.finish()
+        except Contradiction as error:
+            details = [told(want, self._describe) for want in error.wants]
+            span = getattr(error.wants[1].operation, "span", None)
+            raise RuleError(error.message, reason="ambiguous", details=details, span=span) from None
+        return conflicts
+
+    def _describe(self, node: int) -> str:
+        return "a new object" if isinstance(node, Fresh) else self.model.describe(node)
+
+    def _check_kept(self, instances: Sequence[Instance], wants: Conflicts) -> None:
+        if not wants.deleted:
+            return
+        for instance in instances:
+            plan, slots = instance.block.plan, instance.slots
+            kept = tuple(slot for slot in plan.kept if slots[slot] not in wants.deleted)
+            check_kept(
+                self.model, tuple(slots[slot] for slot in kept), tuple(plan.names[slot] for slot in kept)
+            )
+        changed = tuple(node for node in wants.changed if not isinstance(node, Fresh))
+        check_kept(self.model, changed, ("",) * len(changed))
+
+    def _tell(self, instances: Sequence[Instance]) -> None:
+        """Of links that are to be created, and are there."""
+        for instance in instances:
+            for link in instance.block.plan.links:
+                source, target = instance.slots[link.source], instance.slots[link.target]
+                if target is None or isinstance(source, Fresh) or isinstance(target, Fresh):
+                    continue
+                if self.model.has_link(source, link.reference, target):
+                    self.again(link, source, target)
