@@ -167,8 +167,7 @@ def test_the_commands_print_reasons_and_plans(
 ) -> None:
     def run(*arguments: str) -> str:
         monkeypatch.setattr(sys, "argv", ["envgraph", *arguments, "--format", format])
-        with pytest.raises(SystemExit, match="0"):
-            main()
+        assert main() == 0
         return capsys.readouterr().out
 
     told = run("why-not", *FILES, "drive", "--where", "robot=left", "--where", "way=west")
