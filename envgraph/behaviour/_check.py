@@ -39,7 +39,7 @@ def check_behaviour(behaviour: Behaviour, engine: Engine) -> list[Diagnostic]:
 def _hinted(problem: Diagnostic, behaviour: Behaviour) -> Diagnostic:
     """Say of an agent's own name where it is known."""
     for agent in behaviour.agents:
-        if problem.code == "unknown-variable" and problem.message == f"unknown variable `{agent.variable}`":
+        if problem.code == "unknown-variable" and problem.subject == (agent.variable,):
             return replace(problem, hint=f"`{agent.variable}` is known in its `agent` block alone")
     return problem
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from envgraph.errors._source import Span, visible
@@ -36,6 +36,7 @@ class Diagnostic:
         message: one line, lower case, names in backquotes.
         span: what it is about; None where the input has no text (patterns built in Python).
         hint: how to mend it, without the word "hint".
+        subject: what it is about, for programs: the name that stands in the message, or the keys that lead to a value.
     """
 
     code: str
@@ -44,6 +45,7 @@ class Diagnostic:
     hint: str | None = None
     severity: Severity = Severity.ERROR
     notes: tuple[Note, ...] = ()
+    subject: tuple[str | int, ...] = field(default=(), compare=False, repr=False)
 
     def __str__(self) -> str:
         """Position, message, the code of a warning, excerpt with caret, notes and hint, on several lines."""

@@ -37,23 +37,39 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     >>> did_you_mean("metods", ["methods", "fields"])
     'did you mean `methods`?'
     """
+    near = nearest(name, known)
+    if near is None:
+        return None
+    if not name.isascii() and near == _latin(name):
+        other = next(char for char in name if not char.isascii())
+        return f"did you mean `{near}`? `{other}` only looks like a letter of it (U+{ord(other):04X})"
+    return f"did you mean `{near}`?"
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that is nearest to `name`, or None when none is near.
+
+    >>> nearest("metods", ["methods", "fields"])
+    'methods'
+    """
     candidates = sorted(set(known))
     folded = {candidate.casefold(): candidate for candidate in reversed(candidates)}
     if name.casefold() in folded:
-        return f"did you mean `{folded[name.casefold()]}`?"
+        return folded[name.casefold()]
     if len(name) > _LONG:
         return None
-    if not name.isascii():
-        latin = normalize("NFKC", name).translate(_LOOKALIKES)
-        if latin in candidates:
-            other = next(char for char in name if not char.isascii())
-            return f"did you mean `{latin}`? `{other}` only looks like a letter of it (U+{ord(other):04X})"
+    if not name.isascii() and _latin(name) in candidates:
+        return _latin(name)
     if len(candidates) > _MANY:
         candidates = [one for one in candidates if one[:2] == name[:2] and abs(len(one) - len(name)) < 3][
             :_MANY
         ]
     close = get_close_matches(name, candidates, n=1, cutoff=0.6)
-    return f"did you mean `{close[0]}`?" if close else None
+    return close[0] if close else None
+
+
+def _latin(name: str) -> str:
+    return normalize("NFKC", name).translate(_LOOKALIKES)
 
 
 def listed(names: Iterable[str]) -> str:

@@ -24,7 +24,13 @@ from envgraph.graph._model import Model
 from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
 from envgraph.graph._store import Relation, Store
-from envgraph.graph.interchange._json import model_from_json, model_schema, model_to_json
+from envgraph.graph.interchange._json import (
+    JsonPath,
+    json_place,
+    model_from_json,
+    model_schema,
+    model_to_json,
+)
 from envgraph.graph.interchange._networkx import from_networkx, to_networkx
 from envgraph.graph.interchange._xmi import arrange_targets, model_to_xmi, usual_value
 
@@ -37,6 +43,7 @@ __all__ = [
     "Exchangeable",
     "Fact",
     "IndexedSet",
+    "JsonPath",
     "LinkFact",
     "Listener",
     "Model",
@@ -57,6 +64,7 @@ __all__ = [
     "check_conformance",
     "ensured",
     "from_networkx",
+    "json_place",
     "make_sure",
     "model_from_json",
     "model_schema",

@@ -5,6 +5,7 @@ wrong with them, without raising.
 """
 
 from envgraph.errors import shorten
+from envgraph.graph import JsonPath
 from envgraph.lang._constructors import Pattern, Rule, Unit
 from envgraph.lang.family._family import (
     ComponentSpec,
@@ -20,7 +21,7 @@ from envgraph.lang.family._family import (
 from envgraph.lang.family._family_reader import find_family, load_family
 from envgraph.lang.format._format import format_text, language_of
 from envgraph.lang.interchange._ecore import parse_ecore
-from envgraph.lang.interchange._json import JsonPath, check_json, model_at, parse_json, parse_model
+from envgraph.lang.interchange._json import check_json, model_at, parse_json, parse_model
 from envgraph.lang.interchange._pyecore import (
     metamodel_from_pyecore,
     metamodel_to_pyecore,

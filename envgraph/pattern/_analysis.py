@@ -78,10 +78,10 @@ class Names:
         return [pattern for pattern in others if visible(pattern, package, caller)], hidden
 
     def visible_names(self, package: str, caller: Pattern | None = None) -> list[str]:
-        """What a call could have meant, for hints: simple names, and qualified ones of other packages."""
+        """What a text may call, for hints: simple names, and qualified ones of other packages."""
         names = []
         for qualified, pattern in self._qualified.items():
-            if visible(pattern, package, caller):
+            if "#" not in qualified and visible(pattern, package, caller):
                 names.append(pattern.name)
                 if pattern.package != package:
                     names.append(qualified)

@@ -40,7 +40,7 @@ from envgraph.pattern._relations import Place, RelationCheck
 from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Navigation, Variable
 from envgraph.pattern._typecheck import TypeCheck, shared_classes
 from envgraph.pattern._types import is_subtype, joins, static_type, type_text
-from envgraph.pattern._usage import UsageCheck
+from envgraph.pattern._usage import UsageCheck, unreferenced
 
 
 def check_patterns(analysis: Analysis) -> list[Diagnostic]:
@@ -174,7 +174,7 @@ def _in_all_bodies(problems: Sequence[Diagnostic], bodies: int) -> Iterator[Diag
             yield one
         elif one.span not in told:
             told.add(one.span)
-            yield replace(one, message=one.message.rpartition(" in body ")[0])
+            yield replace(one, message=unreferenced(str(one.subject[0])))
 
 
 class _BodyCheck:
@@ -299,7 +299,8 @@ class _BodyCheck:
                 hint = did_you_mean(variable.name, [name for name in scope if name not in group])
                 message = f"nothing says of what class `{variable.name}` is"
                 hint = hint or f"write `Class({variable.name})`"
-                yield Diagnostic("untyped-source", message, variable.span or expression.span, hint)
+                where = variable.span or expression.span
+                yield Diagnostic("untyped-source", message, where, hint, subject=(variable.name,))
 
     def _derived(
         self, expression: Expression, scope: Mapping[str, StaticType | None]

@@ -124,8 +124,10 @@ class ExpressionChecker:
         self.bare_objects = bare_objects
         self.problems: list[Diagnostic] = []
 
-    def _report(self, code: str, message: str, node: Expression, hint: str | None = None) -> None:
-        self.problems.append(_problem(code, message, node, hint))
+    def _report(
+        self, code: str, message: str, node: Expression, hint: str | None = None, *subject: str
+    ) -> None:
+        self.problems.append(Diagnostic(code, message, node.span, hint, subject=subject))
 
     def type_of(self, node: Expression, expected: StaticType | None = None) -> StaticType | None:
         """The type, or None where it is unknown; then the reason has been reported, unless it is `none`."""
@@ -156,7 +158,7 @@ class ExpressionChecker:
                 hint = f"write `::{node.name}` for the literal"
             else:
                 hint = name_hint(node.name, self.scope) or "no variable is known here"
-            self._report("unknown-variable", f"unknown variable `{node.name}`", node, hint)
+            self._report("unknown-variable", f"unknown variable `{node.name}`", node, hint, node.name)
             return None
         type_ = self.scope[node.name]
         if isinstance(type_, ObjectType) and not self.bare_objects:

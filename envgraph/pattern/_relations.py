@@ -149,7 +149,8 @@ class RelationCheck:
             message = f"`{name}` is {with_article(type_text(type_))}, which has no features"
             return Diagnostic("unknown-feature", message, span, "a path starts at an object")
         hint = f"write `{name} : Class`"
-        return Diagnostic("untyped-source", f"nothing says of what class `{name}` is", span, hint)
+        message = f"nothing says of what class `{name}` is"
+        return Diagnostic("untyped-source", message, span, hint, subject=(name,))
 
     def _broken(self, path: PathConstraint, broken: BrokenPath) -> Diagnostic:
         name = path.features[broken.position]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
+from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, nearest
 from envgraph.metamodel import EnumType
 from envgraph.pattern._binding import Binding, inputs_of, is_data_type
 from envgraph.pattern._bodies import Reading, Use, names_read, positive_relations, terms_of
@@ -71,11 +71,11 @@ class UsageCheck:
         for name, parameter in self._parameters.items():
             if not self._reading.occurrences[name] and name not in self._tainted:
                 self._tainted.add(name)
-                message = f"parameter `{name}` is never referenced{self._where}"
+                message = unreferenced(name, self._where)
                 span = parameter.span or self._pattern.span
                 near, notes = self._mistyped(name)
                 hint = near or "constrain it in the body, or leave it out of the parameters"
-                yield Diagnostic("unreferenced-parameter", message, span, hint, notes=notes)
+                yield Diagnostic("unreferenced-parameter", message, span, hint, notes=notes, subject=(name,))
 
     def _mistyped(self, name: str) -> tuple[str | None, tuple[Note, ...]]:
         """A hint at a local variable that is used once and spelt almost like an unreferenced parameter."""
@@ -85,10 +85,11 @@ class UsageCheck:
                 for n in self._reading.names
                 if n not in self._parameters and len(self._reading.occurrences[n]) == 1
             ]
-        hint = did_you_mean(name, self._once)
-        near = [n for n in self._once if hint and f"`{n}`" in hint]
-        self._tainted.update(near)
-        return hint, tuple(Note(f"`{n}` is used only here", self._reading.span(n)) for n in near)
+        near = nearest(name, self._once)
+        if near is None:
+            return None, ()
+        self._tainted.add(near)
+        return did_you_mean(name, [near]), (Note(f"`{near}` is used only here", self._reading.span(near)),)
 
     def _unbound(self) -> Iterator[Diagnostic]:
         circular: list[str] = []
@@ -112,7 +113,9 @@ class UsageCheck:
             names = ", ".join(f"`{name}`" for name in circular)
             message = f"nothing enumerates {names}{self._where}: what it is computed from depends on it"
             hint = f"take `{circular[0]}` from the model first: from a class, a path or a `find`"
-            yield Diagnostic("not-enumerable", message, self._reading.span(circular[0]), hint)
+            yield Diagnostic(
+                "not-enumerable", message, self._reading.span(circular[0]), hint, subject=tuple(circular)
+            )
 
     def _not_explained(self, names: list[str]) -> list[str]:
         """Those of the names that would be unbound even if the errors reported so far were mended."""
@@ -139,7 +142,11 @@ class UsageCheck:
         message = f"{relation_text(relation)} takes `{name}` for an `in` parameter, and nothing else binds it"
         parameter = self._parameters.get(name)
         return Diagnostic(
-            "not-enumerable", message, self._reading.span(name), self._how_to_bind(name, parameter)
+            "not-enumerable",
+            message,
+            self._reading.span(name),
+            self._how_to_bind(name, parameter),
+            subject=(name,),
         )
 
     def _has_positive(self, group: list[str]) -> bool:
@@ -165,7 +172,11 @@ class UsageCheck:
             return Diagnostic("only-negative", message, span, hint)
         message = f"nothing enumerates `{name}`{self._where}: it has no positive reference"
         return Diagnostic(
-            "not-enumerable", message, span or self._pattern.span, self._how_to_bind(name, parameter)
+            "not-enumerable",
+            message,
+            span or self._pattern.span,
+            self._how_to_bind(name, parameter),
+            subject=(name,),
         )
 
     def _how_to_bind(self, name: str, parameter: Parameter | None) -> str:
@@ -258,6 +269,11 @@ class UsageCheck:
             message = f"{relation_text(place.relation)} must have no match at all for the body to hold"
             hint = "an argument that stands elsewhere in the body ties it to that"
             yield _warning("global-negation", message, place.relation.span, hint)
+
+
+def unreferenced(name: str, where: str = "") -> str:
+    """The message about a parameter that a body, or the bodies, do not mention."""
+    return f"parameter `{name}` is never referenced{where}"
 
 
 def _warning(code: str, message: str, span: Span | None, hint: str | None = None) -> Diagnostic:

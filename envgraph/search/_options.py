@@ -99,7 +99,7 @@ class Options:
     def _wrong(self, name: str, what: str, default: T, written: str) -> T:
         message = f"`{name}` of `{self.spec.kind}` is {what}"
         code = "wrong-type" if name in self.spec.options else "missing-key"
-        if not any(problem.message == message for problem in self.problems):
+        if not any(problem.subject == (name,) for problem in self.problems):
             hint = f"write `{name} = {written}`"
-            self.problems.append(Diagnostic(code, message, self.spec.span(name), hint))
+            self.problems.append(Diagnostic(code, message, self.spec.span(name), hint, subject=(name,)))
         return default

@@ -27,6 +27,9 @@ from envgraph.metamodel import (
 
 FORMAT = "envgraph-model-1"
 
+JsonPath = tuple[str | int, ...]
+"""Keys and indices from the root to a value."""
+
 _MOST_PROBLEMS = 100
 
 _INFINITIES = {"inf": float("inf"), "-inf": float("-inf")}
@@ -164,6 +167,15 @@ class _TooMany(Exception):
     """Enough has been said about a model."""
 
 
+def json_place(path: JsonPath) -> str:
+    """How messages name a value.
+
+    >>> json_place(("objects", 3, "features", "name"))
+    'objects[3].features.name'
+    """
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).removeprefix(".")
+
+
 class _Reader:
     """Reads one model; goes on after a problem as far as that makes sense."""
 
@@ -174,11 +186,11 @@ class _Reader:
         self._largest = 0
 
     def read(self, data: Any) -> None:
-        if not self._is_mapping("", data, ("format", "name", "metamodel", "next_id", "objects", "orders")):
+        if not self._is_mapping((), data, ("format", "name", "metamodel", "next_id", "objects", "orders")):
             return
         if data.get("format") != FORMAT:
             self._problem(
-                "format",
+                ("format",),
                 "bad-format",
                 f"expected {FORMAT!r}, not {data.get('format')!r}",
                 f'the file begins with `"format": "{FORMAT}"`',
@@ -187,16 +199,18 @@ class _Reader:
         if data.get("metamodel", self.metamodel.name) != self.metamodel.name:
             text = f"the model is of metamodel {data['metamodel']!r}, not of {self.metamodel.name!r}"
             hint = "read it with the metamodel that it was written with"
-            self._problem("metamodel", "wrong-metamodel", text, hint)
+            self._problem(("metamodel",), "wrong-metamodel", text, hint)
             return
         name = data.get("name", "model")
         if isinstance(name, str):
             self.model.name = name
         else:
-            self._problem("name", "wrong-type", f"expected a text, not {name!r}", 'write `"name": "..."`')
+            self._problem(("name",), "wrong-type", f"expected a text, not {name!r}", 'write `"name": "..."`')
         objects = data.get("objects")
         if not isinstance(objects, list):
-            self._problem("objects", "wrong-type", "expected a list of objects", 'write `"objects": [ .. ]`')
+            self._problem(
+                ("objects",), "wrong-type", "expected a list of objects", 'write `"objects": [ .. ]`'
+            )
             return
         self._largest = 1_000_000 + 1_000 * len(objects)
         with self.model.loading():
@@ -205,36 +219,36 @@ class _Reader:
             self._read_orders(data.get("orders", []))
 
     def _read_objects(self, objects: list[Any]) -> None:
-        features: list[tuple[str, int, Mapping[str, Any]]] = []
+        features: list[tuple[JsonPath, int, Mapping[str, Any]]] = []
         for index, entry in enumerate(objects):
-            path = f"objects[{index}]"
+            path: JsonPath = ("objects", index)
             node = self._read_object(path, entry)
-            if node is not None and self._is_mapping(f"{path}.features", entry.get("features", {})):
-                features.append((f"{path}.features", node, entry.get("features", {})))
+            if node is not None and self._is_mapping((*path, "features"), entry.get("features", {})):
+                features.append(((*path, "features"), node, entry.get("features", {})))
         for path, node, values in features:
             for name, value in values.items():
-                self._read_feature(f"{path}.{name}", node, name, value)
+                self._read_feature((*path, name), node, name, value)
 
-    def _read_object(self, path: str, entry: Any) -> int | None:
+    def _read_object(self, path: JsonPath, entry: Any) -> int | None:
         if not self._is_mapping(path, entry, ("id", "class", "name", "features")):
             return None
         node, cls, name = entry.get("id"), entry.get("class"), entry.get("name")
         model = self.model
-        if not self._is_id(f"{path}.id", node):
+        if not self._is_id((*path, "id"), node):
             return None
         if model.alive(node):
             message = f"{node} is the id of another object too"
-            self._problem(f"{path}.id", "duplicate-definition", message, "each object has an id of its own")
+            self._problem((*path, "id"), "duplicate-definition", message, "each object has an id of its own")
         elif not isinstance(cls, str):
             message = f"expected the name of a class, not {cls!r}"
-            self._problem(f"{path}.class", "wrong-type", message, 'write `"class": "..."`')
+            self._problem((*path, "class"), "wrong-type", message, 'write `"class": "..."`')
         elif name is not None and not isinstance(name, str):
             message = f"expected a text, not {name!r}"
-            self._problem(f"{path}.name", "wrong-type", message, 'write `"name": "..."`, or leave it out')
+            self._problem((*path, "name"), "wrong-type", message, 'write `"name": "..."`, or leave it out')
         elif name is not None and name in model:
             message = f"another object has the name `{name}` too"
             self._problem(
-                f"{path}.name", "duplicate-definition", message, "choose another name, or leave it out"
+                (*path, "name"), "duplicate-definition", message, "choose another name, or leave it out"
             )
         else:
             try:
@@ -242,10 +256,10 @@ class _Reader:
             except EnvgraphError as error:
                 message, _, hint = str(error).partition("; ")
                 known = [one for one, found in self.metamodel.classes.items() if not found.abstract]
-                self._problem(f"{path}.class", "unknown-class", message, hint or name_hint(cls, known))
+                self._problem((*path, "class"), "unknown-class", message, hint or name_hint(cls, known))
         return None
 
-    def _read_feature(self, path: str, node: int, name: str, value: Any) -> None:
+    def _read_feature(self, path: JsonPath, node: int, name: str, value: Any) -> None:
         cls = self.model.class_of(node)
         feature: Feature | None = self.metamodel.feature(cls, name)
         if feature is None:
@@ -255,13 +269,13 @@ class _Reader:
             self._read_value(path, node, feature, value)
         elif isinstance(value, list):
             for index, target in enumerate(value):
-                self._read_link(f"{path}[{index}]", node, feature, target)
+                self._read_link((*path, index), node, feature, target)
         elif value is not None:
             self._read_link(path, node, feature, value)
 
-    def _read_value(self, path: str, node: int, attribute: Attribute, value: Any) -> None:
+    def _read_value(self, path: JsonPath, node: int, attribute: Attribute, value: Any) -> None:
         if attribute.many and isinstance(value, list):
-            found = [self._value(f"{path}[{i}]", attribute, one) for i, one in enumerate(value)]
+            found = [self._value((*path, i), attribute, one) for i, one in enumerate(value)]
         else:
             found = [] if value is None else [self._value(path, attribute, value)]
         values = [one for one in found if one is not None]
@@ -273,7 +287,7 @@ class _Reader:
             message, _, hint = str(error).partition("\n")[0].partition("; ")
             self._problem(path, "wrong-value", message, hint or "leave some of them out")
 
-    def _value(self, path: str, attribute: Attribute, value: Any) -> Value | None:
+    def _value(self, path: JsonPath, attribute: Attribute, value: Any) -> Value | None:
         """A value as the model takes it; None if it takes no such value, which is reported."""
         if attribute.type is Scalar.FLOAT and isinstance(value, str):
             value = _INFINITIES.get(value, value)
@@ -287,7 +301,7 @@ class _Reader:
             self._problem(path, "wrong-type", message, hint or _value_hint(attribute))
         return None
 
-    def _read_link(self, path: str, source: int, reference: Reference, target: Any) -> None:
+    def _read_link(self, path: JsonPath, source: int, reference: Reference, target: Any) -> None:
         model = self.model
         if type(target) is not int or not model.alive(target):
             self._problem(path, "unknown-object", f"there is no object {target!r}", _ID)
@@ -313,38 +327,38 @@ class _Reader:
             self._problem(path, "wrong-link", str(error).partition("\n")[0], hint)
 
     def _read_next_id(self, next_id: Any) -> None:
-        if not self._is_id("next_id", next_id):
+        if not self._is_id(("next_id",), next_id):
             return
         if next_id < self.model.store.next_id:
             message = f"{next_id} is not above all ids of objects"
             hint = f"write {self.model.store.next_id} or more, or leave it out"
-            self._problem("next_id", "bad-id", message, hint)
+            self._problem(("next_id",), "bad-id", message, hint)
             return
         self.model.store.reserve(next_id)
         self.model.store.next_id = next_id
 
     def _read_orders(self, orders: Any) -> None:
         if not isinstance(orders, list):
-            self._problem("orders", "wrong-type", "expected a list", "write `[ .. ]`, or leave it out")
+            self._problem(("orders",), "wrong-type", "expected a list", "write `[ .. ]`, or leave it out")
             return
         names = {str(reference): reference for reference in self.metamodel.references}
         for index, entry in enumerate(orders):
-            path = f"orders[{index}]"
+            path = ("orders", index)
             if not self._is_mapping(path, entry, ("node", "reference", "sources")):
                 continue
             node, sources, reference = entry.get("node"), entry.get("sources"), entry.get("reference")
             if not isinstance(reference, str) or reference not in names:
                 hint = name_hint(str(reference), names)
                 message = f"unknown reference {reference!r}"
-                self._problem(f"{path}.reference", "unknown-reference", message, hint)
+                self._problem((*path, "reference"), "unknown-reference", message, hint)
             elif type(node) is not int or not self.model.alive(node):
-                self._problem(f"{path}.node", "unknown-object", f"there is no object {node!r}", _ID)
+                self._problem((*path, "node"), "unknown-object", f"there is no object {node!r}", _ID)
             else:
                 self._reorder(
-                    f"{path}.sources", self.model.store.backward[names[reference].index], node, sources
+                    (*path, "sources"), self.model.store.backward[names[reference].index], node, sources
                 )
 
-    def _reorder(self, path: str, column: Ends, node: int, sources: Any) -> None:
+    def _reorder(self, path: JsonPath, column: Ends, node: int, sources: Any) -> None:
         same = isinstance(sources, list) and all(type(source) is int for source in sources)
         if not same or sorted(sources) != sorted(column[node]):
             message = f"expected the ids {sorted(column[node])} in some order"
@@ -354,7 +368,7 @@ class _Reader:
             return
         column[node] = tuple(sources) if len(sources) <= CROWD else IndexedSet(tuple(sources))
 
-    def _is_id(self, path: str, value: Any) -> bool:
+    def _is_id(self, path: JsonPath, value: Any) -> bool:
         if type(value) is not int or value < 0:
             self._problem(path, "bad-id", f"expected an int from 0, not {value!r}", "ids are whole numbers")
         elif value > self._largest:
@@ -365,19 +379,20 @@ class _Reader:
             return True
         return False
 
-    def _is_mapping(self, path: str, value: Any, known: tuple[str, ...] | None = None) -> bool:
+    def _is_mapping(self, path: JsonPath, value: Any, known: tuple[str, ...] | None = None) -> bool:
         if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
             self._problem(path, "wrong-type", "expected an object in braces", "write `{ .. }`")
             return False
         for key in value:
             if known is not None and key not in known:
-                place, hint = f"{path}.{key}" if path else key, name_hint(key, known)
+                place, hint = (*path, key), name_hint(key, known)
                 self._problem(place, "unknown-key", "unknown key", hint)
         return True
 
-    def _problem(self, path: str, code: str, message: str, hint: str | None = None) -> None:
-        self.problems.append(Diagnostic(code, f"`{path}`: {message}" if path else message, hint=hint))
+    def _problem(self, path: JsonPath, code: str, message: str, hint: str | None = None) -> None:
+        where = f"`{json_place(path)}`: " if path else ""
+        self.problems.append(Diagnostic(code, f"{where}{message}", hint=hint, subject=path))
         if len(self.problems) == _MOST_PROBLEMS:
-            text = f"`{path}`: too many mistakes: the rest of the file is not read"
-            self.problems.append(Diagnostic("too-many-errors", text, hint="mend these first"))
+            text = f"{where}too many mistakes: the rest of the file is not read"
+            self.problems.append(Diagnostic("too-many-errors", text, hint="mend these first", subject=path))
             raise _TooMany

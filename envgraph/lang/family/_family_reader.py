@@ -516,7 +516,7 @@ class _Reader:
 
     def _mutation(self, section: _Section) -> MutationSpec:
         rules = section.names("rules")
-        if not rules and not self._has_error("rules"):
+        if section.data.get("rules", []) == []:
             hint = 'write `rules = ["..."]` in `[mutation]`: names of rules, units and derived groups'
             section.error(
                 "missing-key", "the family has no mutation rules", self._text.value("mutation"), hint
@@ -530,9 +530,6 @@ class _Reader:
         )
         section.finish()
         return spec
-
-    def _has_error(self, key: str) -> bool:
-        return any(f"`{key}`" in one.message for one in self.diagnostics)
 
     def _interval(self, section: _Section, key: str, default: tuple[int, int]) -> tuple[int, int]:
         value = section.take(key)

@@ -13,18 +13,13 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from envgraph.errors import Diagnostic, LoadError, Source, Span, sort_diagnostics
-from envgraph.graph import Model, model_from_json
+from envgraph.graph import JsonPath, Model, json_place, model_from_json
 from envgraph.lang.read._model import ModelText
 from envgraph.metamodel import LARGEST_INT, Metamodel
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
-JsonPath = tuple[str | int, ...]
-"""Keys and indices from the root to a value."""
-
-_PLACE = re.compile("`([^`]+)`: ")
-_STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 _LONG = re.compile(r"-?[0-9]{4300,}")
 """Numbers that Python does not read."""
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
@@ -120,8 +115,7 @@ def check_json(value: object, spans: Mapping[JsonPath, Span], schema: Mapping[st
 
 def _schema_problem(error: ValidationError, spans: Mapping[JsonPath, Span]) -> Diagnostic:
     path: JsonPath = tuple(error.absolute_path)
-    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
-    what, wanted = f"`{where}`" if where else "the document", error.validator_value
+    what, wanted = f"`{json_place(path)}`" if path else "the document", error.validator_value
     match error.validator:
         case "type":
             message = f"{what} is {_KINDS[type(error.instance)]}, not {_WANTED[wanted]}"
@@ -267,20 +261,14 @@ def _lone_surrogates(text: str) -> Iterator[re.Match[str]]:
             yield found
 
 
-def _path(problem: Diagnostic, value: object) -> JsonPath:
-    """The way to the value that a message begins with, or to the nearest one around it."""
-    found = _PLACE.match(problem.message)
-    steps: JsonPath = ()
-    for key, index in _STEP.findall(found.group(1)) if found else ():
-        if isinstance(value, dict) and key in value:
-            value = value[key]
-            steps = (*steps, key)
-        elif isinstance(value, list) and index and int(index) < len(value):
-            value = value[int(index)]
-            steps = (*steps, int(index))
-        else:
-            break
-    return steps
+def _path(problem: Diagnostic, value: Any) -> JsonPath:
+    """The way to the value that a problem is about, or to the nearest one around it."""
+    for number, step in enumerate(problem.subject):
+        inside = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
+        if step not in inside:
+            return problem.subject[:number]
+        value = value[step]
+    return problem.subject
 
 
 def _located(source: Source, wanted: AbstractSet[JsonPath]) -> Mapping[JsonPath, Span]:

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from envgraph.errors import Diagnostic, InvalidArgument, Source, Span, TraceError, TypeMismatch, name_hint
-from envgraph.lang.interchange._json import JsonPath, locate
+from envgraph.graph import JsonPath
+from envgraph.lang.interchange._json import locate
 from envgraph.metamodel import Value
 from envgraph.rewrite import TRACE_FORMAT, Engine, Firing, Trace
 

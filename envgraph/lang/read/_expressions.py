@@ -8,7 +8,16 @@ from itertools import takewhile
 
 from lark import Token, Tree
 
-from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, name_hint, sort_diagnostics
+from envgraph.errors import (
+    Diagnostic,
+    Note,
+    Severity,
+    Span,
+    did_you_mean,
+    name_hint,
+    nearest,
+    sort_diagnostics,
+)
 from envgraph.lang.read._ecore_types import ECORE_TYPES
 from envgraph.lang.read._imports import without_consequences
 from envgraph.lang.read._java import (
@@ -284,9 +293,8 @@ def dotted_literal(reading: Reading, owner: str, feature: Token, tree: Tree[Toke
     enum = metamodel.enums.get(owner) if metamodel else None
     if enum is None:
         return None
-    known = feature in enum.literals
-    meant = feature if known else did_you_mean(feature, enum.literals)
-    literal = str(meant).split("`")[1] if meant and not known else str(feature)
+    meant = nearest(feature, enum.literals)
+    literal = str(feature) if meant is None or feature in enum.literals else meant
     hint = f"write `{owner}::{literal}`" if meant else name_hint(feature, enum.literals)
     reading.error("unexpected-token", f"a literal of the enum `{owner}` stands after `::`", tree, hint)
     if not meant:

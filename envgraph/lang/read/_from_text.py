@@ -208,7 +208,9 @@ def _but_last_separators(problems: Sequence[Diagnostic], lexemes: Sequence[Lexem
     def follows(problem: Diagnostic) -> str:
         return lexemes[bisect_left(starts, problem.span.start)].value if problem.span else ""
 
-    return tuple(one for one in problems if one.message != "missing `;`" or follows(one) != "}")
+    return tuple(
+        one for one in problems if one.subject != (";",) or one.code != "missing-token" or follows(one) != "}"
+    )
 
 
 def _of_the_part(problems: Sequence[Diagnostic], start: int, length: int) -> Sequence[Diagnostic]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Note, did_you_mean
+from envgraph.errors import Diagnostic, Note, did_you_mean, nearest
 from envgraph.lang.syntax._hints import VALUE_WORDS, expectation, habit
 from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line, overlapping
 from envgraph.lang.syntax._stack import Level, ParseStack
@@ -142,14 +142,14 @@ class Recovery:
         if lexeme.kind != "NAME" or lexeme.escaped:
             return False
         states = self._stack.states[:height]
-        hint = did_you_mean(lexeme.value, self._words(states)) if len(lexeme.value) > 2 else None
-        if hint is None:
+        meant = nearest(lexeme.value, self._words(states)) if len(lexeme.value) > 2 else None
+        if meant is None:
             return False
-        meant = hint.split("`")[1]
         terminal = self._grammar.core.keywords[meant]
         self._grammar.shift(states, terminal)
         if not self._stack.makes_sense(states, place + 1, self._line_end(index, index + _LOOKAHEAD)):
             return False
+        hint = did_you_mean(lexeme.value, [meant])
         self._report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint)
         self._stack.cut(height)
         self._stack.feed(terminal, replace(lexeme, value=meant), place)
@@ -501,4 +501,5 @@ class Recovery:
             return
         swallowed = lexeme.kind == END and any(one.code in _ENDLESS for one in self._lexical)
         if not swallowed and not overlapping(self._lexical, before):
-            self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes))
+            subject = (lexeme.value,)
+            self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes, subject=subject))

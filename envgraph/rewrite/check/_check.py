@@ -143,7 +143,7 @@ def _left_problems(
 
     def echoes(problem: Diagnostic) -> bool:
         names = {"untyped-source": unknown, "not-enumerable": lowering.unclear}.get(problem.code, set())
-        if any(f"`{name}`" in problem.message for name in names):
+        if not names.isdisjoint(problem.subject):
             return True
         return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
 
@@ -180,10 +180,11 @@ def _with_class(problem: Diagnostic, called: Mapping[str, StaticType | None]) ->
     """Of a variable that has no type where it is: with the class that a call at another place says."""
     if problem.code not in ("untyped-source", "untyped-variable"):
         return problem
-    for name, type_ in called.items():
-        if f"`{name}`" in problem.message and isinstance(type_, ObjectType):
-            return replace(problem, hint=f"write `{name} : {type_.cls}`")
-    return problem
+    name = str(problem.subject[0])
+    type_ = called.get(name)
+    return (
+        replace(problem, hint=f"write `{name} : {type_.cls}`") if isinstance(type_, ObjectType) else problem
+    )
 
 
 def _nodes(part: Rule | Block) -> Iterator[Node]:

@@ -12,9 +12,7 @@ from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
 from envgraph.metamodel import SUPPRESS, Annotation
 from envgraph.pattern import Library, Parameter, Pattern
 
-_GENERATED: Final = re.compile(r"\w#")
-"""In a text: the name of a generated pattern, such as `walk#lhs`."""
-_HIDDEN: Final = re.compile(r"#\d+")
+_HIDDEN: Final = re.compile(r"(?<=`)#\d+(?=`)")
 """In a text: the name of a `_` in an arrow."""
 
 
@@ -54,16 +52,10 @@ def duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diagnostic
 
 
 def left_problems(library: Library, *patterns: Pattern) -> list[Diagnostic]:
-    """What the library says about patterns, without the names of generated ones in its hints."""
-    return [_plain(problem, library) for problem in library.check(*patterns)]
+    """What the library says about patterns, without the names of those `_` that it knows by a number."""
+    return [_plain(problem) for problem in library.check(*patterns)]
 
 
-def _plain(problem: Diagnostic, library: Library) -> Diagnostic:
-    if "`#" in problem.message:
-        hint = None if problem.hint is None else _HIDDEN.sub("_", problem.hint)
-        return replace(problem, message=_HIDDEN.sub("_", problem.message), hint=hint)
-    if problem.hint is None or not _GENERATED.search(problem.hint):
-        return problem
-    quoted = problem.message.split("`")
-    known = [pattern.name for pattern in library.patterns if "#" not in pattern.name]
-    return replace(problem, hint=name_hint(quoted[1], known) if len(quoted) > 1 else None)
+def _plain(problem: Diagnostic) -> Diagnostic:
+    hint = None if problem.hint is None else _HIDDEN.sub("_", problem.hint)
+    return replace(problem, message=_HIDDEN.sub("_", problem.message), hint=hint)

@@ -220,7 +220,8 @@ class LeftLowering:
     def _untyped(self, name: str, span: Span | None) -> None:
         self.untyped.add(name)
         message = f"nothing says of what class `{name}` is"
-        self.problems.append(Diagnostic("untyped-variable", message, span, f"write `{name} : Class`"))
+        hint = f"write `{name} : Class`"
+        self.problems.append(Diagnostic("untyped-variable", message, span, hint, subject=(name,)))
 
     def _nodes(self, left: LeftSide) -> Iterator[Constraint]:
         for node in left.nodes:
