@@ -28,7 +28,7 @@ Texts = dict[str, list[str]]
 
 def questions(engine: Engine) -> Iterator[str]:
     """Ask everything; before each question its name."""
-    for unit, program in engine._units.items():
+    for unit, program in engine.catalog.programs.items():
         yield f"unit {unit}"
         assert program.source
     library = engine.library

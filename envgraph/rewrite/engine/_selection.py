@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import isnan
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from envgraph.errors import InvalidArgument
 from envgraph.match import FREE
 from envgraph.pattern import Expression, value_of
 from envgraph.rewrite._match import Match, Row
+from envgraph.rewrite.engine._catalog import Catalog
 from envgraph.rewrite.run._runner import RuleRunner
 from envgraph.rewrite.run._unit_source import best, read_feature
-
-if TYPE_CHECKING:
-    from envgraph.rewrite.engine._engine import Engine
 
 Choose = Literal["random", "first"] | Callable[[list[Match]], "Match | None"]
 """How one of several matches is chosen: drawn uniformly, the first in their order, or by a function of the user."""
@@ -28,7 +26,12 @@ By = Expression | Callable[[Match], Any]
 
 
 def select(
-    engine: Engine, rule: RuleRunner, rows: Sequence[Row], where: Where | None, by: By | None, top: int | None
+    catalog: Catalog,
+    rule: RuleRunner,
+    rows: Sequence[Row],
+    where: Where | None,
+    by: By | None,
+    top: int | None,
 ) -> list[Row]:
     """The rows for which `where` holds; with `by`, the largest first, ties as they come, and `top` of them.
 
@@ -40,8 +43,8 @@ def select(
         raise InvalidArgument(f"`top` is a number from 1, not {top!r}")
     if top is not None and by is None:
         raise InvalidArgument("`top` says how many: `by` has to say of what order")
-    found = list(among(engine, rule, rows, where))
-    return found if by is None else _best(found, _value(engine, rule, by), rule, top)
+    found = list(among(catalog, rule, rows, where))
+    return found if by is None else _best(found, _value(catalog, rule, by), rule, top)
 
 
 def _best(rows: Sequence[Row], value: Callable[[Row], Any], rule: RuleRunner, top: int | None) -> list[Row]:
@@ -55,13 +58,13 @@ def _best(rows: Sequence[Row], value: Callable[[Row], Any], rule: RuleRunner, to
         raise InvalidArgument(f"`by` cannot put the matches of `{rule.name}` in order: {error}") from error
 
 
-def among(engine: Engine, rule: RuleRunner, rows: Iterable[Row], where: Where | None) -> Iterator[Row]:
+def among(catalog: Catalog, rule: RuleRunner, rows: Iterable[Row], where: Where | None) -> Iterator[Row]:
     """Those of the rows for which `where` holds, as they come; raises as `select`."""
-    return iter(rows) if where is None else filter(_condition(engine, rule, where), rows)
+    return iter(rows) if where is None else filter(_condition(catalog, rule, where), rows)
 
 
 def choose_one(
-    engine: Engine, rule: RuleRunner, rows: Sequence[Row], choose: Choose, pick: Callable[[int], int]
+    catalog: Catalog, rule: RuleRunner, rows: Sequence[Row], choose: Choose, pick: Callable[[int], int]
 ) -> Row | None:
     """One of the rows; None if there is none, or the function wants none.
 
@@ -77,22 +80,22 @@ def choose_one(
     if choose == "first":
         return rows[0]
     assert not isinstance(choose, str)
-    matches = [Match(engine.model, rule.shape, row) for row in rows]
+    matches = [Match(catalog.model, rule.shape, row) for row in rows]
     chosen = choose(matches)
     if chosen is not None and chosen not in matches:
         raise InvalidArgument(f"`choose` has to return one of the matches it was given, not {chosen!r}")
     return None if chosen is None else chosen.row
 
 
-def _condition(engine: Engine, rule: RuleRunner, where: Where) -> Callable[[Row], bool]:
+def _condition(catalog: Catalog, rule: RuleRunner, where: Where) -> Callable[[Row], bool]:
     if isinstance(where, str):
-        return _pattern(engine, rule, where)
-    value = _value(engine, rule, where)
+        return _pattern(catalog, rule, where)
+    value = _value(catalog, rule, where)
     return lambda row: bool(value(row))
 
 
-def _pattern(engine: Engine, rule: RuleRunner, name: str) -> Callable[[Row], bool]:
-    pattern, names = engine.parameters_of(name)
+def _pattern(catalog: Catalog, rule: RuleRunner, name: str) -> Callable[[Row], bool]:
+    pattern, names = catalog.parameters_of(name)
     own = rule.shape.names
     if not set(names) & set(own):
         known = ", ".join(f"`{variable}`" for variable in own) or "none"
@@ -100,16 +103,16 @@ def _pattern(engine: Engine, rule: RuleRunner, name: str) -> Callable[[Row], boo
             f"`{name}` has no parameter that is a variable of `{rule.name}`: these are {known}"
         )
     places = [own.index(parameter) if parameter in own else None for parameter in names]
-    exists = engine.matcher.exists
+    exists = catalog.matcher.exists
     return lambda row: exists(pattern, tuple(FREE if place is None else row[place] for place in places))
 
 
 def _value(
-    engine: Engine, rule: RuleRunner, asked: Expression | Callable[[Match], Any]
+    catalog: Catalog, rule: RuleRunner, asked: Expression | Callable[[Match], Any]
 ) -> Callable[[Row], Any]:
-    model, shape = engine.model, rule.shape
+    model, shape = catalog.model, rule.shape
     if isinstance(asked, Expression):
-        expression = engine.library.resolved(asked)
+        expression = catalog.library.resolved(asked)
         return lambda row: value_of(
             expression,
             dict(zip(shape.names, row, strict=True)),

@@ -74,7 +74,7 @@ class EventRule:
 
     def __init__(
         self,
-        events: Events,
+        conflicts: ConflictSet,
         name: str,
         shape: Shape,
         jobs: Mapping[Event, BoundJob],
@@ -87,7 +87,7 @@ class EventRule:
         self.priority = priority
         self.jobs = jobs
         self.calls = calls
-        self._events = events
+        self._conflicts = conflicts
         self._shape = shape
         self._key = key
         self._here: dict[Row, Activation] = {}
@@ -99,7 +99,7 @@ class EventRule:
     @property
     def activations(self) -> tuple[Activation, ...]:
         """What this rule is about to do, in the order of the conflict set."""
-        return tuple(activation for activation in self._events.pending() if activation.rule is self)
+        return tuple(activation for activation in self._conflicts.pending() if activation.rule is self)
 
     @property
     def active(self) -> bool:
@@ -108,7 +108,7 @@ class EventRule:
 
     def cancel(self) -> None:
         """Do nothing any more; activations of this rule are dropped. The pattern stays watched."""
-        self._events.remove(self)
+        self._conflicts.remove(self)
         self.clear()
 
     def __enter__(self) -> EventRule:
@@ -183,10 +183,10 @@ class EventRule:
             self._gone[row] = self._push("disappear", row, None)
 
     def _push(self, event: Event, row: Row, old: Row | None) -> Activation:
-        model = self._events.engine.model
+        model = self._conflicts.engine.model
         before = None if old is None else Match(model, self._shape, old)
         activation = Activation(self, event, Match(model, self._shape, row), before)
-        self._events.push(activation)
+        self._conflicts.push(activation)
         return activation
 
     def _drop(self, activation: Activation) -> None:
@@ -244,7 +244,7 @@ def paired(
     return pairs, new, [row for row in disappeared if row not in before]
 
 
-class Events:
+class ConflictSet:
     """All event rules of an engine, and their conflict set. A `Follower` of the model, after the matcher.
 
     Invariant: the conflict set is a heap by the order of firing; activations that are not `live` are no longer part of
@@ -438,13 +438,13 @@ class Agenda(Sequence[Activation]):
     Outside of jobs it is empty, unless a job has raised, a rule is new, or a transaction is open.
     """
 
-    __slots__ = ("_events",)
+    __slots__ = ("_conflicts",)
 
-    def __init__(self, events: Events | None) -> None:
-        self._events = events
+    def __init__(self, conflicts: ConflictSet | None) -> None:
+        self._conflicts = conflicts
 
     def _list(self) -> list[Activation]:
-        return [] if self._events is None else list(self._events.pending())
+        return [] if self._conflicts is None else list(self._conflicts.pending())
 
     def __len__(self) -> int:
         return len(self._list())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from envgraph.errors import InvalidArgument, RuleError
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 Strategy = Literal["breadth", "depth"]
 Sameness = Literal["identity", "isomorphism"]
+
+Predicate = str | Callable[["Engine"], bool]
+"""The name of a pattern or rule, which has a match, or a function of the engine."""
 
 Test = Callable[[], bool]
 """Whether something holds in the present state."""
@@ -94,17 +98,8 @@ class UnitMover:
         return tuple(self._run(choice)) or None
 
 
-def movers(
-    engine: Engine,
-    names: Iterable[str],
-    run: Callable[[str, Mapping[str, object], Branches], Sequence[Firing]],
-) -> list[Mover]:
+def _movers(engine: Engine, names: Iterable[str]) -> list[Mover]:
     """The rules and units of these names, each once.
-
-    Args:
-        engine: that has them.
-        names: of rules, groups and units.
-        run: runs a unit with arguments.
 
     Raises:
         InvalidArgument: no name, an unknown one, or a rule or unit that needs values.
@@ -114,19 +109,17 @@ def movers(
     members = dict.fromkeys(member for name in names for member in engine.group(name))
     if not members:
         raise InvalidArgument("name a rule, group or unit")
-    return [_mover(engine, member, run) for member in members]
+    return [_mover(engine, member) for member in members]
 
 
-def _mover(
-    engine: Engine, name: str, run: Callable[[str, Mapping[str, object], Branches], Sequence[Firing]]
-) -> Mover:
+def _mover(engine: Engine, name: str) -> Mover:
     signature = engine.signature(name)
     if signature.kind == "rule":
         return RuleMover(engine.prepare(name))
     required = [f"`{parameter.name}`" for parameter in signature.parameters if parameter.required]
     if required:
         raise InvalidArgument(f"unit `{name}` needs values for {', '.join(required)}")
-    return UnitMover(name, lambda branches: run(name, {}, branches))
+    return UnitMover(name, lambda branches: engine.runs.execute(name, {}, branches, strict=True)[0].firings)
 
 
 @dataclass(slots=True)
@@ -289,3 +282,68 @@ class Search:
             record.goal = number
             return "goal"
         return None
+
+
+def explore(
+    engine: Engine,
+    rules: str | Iterable[str],
+    *,
+    limit: int = 100_000,
+    depth: int | None = None,
+    strategy: Strategy = "breadth",
+    up_to: Sameness = "identity",
+    goal: Predicate | None = None,
+    predicates: Iterable[str] | Mapping[str, Predicate] = (),
+    keep: bool = False,
+) -> Exploration:
+    """The states that rules, groups and units can reach from the present one, and how.
+
+    From each state every rule is applied at every match; a unit runs in every way in which its random choices may
+    turn out. Weights and priorities of rules do not count, and event rules do not fire. Two states are one if
+    they have the same objects with the same values and links. Afterwards the engine is in the state in which it
+    was, also after an exception or Ctrl-C. The result is a function of the state and the arguments.
+
+    Args:
+        rules: names.
+        limit: how many states there may be; with more, the exploration ends, and says so.
+        depth: how many moves a state may be away: deeper ones are not looked for. With strategy "breadth".
+        strategy: "breadth": states with few moves first, so that paths are the shortest; or "depth".
+        up_to: "isomorphism": states that differ by ids alone are one. Rules that create objects need it, where
+            they come back to what was there before.
+        goal: where to stop: the name of a pattern or rule, which has a match then, or a function of the engine.
+            Functions only look at the model.
+        predicates: names, or names of your choice for such goals; asked of every state.
+        keep: hold a version of every state, for `checkout`. Uncommitted changes are committed first.
+
+    Raises:
+        InvalidArgument: an unknown name, a unit or rule that needs values, a limit below 1, an impossible depth.
+        TransactionError: versions are to be kept, inside a transaction.
+        RuleError, EvaluationError: a rule or unit is wrong; not if the model only refuses an application.
+    """
+    if isinstance(predicates, str):
+        predicates = (predicates,)
+    if not isinstance(predicates, Iterable):
+        raise InvalidArgument(f"predicates are given by their names, not as {predicates!r}")
+    asked = predicates if isinstance(predicates, Mapping) else {name: name for name in predicates}
+    search = Search(
+        engine.model,
+        _movers(engine, [rules] if isinstance(rules, str) else rules),
+        {name: _test(engine, predicate) for name, predicate in asked.items()},
+        None if goal is None else _test(engine, goal),
+        limit,
+        depth,
+        strategy,
+        up_to,
+        keep,
+    )
+    with engine.runs.aside():
+        return search.run()
+
+
+def _test(engine: Engine, predicate: Predicate) -> Callable[[], bool]:
+    if callable(predicate):
+        return lambda: bool(predicate(engine))
+    if not isinstance(predicate, str):
+        raise InvalidArgument(f"a predicate is the name of a pattern or a function, not {predicate!r}")
+    _, pattern, free = engine.queries.question(predicate)
+    return partial(engine.matcher.exists, pattern, free)

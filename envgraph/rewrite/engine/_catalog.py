@@ -1,0 +1,343 @@
+"""What has been defined for an engine: names of patterns, rules, units and groups, and what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from math import isfinite
+from typing import Any, NamedTuple, cast
+
+from envgraph.errors import InvalidArgument, TypeMismatch
+from envgraph.graph import Model, Node
+from envgraph.match import Matcher, ViewMatcher
+from envgraph.metamodel import Scalar, Value, accepts, type_name
+from envgraph.pattern import Applicable, Call, Derivation, If, Library, ObjectType, Pattern, Rule, Step, Unit
+from envgraph.rewrite._match import Shape
+from envgraph.rewrite._names import Directory, Signature
+from envgraph.rewrite.check._unit_check import applicable, inner_steps
+from envgraph.rewrite.derive._derive import derived_rules
+from envgraph.rewrite.engine._functions import PythonUnit
+from envgraph.rewrite.engine._losses import Loss, losses
+from envgraph.rewrite.engine._register import Definition
+from envgraph.rewrite.events._jobs import job_name
+from envgraph.rewrite.run._notices import Notices
+from envgraph.rewrite.run._runner import GraphRule, PythonRule, RuleRunner
+from envgraph.rewrite.run._units import UnitProgram
+
+
+class Asked(NamedTuple):
+    """What has matches, under one of its names.
+
+    Attributes:
+        shape: of the matches.
+        pattern: qualified name of what is matched.
+        needed: the variables that have to be bound: nothing enumerates their values.
+    """
+
+    shape: Shape
+    pattern: str
+    needed: tuple[str, ...]
+
+
+class Catalog:
+    """Names of patterns, rules, units and groups over one model, and what they mean.
+
+    Attributes:
+        model: the model.
+        library: the registered patterns.
+        matcher: finds the matches.
+        directory: the signatures of everything that can be called.
+        runners: rules by their qualified names, members of groups included.
+        programs: units by their qualified names.
+        members: of each group, qualified names of its rules.
+        written: rules, units and derivations as they were added.
+        notices: what applications have come upon.
+        memos: dicts with what was found under names; emptied as soon as one may mean something else.
+    """
+
+    def __init__(self, model: Model, library: Library, matcher: Matcher) -> None:
+        self.model = model
+        self.library = library
+        self.matcher = matcher
+        self.directory = Directory()
+        self.runners: dict[str, RuleRunner] = {}
+        self.programs: dict[str, UnitProgram] = {}
+        self.members: dict[str, tuple[str, ...]] = {}
+        self.written: dict[str, Rule | Unit | Derivation] = {}
+        self.notices = Notices()
+        self._asked: dict[str, Asked] = {}
+        self.memos: list[dict[Any, Any]] = [self._asked]
+
+    def forget(self) -> None:
+        """Names may mean something else now."""
+        for memo in self.memos:
+            memo.clear()
+
+    @property
+    def views(self) -> ViewMatcher:
+        """The matcher, if it can watch.
+
+        Raises:
+            InvalidArgument: it cannot.
+        """
+        if not isinstance(self.matcher, ViewMatcher):
+            raise InvalidArgument("the naive matcher keeps nothing current: it cannot watch")
+        return self.matcher
+
+    # --- what there is
+
+    def free_name(self, function: Callable[..., object], name: str | None, weight: float) -> str:
+        """What a function is registered as.
+
+        Raises:
+            InvalidArgument: it is no function, the name is taken, or the weight is none.
+        """
+        if not callable(function):
+            raise InvalidArgument(f"a function is registered, not {function!r}")
+        if not (weight > 0 and isfinite(weight)):
+            raise InvalidArgument(f"a weight is a number above 0, not {weight}")
+        own = name or job_name(function)
+        if own in self.directory.signatures or own in self.library.names():
+            raise InvalidArgument(f"`{own}` is defined already")
+        return own
+
+    @property
+    def definitions(self) -> tuple[Definition, ...]:
+        """The declared functions, patterns, rules, units and derivations as they were added."""
+        functions = [function.declaration for function in self.library.functions.values()]
+        patterns = [pattern for pattern in self.library.patterns if "#" not in pattern.name]
+        return (*functions, *patterns, *self.written.values())
+
+    def definition(self, name: str) -> Definition:
+        """A pattern, rule, unit or derivation as it was added, for `to_text`; of a derived rule, what it is.
+
+        Raises:
+            InvalidArgument: an unknown name, or a Python function, of which there is no data.
+        """
+        qualified = self.everything().resolve(name, "pattern, rule, unit or group")
+        if qualified in self.written:
+            return self.written[qualified]
+        group = next((group for group, members in self.members.items() if qualified in members), None)
+        if group is not None:
+            derivation = cast("Derivation", self.written[group])
+            rules = derived_rules(derivation, self.model.metamodel)
+            return next(rule for rule in rules if rule.qualified_name == qualified)
+        if qualified in self.runners or qualified in self.programs:
+            raise InvalidArgument(f"`{name}` is a Python function, of which there is no data")
+        return self.library.get(qualified)
+
+    def group(self, name: str) -> tuple[str, ...]:
+        """Qualified names of the rules of a derivation; of the rule itself, for a rule; of the unit, for a unit."""
+        qualified = self.directory.resolve(name)
+        return self.members.get(qualified, (qualified,))
+
+    def signature(self, name: str) -> Signature:
+        """What a rule, unit or group is called with."""
+        return self.directory.signatures[self.directory.resolve(name)]
+
+    def prepare(self, rule: str) -> RuleRunner:
+        """The fast, unchecked interface of a rule, for loops that apply it often.
+
+        Raises:
+            InvalidArgument: an unknown rule.
+        """
+        qualified = self.directory.resolve(rule, "rule")
+        if qualified not in self.runners:
+            kind = self.directory.signatures[qualified].kind
+            raise InvalidArgument(f"`{rule}` is a {kind}, not a rule")
+        return self.runners[qualified]
+
+    def losses(self, name: str, cls: str | None, known: Mapping[str, bool]) -> tuple[Loss, ...]:
+        """The actions by which a rule, or what a unit calls, may take an object away; not those of Python functions.
+
+        Args:
+            name: of the rule or unit.
+            cls: class of the object, None if it is not known; it is lost, too, when it is no longer of the class.
+            known: parameters that are the object (True), or surely another one (False). What a unit hands on to what
+                it calls is not followed: of that, classes alone tell.
+
+        Raises:
+            InvalidArgument: an unknown name.
+        """
+        called = {self.directory.resolve(name): dict(known)}
+        waiting = list(called)
+        found: dict[Loss, None] = {}
+        for one in waiting:
+            fresh: Iterable[str] = self.members.get(one, ())
+            if isinstance(definition := self.written.get(one), Unit):
+                fresh = sorted(self.called(definition))
+            rule = self.runners.get(one)
+            if isinstance(rule, GraphRule):
+                found |= dict.fromkeys(losses(rule.plan, self.model.metamodel, cls, called[one]))
+            waiting += [each for each in fresh if each not in called]
+            called |= {each: {} for each in fresh if each not in called}
+        return tuple(found)
+
+    # --- from names to patterns
+
+    def pattern(self, name: str) -> Pattern:
+        """The pattern of a name.
+
+        Raises:
+            InvalidArgument: there is none.
+        """
+        found = self.library.resolve(name)
+        if found is None or "#" in found.name:
+            self.everything().resolve(name, "pattern")
+            raise InvalidArgument(f"`{name}` is not a pattern")
+        return found
+
+    def shape_of(self, pattern: Pattern) -> Shape:
+        """What the matches of a pattern have in common."""
+        names = tuple(parameter.name for parameter in pattern.parameters)
+        return Shape(pattern.qualified_name, names, self.library.parameter_types(pattern.qualified_name))
+
+    def everything(self) -> Directory:
+        """The directory with the patterns in it."""
+        directory = Directory(self.directory.signatures.values())
+        for pattern in self.library.patterns:
+            if "#" not in pattern.name:
+                directory.add(Signature(pattern.qualified_name, "rule", pattern.package))
+        return directory
+
+    def asked(self, name: str) -> Asked:
+        """What is meant by the name of something that has matches.
+
+        Raises:
+            InvalidArgument: it means nothing, or what has no matches.
+        """
+        if not isinstance(name, str):
+            raise InvalidArgument(f"a pattern or rule is given by its name, not as {name!r}")
+        if name not in self._asked:
+            shape, pattern = self._find(name)
+            needed = tuple(shape.names[position] for position in self.library.inputs(pattern))
+            self._asked[name] = Asked(shape, pattern, needed)
+        return self._asked[name]
+
+    def parameters_of(self, name: str) -> tuple[str, tuple[str, ...]]:
+        """Qualified name and parameters of a pattern."""
+        asked = self.asked(name)
+        return asked.pattern, asked.shape.names
+
+    def _find(self, name: str) -> tuple[Shape, str]:
+        qualified = self.everything().resolve(name, "pattern or rule")
+        if qualified in self.runners:
+            runner = self.runners[qualified]
+            return runner.shape, runner.pattern
+        if qualified in self.members or qualified in self.programs:
+            kind = self.directory.signatures[qualified].kind
+            rules = ", ".join(f"`{member}`" for member in self.members.get(qualified, ()))
+            hint = f"; ask for one of its rules: {rules}" if rules else ""
+            raise InvalidArgument(f"`{name}` is a {kind}, which has no matches of its own{hint}")
+        pattern = self.library.get(qualified)
+        return self.shape_of(pattern), qualified
+
+    # --- who uses what
+
+    def owners(self) -> Callable[[str], str]:
+        """The definition that a pattern or a rule was made for; most are made for themselves."""
+        groups = {member: group for group, members in self.members.items() for member in members}
+
+        def owner(name: str) -> str:
+            base = name.partition("#")[0]
+            return groups.get(base, base)
+
+        return owner
+
+    def uses(self) -> dict[str, set[str]]:
+        """What each definition uses, without what it was made into."""
+        owner = self.owners()
+        found: dict[str, set[str]] = {}
+        for name in self.library.names():
+            found.setdefault(owner(name), set()).update(map(owner, self.library.called(name)))
+        for name, rule in self.runners.items():
+            if isinstance(rule, PythonRule):
+                found.setdefault(name, set()).add(owner(rule.pattern))
+        for name, definition in self.written.items():
+            if isinstance(definition, Unit):
+                found.setdefault(name, set()).update(map(owner, self.called(definition)))
+        return {name: used - {name} for name, used in found.items()}
+
+    def portable(self) -> list[Definition]:
+        """The definitions that can be added to another engine: none that calls a Python function."""
+        functions = {name for name, rule in self.runners.items() if isinstance(rule, PythonRule)}
+        functions |= {name for name, unit in self.programs.items() if isinstance(unit, PythonUnit)}
+        found = list(self.definitions)
+        while functions:
+            calling = [one for one in found if isinstance(one, Unit) and self.called(one) & functions]
+            functions = {unit.qualified_name for unit in calling}
+            found = [one for one in found if one not in calling]
+        return found
+
+    def called(self, unit: Unit) -> set[str]:
+        """Qualified names of what a unit calls."""
+        steps: list[Step] = [unit.body]
+        for step in steps:
+            steps += inner_steps(step)
+        asked = [applicable(step.condition) for step in steps if isinstance(step, If)]
+        names = [one.name for one in (*steps, *asked) if isinstance(one, Call | Applicable)]
+        return {found for name in names for found in self.directory.candidates(name, unit.package)}
+
+    # --- from values to ids
+
+    def ids(self, shape: Shape, bound: Mapping[str, object]) -> dict[str, Value]:
+        """Values for variables, checked, objects as ids.
+
+        Raises:
+            InvalidArgument: an unknown variable, a node of another model, or an object that there is not.
+            TypeMismatch: a value of the wrong type.
+        """
+        found: dict[str, Value] = {}
+        for name, value in bound.items():
+            if name not in shape.names:
+                self._check_output(shape, name)
+            position = shape.position(name)
+            found[name] = self._id(shape, position, value)
+        return found
+
+    def _check_output(self, shape: Shape, name: str) -> None:
+        """What a rule creates can be an `out` parameter without being a variable of its matches."""
+        signature = self.directory.signatures.get(shape.definition)
+        if signature is not None and any(one.output and one.name == name for one in signature.parameters):
+            raise InvalidArgument(
+                f"`{name}` is an `out` parameter of `{shape.definition}`, which creates it: "
+                "it takes no value, and is in the `outputs` of the application"
+            )
+
+    def _id(self, shape: Shape, position: int, value: object) -> Value:
+        type_ = shape.types[position]
+        if isinstance(type_, ObjectType):
+            if isinstance(value, Node) and value.model is not self.model:
+                raise InvalidArgument(f"{value!r} is an object of another model")
+            if isinstance(value, Node) or type(value) is int:
+                node = value.id if isinstance(value, Node) else value
+                if not self.model.alive(node):
+                    raise InvalidArgument(
+                        f"`{shape.names[position]}` of `{shape.definition}` is object {node}, which there is not: "
+                        "it was never created, was deleted, or was undone"
+                    )
+                return node
+            wanted = f"a `{type_.cls}`"
+        elif accepts(type_, value):
+            return float(value) if type_ is Scalar.FLOAT else cast("Value", value)  # type: ignore[arg-type]
+        else:
+            wanted = f"`{type_name(type_)}`"
+        raise TypeMismatch(f"`{shape.names[position]}` of `{shape.definition}` takes {wanted}, not {value!r}")
+
+
+def bindings(bound: Mapping[str, object] | None, values: Mapping[str, object]) -> Mapping[str, object]:
+    """The values of variables from both ways in which people say them: a mapping, and keywords.
+
+    Raises:
+        InvalidArgument: `bound` is no mapping from names, or a variable is in both.
+    """
+    if bound is None:
+        return values
+    if not isinstance(bound, Mapping) or not all(isinstance(name, str) for name in bound):
+        raise InvalidArgument(
+            f"`bound` is a mapping from variables to their values, not {bound!r}; "
+            "a variable of that name is given as `bound={'bound': ..}`"
+        )
+    twice = next((name for name in bound if name in values), None)
+    if twice is not None:
+        raise InvalidArgument(f"`{twice}` is given twice: in `bound`, and by itself")
+    return {**bound, **values}

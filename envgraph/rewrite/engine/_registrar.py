@@ -1,0 +1,231 @@
+"""Definitions are checked, added, removed and replaced: who uses them, and what has to be worked out anew."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from copy import copy
+
+from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
+from envgraph.match import ViewMatcher
+from envgraph.pattern import FunctionDeclaration, Library, Pattern
+from envgraph.rewrite._names import Directory
+from envgraph.rewrite.check._well_formed import mistake_in
+from envgraph.rewrite.engine._catalog import Catalog
+from envgraph.rewrite.engine._notification import Events
+from envgraph.rewrite.engine._register import Definition, Registration
+from envgraph.rewrite.run._runner import PythonRule, graph_rule
+from envgraph.rewrite.run._units import unit_program
+
+
+class Registrar:
+    """Changes what is defined in a catalog; `events` has event rules and listeners, which use definitions, too."""
+
+    def __init__(self, catalog: Catalog, events: Events) -> None:
+        self._catalog = catalog
+        self._events = events
+
+    def check(self, *definitions: Definition) -> list[Diagnostic]:
+        """All errors and warnings that `add` would find; nothing is added."""
+        return self._registration(definitions).problems
+
+    def add(self, *definitions: Definition) -> None:
+        """Register patterns, rules, units, derivations and declarations of functions, which may refer to each other.
+
+        Raises:
+            ResolutionError: at least one has an error; all errors together. Nothing is added.
+            InvalidArgument: something that is no definition, or a definition with a part of the wrong type.
+        """
+        self._install(self._sound(self._registration(definitions)), definitions)
+
+    def remove(self, *names: str) -> None:
+        """Forget patterns, rules, units and derivations; what `prepare` gave for them is of no more use.
+
+        Raises:
+            InvalidArgument: an unknown name, a single rule of a derivation, or something that is used by what stays:
+                definitions, event rules and listeners, which are named. Nothing is removed.
+        """
+        known = self._catalog.everything()
+        gone = dict.fromkeys(known.resolve(name, "pattern, rule, unit or group") for name in names)
+        users = [
+            user for user, used in self._catalog.uses().items() if user not in gone and used & gone.keys()
+        ]
+        texts = [f"{self._kind(user)} `{user}`" for user in users]
+        self._check_free(gone, [*texts, *self._events.users(gone)])
+        self._drop(gone)
+
+    def replace(self, *definitions: Definition) -> None:
+        """Register definitions in the place of those that have their names.
+
+        What uses a replaced one is checked and worked out again, too, and what `prepare` gave for any of these is of no
+        more use. What was watched is watched again as soon as there is no state to go back to.
+
+        Raises:
+            ResolutionError: a definition has an error, or one that uses it has one then; all errors together.
+            InvalidArgument: something that is no definition or whose name is not there, or a single rule of a
+                derivation; or a Python rule, an event rule or a listener uses what is replaced. Nothing is replaced
+                then.
+        """
+        self._check_given(definitions)
+        new = [one.qualified_name for one in definitions if not isinstance(one, FunctionDeclaration)]
+        replaced = dict.fromkeys(new)
+        self._check_there(replaced)
+        affected = self._with_users(replaced)
+        functions = [
+            f"rule `{name}`"
+            for name in affected
+            if name not in replaced and isinstance(self._catalog.runners.get(name), PythonRule)
+        ]
+        self._check_free(replaced, [*functions, *self._events.users(affected)])
+        others = [
+            one
+            for one in self._catalog.definitions
+            if one.qualified_name in affected and one.qualified_name not in new
+        ]
+        library = copy(self._catalog.library)
+        library.remove(self._patterns_of(affected))
+        everything = (*definitions, *others)
+        registration = self._sound(self._registration(everything, library, self._kept(affected)))
+        matcher = self._catalog.matcher
+        before = matcher.watched if isinstance(matcher, ViewMatcher) else ()
+        watched = [name for name in self._patterns_of(affected) if name in before]
+        self._drop(affected)
+        self._install(registration, everything)
+        known = self._catalog.library
+        again = [known.get(name) for name in watched if name in known.names()]
+        self._watch(pattern for pattern in again if pattern.strategy != "search")
+
+    # --- adding
+
+    def _sound(self, registration: Registration) -> Registration:
+        """What was checked, without errors.
+
+        Raises:
+            ResolutionError: it has some.
+        """
+        if has_errors(registration.problems):
+            raise ResolutionError([p for p in registration.problems if p.severity is Severity.ERROR])
+        return registration
+
+    def _install(self, registration: Registration, definitions: Sequence[Definition]) -> None:
+        """Register definitions that were checked."""
+        catalog = self._catalog
+        model, library, matcher = catalog.model, catalog.library, catalog.matcher
+        library.functions = registration.functions
+        library.add(*registration.all_patterns)
+        catalog.directory = registration.directory
+        catalog.forget()
+        for plan in registration.plans:
+            runner = graph_rule(plan, model, library, matcher, catalog.notices.existing_link)
+            catalog.runners[plan.name] = runner
+        for definition in definitions:
+            if not isinstance(definition, Pattern | FunctionDeclaration):
+                catalog.written[definition.qualified_name] = definition
+        catalog.members.update(registration.groups)
+        for checked in registration.units:
+            signature = catalog.directory.signatures[checked.unit.qualified_name]
+            catalog.programs[signature.name] = unit_program(
+                checked, signature, catalog.runners, catalog.programs, catalog.group, model, matcher
+            )
+        self._watch(one for one in definitions if isinstance(one, Pattern) and one.strategy == "incremental")
+
+    def _watch(self, patterns: Iterable[Pattern]) -> None:
+        """Keep patterns current as soon as there is no state to go back to."""
+        if isinstance(self._catalog.matcher, ViewMatcher):
+            self._catalog.matcher.watch_later(*(pattern.qualified_name for pattern in patterns))
+
+    def _registration(
+        self,
+        definitions: Sequence[Definition],
+        library: Library | None = None,
+        directory: Directory | None = None,
+    ) -> Registration:
+        """Definitions checked against those that there are, or against others."""
+        self._check_given(definitions)
+        return Registration(
+            definitions, library or self._catalog.library, directory or self._catalog.directory
+        )
+
+    def _check_given(self, definitions: Sequence[Definition]) -> None:
+        """Refuse what is no definition.
+
+        Raises:
+            InvalidArgument: it is none, or has a part of the wrong type.
+        """
+        strange: list[object] = [one for one in definitions if not isinstance(one, Definition)]
+        if strange:
+            hint = ": `envgraph.lang.from_text` reads definitions" if isinstance(strange[0], str) else ""
+            raise InvalidArgument(f"a pattern, rule, unit or derivation is added, not {strange[0]!r}{hint}")
+        for one in definitions:
+            mistake = None if one.span is not None else mistake_in(one)
+            if mistake is not None:
+                raise InvalidArgument(f"{mistake}; `envgraph.Rule` and its like take texts, too")
+
+    # --- who uses what
+
+    def _kind(self, name: str) -> str:
+        signature = self._catalog.directory.signatures.get(name)
+        return "pattern" if signature is None else signature.kind
+
+    def _with_users(self, names: Collection[str]) -> dict[str, None]:
+        """Definitions, and those that use them, directly or not."""
+        uses, found = self._catalog.uses(), dict.fromkeys(names)
+        size = -1
+        while size != len(found):
+            size = len(found)
+            found.update((user, None) for user, used in uses.items() if used & found.keys())
+        return found
+
+    def _check_there(self, names: Collection[str]) -> None:
+        """What has another package is most likely meant with that."""
+        known = self._catalog.everything()
+        texts = []
+        for name in names:
+            if name in known.signatures:
+                continue
+            found = known.candidates(name) or known.candidates(name.rpartition(".")[2])
+            packages = [known.signatures[one].package for one in found]
+            advice = [f'give it `package="{one}"`' if one else "leave its package out" for one in packages]
+            hint = " or ".join(advice) or known.hint(name)
+            texts.append(f"`{name}`" + (f" ({hint})" if hint else ""))
+        if texts:
+            verb = "is" if len(texts) == 1 else "are"
+            raise InvalidArgument(f"{', '.join(texts)} {verb} not there to be replaced; `add` adds new ones")
+
+    def _check_free(self, names: Collection[str], users: Collection[str]) -> None:
+        owner = self._catalog.owners()
+        for name in names:
+            if owner(name) != name:
+                raise InvalidArgument(f"`{name}` is a rule of `{owner(name)}`: name the whole group")
+        if users:
+            what = ", ".join(f"`{name}`" for name in names)
+            verb = "is" if len(names) == 1 else "are"
+            raise InvalidArgument(
+                f"{what} {verb} used by {', '.join(users)}: remove these first, or together"
+            )
+
+    # --- removing
+
+    def _patterns_of(self, names: Collection[str]) -> list[str]:
+        """All patterns of definitions, those included that they were made into."""
+        owner = self._catalog.owners()
+        return [pattern for pattern in self._catalog.library.names() if owner(pattern) in names]
+
+    def _kept(self, names: Collection[str]) -> Directory:
+        """The directory without these definitions."""
+        owner, signatures = self._catalog.owners(), self._catalog.directory.signatures
+        return Directory(signature for name, signature in signatures.items() if owner(name) not in names)
+
+    def _drop(self, names: Collection[str]) -> None:
+        """Forget definitions that nothing uses."""
+        catalog, patterns, owner = self._catalog, self._patterns_of(names), self._catalog.owners()
+        if isinstance(catalog.matcher, ViewMatcher):
+            catalog.matcher.unwatch(*patterns)
+        catalog.library.remove(patterns)
+        catalog.directory = self._kept(names)
+        for rule in [rule for rule in catalog.runners if owner(rule) in names]:
+            del catalog.runners[rule]
+        for known in (catalog.programs, catalog.members, catalog.written):
+            for name in names:
+                known.pop(name, None)
+        catalog.matcher.forget()
+        catalog.forget()

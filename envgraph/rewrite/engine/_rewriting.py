@@ -1,0 +1,332 @@
+"""Rules and units are applied: at one match, at all, at a chosen one, by chance, or as it was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError
+from envgraph.metamodel import Value
+from envgraph.rewrite._match import Application, Firing, Match, Row
+from envgraph.rewrite.engine._catalog import Catalog, bindings
+from envgraph.rewrite.engine._history import EngineHistory
+from envgraph.rewrite.engine._notification import NOTHING, Events
+from envgraph.rewrite.engine._runs import Runs
+from envgraph.rewrite.engine._selection import By, Choose, Where, among, choose_one, select
+from envgraph.rewrite.engine._trace import Trace
+from envgraph.rewrite.run._run import (
+    draw_weighted,
+    fire_one_of,
+)
+from envgraph.rewrite.run._runner import NO_ARGUMENTS, REFUSALS, PythonRule, Randomness, RuleRunner, draw
+from envgraph.rewrite.run._units import UnitProgram
+
+if TYPE_CHECKING:
+    pass
+
+
+class Rewriting:
+    """Applies what a catalog defines; notes it in the history, and lets event rules fire afterwards."""
+
+    def __init__(self, catalog: Catalog, events: Events, history: EngineHistory, runs: Runs) -> None:
+        self._catalog = catalog
+        self._model = catalog.model
+        self._events = events
+        self._history = history
+        self._runs = runs
+        self._choices: dict[tuple[str, ...], list[RuleRunner | UnitProgram]] = {}
+        self._named: dict[str, RuleRunner] = {}
+        catalog.memos += [self._choices, self._named]
+
+    def apply(
+        self,
+        rule: str,
+        match: Match | None = None,
+        /,
+        *,
+        choose: Choose = "random",
+        where: Where | None = None,
+        by: By | None = None,
+        bound: Mapping[str, object] | None = None,
+        **values: object,
+    ) -> Application | None:
+        """Apply a rule at a match, or at one that is chosen among those that agree with the arguments.
+
+        Where the model refuses the rule at the match that was drawn, another one is drawn of the rest; "first" and `by`
+        go on to the next. Of a group (a derivation), a rule is drawn by weight among those that match, and likewise
+        another one if it is refused at all of them.
+
+        Args:
+            rule: its name.
+            match: a match of the rule, or None.
+            choose: "random", drawn uniformly; "first", the first of `matches`; or a function that is given a list of
+                matches, and returns one, or None for none.
+            where: the matches to choose among: those for which a pattern of this name has a match, with its parameters
+                bound to the variables of the same names; or for which an expression or a function of the match is true.
+            by: an expression over the variables of the match, or a function of it: the match with the largest value is
+                taken, the first of several.
+            bound, **values: values of variables of the match, as in `matches`.
+
+        Returns:
+            What was done; None if there is no match.
+
+        Raises:
+            InvalidArgument: an unknown rule or variable, a match of something else, or a choice that is none.
+            RuleError: the match is none any more, or the rule is refused there; else it is refused at every match. The
+                model is as before.
+        """
+        arguments = values if bound is None else bindings(bound, values)
+        if choose != "random" or where is not None or by is not None:
+            if match is not None or (by is not None and choose != "random"):
+                raise InvalidArgument("one of `match`, `choose` and `by` says where the rule is applied")
+            with self._events.holding() or NOTHING:
+                return self._apply_chosen(rule, choose, where, by, arguments)
+        holding = self._events.holding()
+        if holding is None:
+            return self._apply(rule, match, arguments)
+        with holding:
+            return self._apply(rule, match, arguments)
+
+    def apply_all(
+        self,
+        rule: str,
+        /,
+        *,
+        where: Where | None = None,
+        by: By | None = None,
+        top: int | None = None,
+        bound: Mapping[str, object] | None = None,
+        **values: object,
+    ) -> list[Application]:
+        """Apply a rule at each of the matches of now that still is one when its turn comes and is not refused.
+
+        Args:
+            rule: its name.
+            where: only at these matches; see `apply`.
+            by: the largest value first, ties as the matches come; see `apply`.
+            top: only at so many of the first; with `by`.
+            bound, **values: values of variables of the match, as in `matches`.
+
+        Returns:
+            What was done, in order.
+
+        Raises:
+            InvalidArgument: an unknown rule or variable, or an impossible selection.
+            RuleError: the matches of a `forall` are in conflict. The model is as before.
+        """
+        with self._events.holding() or NOTHING:
+            runner = self._catalog.prepare(rule)
+            rows = runner.rows_known(self._catalog.ids(runner.shape, bindings(bound, values)))
+            rows = select(self._catalog, runner, rows, where, by, top)
+            self._history.notice()
+            done: list[Application] = []
+            with self._model.transaction():
+                for row in rows:
+                    if runner.still_holds(row):
+                        try:
+                            done.append(runner.application(row, runner.fire(row)))
+                        except RuleError as error:
+                            if error.reason not in REFUSALS:
+                                raise
+            self._history.record([application.firing for application in done])
+            return done
+
+    def _apply_chosen(
+        self,
+        rule: str,
+        choose: Choose,
+        where: Where | None,
+        by: By | None,
+        arguments: Mapping[str, object],
+    ) -> Application | None:
+        runner = self._catalog.prepare(rule)
+        known = self._catalog.ids(runner.shape, arguments)
+        rows: Sequence[Row] | None = None
+        if choose == "first" and by is None:
+            row = next(among(self._catalog, runner, runner.seek_known(known), where), None)
+        else:
+            rows = select(self._catalog, runner, runner.rows_known(known), where, by, None)
+            row = choose_one(self._catalog, runner, rows, choose if by is None else "first", self._pick)
+        if row is None:
+            return None
+        self._history.notice()
+        try:
+            result = runner.fire(row)
+        except RuleError as error:
+            if callable(choose):
+                raise
+            if rows is None:
+                rows = select(self._catalog, runner, runner.rows_known(known), where, by, None)
+            drawn = choose == "random" and by is None
+            row, result = self._fire_elsewhere(runner, rows, row, error, drawn)
+        self._history.record([Firing(runner.name, row)])
+        return runner.application(row, result)
+
+    def _pick(self, count: int) -> int:
+        return draw(self._runs.rng, count)
+
+    def _fire_elsewhere(
+        self, runner: RuleRunner, rows: Sequence[Row], row: Row, error: RuleError, drawn: bool = True
+    ) -> tuple[Row, Sequence[Any]]:
+        """A rule was refused at one of the rows: apply it at another one, drawn, or the next of them.
+
+        Raises:
+            RuleError: it is refused at all of them.
+        """
+        number = rows.index(row)
+        try:
+            if drawn:
+                return runner.fire_another(rows, number, error, self._pick)
+            return runner.fire_next(list(rows[number + 1 :]), error)
+        except RuleError as last:
+            if len(rows) == 1 or last.reason not in REFUSALS:
+                raise
+            raise last.everywhere(f"each of the {len(rows)} matches") from None
+
+    def _apply(self, rule: str, match: Match | None, arguments: Mapping[str, object]) -> Application | None:
+        runner = self._named.get(rule)
+        if runner is None:
+            qualified = self._catalog.directory.resolve(rule)
+            if qualified in self._catalog.members:
+                return self._apply_group(qualified, match, arguments)
+            runner = self._named[rule] = self._catalog.prepare(rule)
+        if self._history.recorders:
+            self._history.notice()
+        if match is not None:
+            if arguments:
+                raise InvalidArgument("give a match or arguments, not both")
+            row = self._row_of(runner, match)
+            result = runner.apply_checked(row)
+        else:
+            known = self._catalog.ids(runner.shape, arguments) if arguments else NO_ARGUMENTS
+            found = runner.pick_known(self._runs.rng, known)
+            if found is None:
+                return None
+            try:
+                row, result = found, runner.fire(found)
+            except RuleError as error:
+                row, result = self._fire_elsewhere(runner, runner.rows_known(known), found, error)
+        if self._history.recorders:
+            self._history.record([Firing(runner.name, row)])
+        return runner.application(row, result)
+
+    def _apply_group(
+        self, group: str, match: Match | None, arguments: Mapping[str, object]
+    ) -> Application | None:
+        if arguments:
+            raise InvalidArgument(f"`{group}` is a group: its rules have no arguments in common")
+        if match is not None:
+            if match.definition not in self._catalog.members[group]:
+                raise InvalidArgument(f"{match!r} is no match of a rule of `{group}`")
+            return self.apply(match.definition, match)
+        self._history.notice()
+        run = self._runs.begin()
+        found = fire_one_of(run, [self._catalog.runners[member] for member in self._catalog.members[group]])
+        if found is None:
+            if run.refusal is not None:
+                raise run.refusal.everywhere(f"each match of a rule of `{group}`")
+            return None
+        runner, row, result = found
+        self._history.record([Firing(runner.name, row)])
+        return runner.application(row, result)
+
+    def _row_of(self, runner: RuleRunner, match: Match) -> Row:
+        if match.model is not self._model:
+            raise InvalidArgument(f"{match!r} is a match in another model")
+        own = {runner.name}
+        if isinstance(runner, PythonRule):
+            own.add(runner.pattern)
+        if match.definition not in own:
+            raise InvalidArgument(f"{match!r} is no match of `{runner.name}`")
+        return match.row
+
+    def choose(self, names: Iterable[str], rng: Randomness | None = None) -> tuple[str, Row] | None:
+        """Draw a rule by weight among those with a match, then one of its matches uniformly; nothing is applied.
+
+        Args:
+            names: of rules, groups and units. A unit takes part with its weight, always, and an empty row.
+            rng: instead of `rng` of the engine.
+
+        Returns:
+            Name of the rule and the match, for `fire`; None if no rule has a match.
+        """
+        key = tuple(names)
+        if key not in self._choices:
+            members = dict.fromkeys(member for name in key for member in self._catalog.group(name))
+            runners, programs = self._catalog.runners, self._catalog.programs
+            self._choices[key] = [runners.get(member) or programs[member] for member in members]
+        rng = self._runs.rng if rng is None else rng
+        live = [one for one in self._choices[key] if isinstance(one, UnitProgram) or one.exists()]
+        if not live:
+            return None
+        chosen = live[draw_weighted(rng, [one.weight for one in live])]
+        if isinstance(chosen, UnitProgram):
+            return chosen.name, ()
+        row = chosen.pick(rng)
+        assert row is not None, "the rule has a match"
+        return chosen.name, row
+
+    def fire(self, name: str, row: Row = ()) -> tuple[Firing, ...]:
+        """Do what `choose` chose, unchecked: apply a rule at a row, or run a unit.
+
+        Returns:
+            What was applied, for `replay`; empty if a unit found nothing to do. What event rules applied at the end is
+            part of it, unless this is inside a transaction: then they wait for its end.
+
+        Raises:
+            RuleError: it cannot be applied; the model is as before.
+        """
+        if not self._events.active:
+            with self._events.holding() or NOTHING:
+                return self._fire(name, row)
+        with self._history.listing(Trace()) as everything, self._events.holding() or NOTHING:
+            self._fire(name, row)
+        return tuple(everything)
+
+    def _fire(self, name: str, row: Row) -> tuple[Firing, ...]:
+        self._history.notice()
+        runner = self._catalog.runners.get(name)
+        if runner is not None:
+            trace: tuple[Firing, ...] = (runner.apply_row(row),)
+            gaps: Sequence[int] = ()
+        else:
+            run = self._runs.execute(self._catalog.directory.resolve(name), {}, strict=True)[0]
+            trace, gaps = tuple(run.firings), run.gaps
+        if self._history.recorders:
+            self._history.record(trace, gaps)
+        return trace
+
+    def replay(self, trace: Iterable[tuple[str, Sequence[Value]]]) -> None:
+        """Apply rules at recorded matches, in order: from an equal state it leads to an equal state, ids included.
+
+        Event rules do not fire: what they applied is part of the trace. The states that a `Trace` knows have to come
+        again; for any other state give a list of its applications.
+
+        Raises:
+            InvalidArgument: an unknown rule, or a row of another length.
+            RuleError: a row is no match (reason "stale-match"), or a rule cannot be applied. Nothing is applied then.
+            TraceError: the run began, or an application led, to another state when it was recorded; or any of the
+                above, if the trace was read from a text. Nothing is applied then.
+        """
+        self._history.notice()
+        done: list[Firing] = []
+        known = trace if isinstance(trace, Trace) else None
+        with self._events.muted(), self._model.transaction():
+            if known is not None:
+                known.check(0, self._model.state_hash())
+            for name, values in trace:
+                runner, row = self._catalog.prepare(name), tuple(values)
+                if len(row) != len(runner.shape.names):
+                    raise InvalidArgument(
+                        f"a match of `{name}` has {len(runner.shape.names)} values, not {len(row)}"
+                    )
+                try:
+                    runner.apply_checked(row)
+                except (RuleError, EvaluationError) as error:
+                    if known is not None and known.spans:
+                        raise known.refused(len(done) + 1, error) from error
+                    raise
+                done.append(Firing(runner.name, row))
+                if known is not None:
+                    known.check(len(done), self._model.state_hash())
+        self._history.record(done)

@@ -1,0 +1,212 @@
+"""Units are run, and rules and groups as if they were units; where the random choices of an engine come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from random import Random
+from typing import TYPE_CHECKING, Any, cast
+
+from envgraph.errors import EvaluationError, InvalidArgument, Span, limit
+from envgraph.graph import Node, ensured
+from envgraph.match import ViewMatcher
+from envgraph.metamodel import Value
+from envgraph.pattern import ObjectType
+from envgraph.rewrite._match import Shape
+from envgraph.rewrite.engine._catalog import Catalog, bindings
+from envgraph.rewrite.engine._history import EngineHistory
+from envgraph.rewrite.engine._notification import NOTHING, Events
+from envgraph.rewrite.engine._trace import Trace
+from envgraph.rewrite.run._run import STEP_LIMIT, UNSET, Environment, Run, apply_one_of, fire_one
+from envgraph.rewrite.run._runner import Randomness, RuleRunner
+from envgraph.rewrite.run._units import RunResult, UnitProgram
+
+if TYPE_CHECKING:
+    import numpy
+
+
+class Runs:
+    """Runs what a catalog defines, notes it in the history, and lets event rules fire afterwards.
+
+    Attributes:
+        seed: of `rng`.
+        step_limit: how many calls and rounds one `run` may take, and how often event rules may fire until they rest.
+    """
+
+    def __init__(self, catalog: Catalog, events: Events, history: EngineHistory, seed: int) -> None:
+        self.seed = seed
+        self.step_limit = limit(STEP_LIMIT)
+        self._catalog = catalog
+        self._model = catalog.model
+        self._events = events
+        self._history = history
+        self._rng: numpy.random.Generator | None = None
+
+    @property
+    def rng(self) -> numpy.random.Generator:
+        """The generator behind every random choice: seeded with `seed` when it is first needed, and settable.
+
+        Without NumPy, a `random.Random` of the same seed stands in; its choices are others.
+        """
+        if self._rng is None:
+            try:
+                from numpy.random import default_rng
+            except ImportError:
+                self._rng = cast("numpy.random.Generator", Random(self.seed))
+            else:
+                self._rng = default_rng(self.seed)
+        return self._rng
+
+    @rng.setter
+    def rng(self, generator: numpy.random.Generator) -> None:
+        self._rng = generator
+
+    def run(self, unit: str, /, *, bound: Mapping[str, object] | None = None, **values: object) -> RunResult:
+        """Run a unit; a rule or a group counts as a unit that calls it.
+
+        Args:
+            unit: its name.
+            bound, **values: values of its parameters, as in `matches`.
+
+        Returns:
+            What was done; it is true if the run succeeded. A unit that fails keeps what it did before, unless it is
+            `atomic`. In `outputs` are the values of its `out` parameters, of a rule also the objects that it created.
+
+        Raises:
+            InvalidArgument: an unknown name or argument, or a missing one.
+            RuleError: the matches of a `forall` are in conflict. The model is as before.
+            EvaluationError: the step limit was reached, or a value could not be computed. The model is as before.
+        """
+        qualified, arguments = self._catalog.directory.resolve(unit), bindings(bound, values)
+        if not self._events.active:
+            with self._events.holding() or NOTHING:
+                return self._run_result(qualified, arguments)
+        with self._history.listing(Trace()) as everything, self._events.holding() or NOTHING:
+            result = self._run_result(qualified, arguments)
+        result.events = tuple(everything[result.applications :])
+        return result
+
+    def _run_result(self, name: str, arguments: Mapping[str, object]) -> RunResult:
+        self._history.notice()
+        run, outcome, outputs = self.execute(name, arguments)
+        if self._history.recorders:
+            self._history.record(run.firings, run.gaps)
+        failure = run.failure if outcome is None else None
+        return RunResult(name, run.trace, failure, run.refusal, outputs, run.limit - run.steps)
+
+    def execute(
+        self,
+        name: str,
+        arguments: Mapping[str, object],
+        rng: Randomness | None = None,
+        *,
+        strict: bool = False,
+    ) -> tuple[Run, bool | None, Mapping[str, Node | Value]]:
+        """A run, whether it failed (None) or else changed anything, and its outputs.
+
+        Args:
+            strict: a refusal by the model that nothing goes on from is raised, and everything is taken back.
+        """
+        run = self.begin(rng)
+        loops = self._catalog.matcher.loops if isinstance(self._catalog.matcher, ViewMatcher) else None
+        depth = 0 if loops is None else loops.depth
+        with self._model.transaction():
+            try:
+                outcome, outputs = self._start(run, name, arguments)
+            except BaseException as error:
+                if loops is not None:
+                    loops.back_to(depth)
+                run.abandon()
+                if isinstance(error, RecursionError):
+                    raise EvaluationError(f"`{name}` nests too deeply") from None
+                raise
+            if strict and outcome is None and run.refusal is not None:
+                raise run.refusal
+        return run, outcome, outputs
+
+    def failed_step(self, unit: str, values: Mapping[str, object]) -> tuple[str, Span | None] | None:
+        """Run a unit: what fails, and where that is written; None if it succeeds."""
+        run, outcome, _ = self.execute(unit, values)
+        text, span = run.failure
+        told = text if run.refusal is None else f"{text}: {run.refusal.message}"
+        return (told, span) if outcome is None else None
+
+    def begin(self, rng: Randomness | None = None) -> Run:
+        """A run in which nothing has been done."""
+        return Run(self._model, self.rng if rng is None else rng, self.step_limit, self.step_limit)
+
+    def _start(
+        self, run: Run, name: str, arguments: Mapping[str, object]
+    ) -> tuple[bool | None, Mapping[str, Node | Value]]:
+        if name in self._catalog.runners:
+            return self._start_rule(run, self._catalog.runners[name], arguments)
+        if name in self._catalog.members:
+            if arguments:
+                raise InvalidArgument(f"`{name}` is a group: its rules have no arguments in common")
+            run.failure = f"no rule of `{name}` could be applied", None
+            return apply_one_of(
+                run, [self._catalog.runners[member] for member in self._catalog.members[name]]
+            ), {}
+        program = self._catalog.programs[name]
+        environment = self._environment(program, arguments)
+        outcome = program.run(run, environment)
+        return outcome, {} if outcome is None else self._outputs(program, environment)
+
+    def _start_rule(
+        self, run: Run, rule: RuleRunner, arguments: Mapping[str, object]
+    ) -> tuple[bool | None, Mapping[str, Node | Value]]:
+        run.count()
+        run.failure = f"`{rule.name}` has no {'such ' if arguments else ''}match", None
+        found = fire_one(run, rule, rule.rows_known(self._catalog.ids(rule.shape, arguments)))
+        if found is None:
+            if run.refusal is not None:
+                run.failure = f"`{rule.name}` was refused at each match", None
+            return None, {}
+        run.put(rule)
+        run.put(found[0])
+        application = rule.application(*found)
+        return True, {**application.created, **application.outputs}
+
+    def _outputs(self, program: UnitProgram, environment: Environment) -> dict[str, Node | Value]:
+        found: dict[str, Node | Value] = {}
+        for parameter in program.signature.parameters:
+            value = environment.get(parameter.name, UNSET)
+            if parameter.output and value is not UNSET:
+                is_object = isinstance(parameter.type, ObjectType)
+                found[parameter.name] = Node(self._model, cast("int", value)) if is_object else value
+        return found
+
+    def _environment(self, program: UnitProgram, arguments: Mapping[str, object]) -> dict[str, Value]:
+        taken = program.signature.parameters
+        if not taken and not arguments:
+            return {}
+        types = tuple(parameter.type for parameter in taken)
+        assert all(type_ is not None for type_ in types), "parameters of units have types"
+        shape = Shape(program.name, tuple(p.name for p in taken), cast("Any", types))
+        environment = self._catalog.ids(shape, arguments)
+        missing = [p.name for p in taken if p.required and p.name not in environment]
+        if missing:
+            names = ", ".join(f"`{name}`" for name in missing)
+            raise InvalidArgument(f"unit `{program.name}` needs values for {names}")
+        return environment
+
+    @ensured
+    def lent(self, rng: Randomness) -> Iterator[Trace]:
+        """Inside the block random choices are made by another generator, and what is applied is only noted here."""
+        recorders, own, trace = self._history.recorders, self._rng, Trace(start=self._model.state_hash())
+        self._history.recorders, self._rng = [trace], cast("numpy.random.Generator", rng)
+        try:
+            yield trace
+        finally:
+            self._history.recorders, self._rng = recorders, own
+
+    @ensured
+    def aside(self) -> Iterator[None]:
+        """Nothing notices the block, which leaves the model as it was: listeners, event rules, recordings, `rng`."""
+        recorders, rng = self._history.recorders, self._rng
+        with self._events.asleep():
+            self._history.recorders, self._rng = [], deepcopy(rng)
+            try:
+                yield
+            finally:
+                self._history.recorders, self._rng = recorders, rng
