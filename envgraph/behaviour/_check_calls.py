@@ -84,15 +84,15 @@ class CallChecking(Checking):
         signature = signature_of(self.engine, call.rule)
         if signature is None:
             self._unknown_rule(call)
-            return {}
+            return _supposed(call, scope)
         if signature.kind == "group":
             message = f"`{call.rule}` is a group; an environment applies single rules, and runs units"
             self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
-            return {}
+            return _supposed(call, scope)
         if len(call.arguments) != len(signature.parameters):
             message = f"{signature.kind} `{call.rule}` takes {_count(signature)}, not {len(call.arguments)}"
             self.report("wrong-arity", message, call.span, f"write `{written(signature)}`")
-            return {}
+            return _supposed(call, scope)
         return self._arguments(call, signature, scope)
 
     def _unknown_rule(self, call: RuleCall) -> None:
@@ -147,6 +147,12 @@ class CallChecking(Checking):
         if isinstance(type_, ObjectType) and isinstance(expected, ObjectType):
             return self.metamodel.overlap(type_.cls, expected.cls)
         return assignable(type_, expected, self.metamodel)
+
+
+def _supposed(call: RuleCall, scope: Scope) -> Scope:
+    """What a call with a mistake in it may hand out: all names that nothing else has bound, of any type."""
+    arguments = [argument for argument in call.arguments if isinstance(argument, Variable)]
+    return {argument.name: None for argument in arguments if argument.name not in scope}
 
 
 def _count(signature: Signature) -> str:
