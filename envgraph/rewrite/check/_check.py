@@ -32,7 +32,8 @@ from envgraph.pattern import (
     type_hint,
 )
 from envgraph.rewrite._plan import BlockPlan, RulePlan
-from envgraph.rewrite.check._block import BlockBuilder
+from envgraph.rewrite.check._actions import changes_of
+from envgraph.rewrite.check._block import plan_of
 from envgraph.rewrite.check._header import (
     annotation_span,
     check_annotations,
@@ -101,12 +102,12 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     for parameter in rule.parameters:
         if parameter.type:
             sight.declared[parameter.name] = {parameter.type}
-    builder = BlockBuilder(rule, lowered, sight, lambda block: _types_of(block, known))
-    body = builder.build()
+    changes = changes_of(rule, lowered, sight, _types_of(lowered, known))
+    body = plan_of(changes, lambda block: _types_of(block, known))
     positions = known.inputs(lowered.pattern.qualified_name) if known else ()
     inputs = tuple(lowered.own[position] for position in positions)
-    outputs = _outputs(rule, builder.sight, inputs)
-    _check_homomorphic(rule, builder.sight, problems)
+    outputs = _outputs(rule, changes.sight, inputs)
+    _check_homomorphic(rule, changes.sight, problems)
     if not has_errors(problems):
         problems += _check_effect(rule, lowered, body)
         problems += used_once(rule)
