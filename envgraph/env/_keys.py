@@ -180,8 +180,13 @@ def _sorted_keys(model: Model, cls: str) -> tuple[Key, ...]:
     owner: dict[Key, int] = {}
     for node, key in _keys(model, cls).items():
         if key in owner:
-            names = f"{model.node(owner[key])!r} and {model.node(node)!r}"
-            raise EvaluationError(f"{names} have the same key {key}; objects of `{cls}` are told apart by it")
+            names = " and ".join(f"`{model.class_of(one)}#{one}`" for one in (owner[key], node))
+            values = ", ".join(
+                f"{a.name} = {v}" for a, v in zip(key_attributes(model.metamodel, cls), key, strict=True)
+            )
+            raise EvaluationError(
+                f"{names} have the same key, {values}: objects of `{cls}` are told apart by it"
+            )
         owner[key] = node
     return _ordered(set(owner), model.metamodel, cls)
 

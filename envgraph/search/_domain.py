@@ -8,7 +8,16 @@ from math import isfinite
 from typing import TypeVar
 
 from envgraph.env import Behaviour, KeyIndex, Tabular, can_end, indexed_classes
-from envgraph.errors import Diagnostic, LoadError, Note, Severity, Source, has_errors, sort_diagnostics
+from envgraph.errors import (
+    Diagnostic,
+    EvaluationError,
+    LoadError,
+    Note,
+    Severity,
+    Source,
+    has_errors,
+    sort_diagnostics,
+)
 from envgraph.files import counting
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import (
@@ -67,6 +76,24 @@ class Reachable:
 
     def __str__(self) -> str:
         return f"reachable {self.outcome}"
+
+
+@dataclass(frozen=True, slots=True)
+class DistinctKeys:
+    """No two objects that the environment counts through have one key, and none lacks its key."""
+
+    classes: tuple[str, ...]
+
+    def holds(self, engine: Engine) -> bool:
+        """Whether the keys tell all objects apart."""
+        try:
+            KeyIndex.of(engine.model, self.classes)
+        except EvaluationError:
+            return False
+        return True
+
+    def __str__(self) -> str:
+        return "each object has a key of its own"
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,6 +283,11 @@ class Domain:
         """
         problem = problem or self.problem(self.engine())
         spec, note = self.spec, Note("the initial model is here", self.spec.model.span)
+        try:
+            self.keys()
+        except EvaluationError as error:
+            hint = "the environment counts through these objects: give each of them a key of its own"
+            raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
         violated = {str(one) for one in problem.violations()}
         if not violated:
             try:
@@ -322,6 +354,7 @@ class Domain:
         constraints += [CountWithin(str(name), *bounds) for name, bounds in spec.count]
         behaviour = self.behaviour
         if behaviour is not None:
+            constraints.append(DistinctKeys(indexed_classes(behaviour, self.metamodel)))
             plan = next((one for one in measures if isinstance(one, ShortestPlan)), None)
             constraints += [Reachable(str(outcome), behaviour, plan) for outcome in spec.reachable]
         return tuple(constraints)

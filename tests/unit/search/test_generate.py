@@ -446,3 +446,62 @@ def test_declared_functions_are_components(tmp_path: Path) -> None:
     mine = Components().with_("function", "far", lambda x: x >= 0)
     engine = Domain.load(str(tmp_path), mine).engine()
     assert engine.count("farRight") == 1
+
+
+HERD = {
+    "herd.metamodel": """
+        metamodel herd
+        class Farm { contains Cow[*] cows }
+        @key(number) class Cow { int number  bool milked }
+    """,
+    "herd.model": """
+        import "herd.metamodel"
+        model herd : herd { farm : Farm { cows = [Cow { number = 1 }, Cow { number = 2 }] } }
+    """,
+    "herd.query": """
+        import "herd.metamodel"
+        pattern cow(cow : Cow) { Cow(cow); }
+        pattern thirsty(cow : Cow) { Cow.milked(cow, false); }
+    """,
+    "herd.rules": """
+        import "herd.query"
+        rule milk(cow : Cow) { lhs { find thirsty(cow); } modify { set cow.milked = true; } }
+        rule calve { lhs { farm : Farm; } modify { create farm -cows-> calf : Cow; } }
+    """,
+    "herd.environment": """
+        import "herd.rules"
+        environment Herd(farm : Farm) {
+            action milk(cow : Cow) = milk(cow)
+            on neg find thirsty(_) terminate success
+            observe cow.milked for cow : Cow
+        }
+    """,
+    "family.toml": """
+        model = "herd.model"
+        environment = "herd.environment"
+        constraints.reachable = ["success"]
+        measures.cows = { kind = "count", of = "cow" }
+        diversity = { kind = "binned_entropy", range = [2, 5] }
+        mutation.rules = ["calve"]
+        search = { population = 3, generations = 5 }
+    """,
+}
+
+
+def test_objects_with_one_key_are_in_no_member(tmp_path: Path) -> None:
+    for name, text in HERD.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    family = generate(str(tmp_path), tmp_path / "run.sqlite", seed=1)
+    assert {member.measures["cows"] for member in family.members} == {
+        2,
+        3,
+    }  # one calf: a second is a 0 as well
+    assert family.keys.size("Cow") == 3
+
+
+def test_objects_with_one_key_are_refused_in_the_initial_model(tmp_path: Path) -> None:
+    for name, text in HERD.items():
+        (tmp_path / name).write_text(text.replace("number = 2", "number = 1"), encoding="utf-8")
+    with pytest.raises(LoadError, match="`Cow#1` and `Cow#2` have the same key, number = 1") as caught:
+        generate(str(tmp_path), tmp_path / "run.sqlite")
+    assert caught.value.diagnostics[0].hint
