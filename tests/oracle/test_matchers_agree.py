@@ -12,7 +12,7 @@ from envgraph.pattern import Library, ObjectType
 from tests.oracle.worlds import World, domain, worlds
 
 EXAMPLES = settings().max_examples
-"""Of the profile: 100 by default, thousands at night."""
+"""Of the profile: 50 by day, 5,000 at night."""
 
 
 def many(factor: float) -> settings:

@@ -15,11 +15,15 @@ from envgraph.lang import Workspace
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, Row
 from envgraph.rewrite import Engine, Match
 from tests.oracle.railway_by_hand import BY_HAND
+from tests.profile import NIGHTLY
+
+LARGE = 8 if NIGHTLY else 3
+"""Size of the larger railway: what by hand is compared after each batch takes longer than all else."""
 
 RUNS = [
     pytest.param(kind, size, quota, id=f"{kind}-{size}-{quota}")
     for kind in ("repair", "inject")
-    for size in (1, 8)
+    for size in (1, LARGE)
     for quota in QUOTAS
 ]
 
@@ -113,7 +117,7 @@ def test_views_follow_batches_and_versions(domain: Workspace, kind: str, size: i
 
 @pytest.mark.parametrize("kind", ["repair", "inject"])
 def test_listeners_hear_what_turns_one_state_into_the_next(domain: Workspace, kind: str) -> None:
-    engine = engine_on(domain, kind, 8)
+    engine = engine_on(domain, kind, LARGE)
     heard: dict[str, set[Row]] = {}
     for query in QUERIES:
         rows = heard[query] = set(rows_of(engine, f"railway.{query}"))

@@ -36,11 +36,10 @@ from tests.oracle.rewriting_search import Env, Matching, Search, Thing
 from tests.oracle.rewriting_smaller import mended
 from tests.oracle.rewriting_worlds import MOST, concrete, random_model, random_patterns, random_rule, state_of
 from tests.oracle.worlds import Dice, random_metamodel
+from tests.profile import examples
 from tests.unit.rewrite.graphs import snapshot
 
 SEEDS = st.integers(0, 2**48)
-TIMES = max(1, settings().max_examples // 100)
-"""1 by default, 50 at night."""
 
 
 @dataclass
@@ -77,7 +76,7 @@ def world(seed: int, size: int = 1) -> World:
     return World(dice, model, patterns, [rule for rule in made if rule is not None])
 
 
-@settings(max_examples=150 * TIMES)
+@settings(max_examples=examples(70))
 @given(SEEDS)
 def test_rules_do_what_the_oracle_says(seed: int) -> None:
     found = world(seed)
@@ -87,7 +86,7 @@ def test_rules_do_what_the_oracle_says(seed: int) -> None:
         assert disagreement(engine, found.patterns, rule, given) is None
 
 
-@settings(max_examples=20 * TIMES)
+@settings(max_examples=examples(10))
 @given(SEEDS)
 def test_rules_do_it_one_after_the_other(seed: int) -> None:
     """Where one rule leads, the next ones have their matches, watched or not."""
@@ -119,7 +118,7 @@ def apply_quietly(engine: Engine, name: str, **arguments: object) -> str:
     return str(done and done.match.row)
 
 
-@settings(max_examples=50 * TIMES)
+@settings(max_examples=examples(25))
 @given(SEEDS)
 def test_what_is_bound_in_advance_chooses_among_the_matches(seed: int) -> None:
     found = world(seed)
@@ -153,7 +152,7 @@ def plain(env: Env) -> dict[str, object]:
     return {name: int(value) if isinstance(value, Thing) else value for name, value in env.items()}
 
 
-@settings(max_examples=50 * TIMES)
+@settings(max_examples=examples(25))
 @given(SEEDS)
 def test_a_rule_and_its_text_do_the_same(seed: int) -> None:
     found = world(seed)
@@ -172,7 +171,7 @@ def test_a_rule_and_its_text_do_the_same(seed: int) -> None:
         assert states[0] == states[1]
 
 
-@settings(max_examples=30 * TIMES)
+@settings(max_examples=examples(15))
 @given(SEEDS)
 def test_rollback_restores_the_state_and_its_order(seed: int) -> None:
     found = world(seed, size=4)

@@ -13,7 +13,7 @@ from tests.oracle.worlds import Dice
 pytestmark = pytest.mark.slow
 
 EXAMPLES = settings().max_examples
-"""Of the profile: 100 by default, 5,000 at night."""
+"""Of the profile: 50 by day, 5,000 at night."""
 
 SEEDS = st.integers(0, 2**32)
 PATTERNS = st.integers(0, 20)

@@ -257,7 +257,7 @@ def test_closures_of_small_graphs_are_those_of_networkx(kind: str, seed: int) ->
 
 
 @pytest.mark.parametrize("kind", STEPS)
-@settings(max_examples=EXAMPLES // 20, suppress_health_check=list(HealthCheck))
+@settings(max_examples=EXAMPLES // 12, suppress_health_check=list(HealthCheck))
 @given(seed=st.integers(0, 2**32))
 def test_closures_of_graphs_with_two_hundred_nodes_are_those_of_networkx(kind: str, seed: int) -> None:
     walk(seed, kind, 200, intricate=False)

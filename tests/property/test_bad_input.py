@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError
 from envgraph.lang import Bundle, TextFiles, bundled_domain, load_family, load_workspace
 from envgraph.search import Domain
+from tests.profile import examples
 
 DIRECTORY = bundled_domain("burning_forest")
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in sorted(DIRECTORY.iterdir())}
@@ -79,7 +80,7 @@ def test_slips_in_a_family_file_are_reported_with_positions(slips: list[Slip]) -
     assert process_time() - started < SECONDS
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(30))
 @given(st.sampled_from([*TEXTS]), SLIPS)
 def test_a_domain_loads_or_says_why_not(name: str, slips: list[Slip]) -> None:
     texts = TEXTS | {name: slipped(TEXTS[name], slips)}

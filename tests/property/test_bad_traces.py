@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from envgraph.errors import Source, TraceError
 from envgraph.lang import parse_trace
 from envgraph.rewrite import Engine, trace_to_text
+from tests.profile import examples
 from tests.unit.rewrite.graphs import chain, engine, snapshot
 
 RULES = """
@@ -42,7 +43,7 @@ edits = st.tuples(
 )
 
 
-@settings(max_examples=120)
+@settings(max_examples=examples(50))
 @given(st.lists(edits, min_size=1, max_size=3))
 def test_a_changed_trace_is_refused_at_a_place_or_leads_somewhere(
     changes: list[tuple[int, int, str]],

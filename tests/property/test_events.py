@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from envgraph.graph import Model, Version
 from envgraph.match import FREE, NaiveMatcher
 from envgraph.rewrite import Engine, EventRule, Match
+from tests.profile import examples
 from tests.unit.rewrite.graphs import METAMODEL, engine
 
 QUERIES = """
@@ -126,7 +127,7 @@ def note(log: list[Fired], event: str) -> Callable[..., None]:
     return lambda match: log.append((event, match.row, None))
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(25))
 @given(scripts)
 @example(
     [
@@ -281,7 +282,7 @@ def mirror(script: list[Any], habits: list[int]) -> tuple[list[list[str]], int]:
     return [one.log for one in mirrors], made.model.state_hash()
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(25))
 @given(scripts, st.lists(st.integers(0, 40), max_size=12))
 @example([("keep", [("number", 1, 2), ("delete", 0)])], [1, 5, 2, 10, 3, 0])
 @example([], [0, 6, 0, 0, 0, 0, 0, 31, 4, 6, 0, 0])

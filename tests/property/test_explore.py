@@ -13,6 +13,7 @@ from envgraph.errors import EvaluationError, RuleError
 from envgraph.graph import Model, Shapes, to_networkx
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.rewrite import Engine, Exploration, Firing
+from tests.profile import examples
 from tests.property.test_rewrite_rollback import RULES
 from tests.unit.rewrite.graphs import METAMODEL, definitions, snapshot
 
@@ -109,7 +110,7 @@ def start(size: int) -> Model:
     watched=st.booleans(),
     keep=st.booleans(),
 )
-@settings(max_examples=40)
+@settings(max_examples=examples(20))
 def test_the_states_are_those_that_copies_reach(
     size: int, names: list[str], up_to: str, watched: bool, keep: bool
 ) -> None:
@@ -143,7 +144,7 @@ def test_the_states_are_those_that_copies_reach(
     up_to=st.sampled_from(["identity", "isomorphism"]),
     seed=st.integers(0, 10),
 )
-@settings(max_examples=40)
+@settings(max_examples=examples(20))
 def test_every_strategy_finds_the_same_and_leaves_no_trace(
     size: int, names: list[str], up_to: str, seed: int
 ) -> None:
@@ -233,7 +234,7 @@ def shuffled(model: Model, random: Random) -> Model:
 
 
 @given(seed=st.integers(0, 10**6), size=st.integers(0, 8))
-@settings(max_examples=150)
+@settings(max_examples=examples(50))
 def test_shapes_are_numbered_up_to_isomorphism(seed: int, size: int) -> None:
     random, shapes = Random(seed), Shapes()
     models = [random_graph(random, size) for _ in range(4)]

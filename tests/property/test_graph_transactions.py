@@ -9,6 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from envgraph.errors import TransactionError
 from envgraph.graph import Model, Savepoint, Version, _history, _integrity, _store
+from tests.profile import examples
 from tests.property.snapshots import Shadow, snapshot
 from tests.property.strategies import EDITS, edit, metamodels
 
@@ -133,7 +134,7 @@ class EagerTransactions(Transactions):
 
 
 # One example takes about 40 ms: the invariants recompute everything after every step.
-_SETTINGS = settings(max_examples=100, stateful_step_count=30)
+_SETTINGS = settings(max_examples=examples(40), stateful_step_count=30)
 
 TestTransactions = Transactions.TestCase
 TestTransactions.settings = _SETTINGS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 
 import pytest
 from hypothesis import settings
@@ -389,6 +390,7 @@ SCENARIOS: dict[str, tuple[Step, ...]] = {
 }
 
 
+@cache
 def play(steps: tuple[Step, ...]) -> tuple[list[object], list[dict[int, object]], int]:
     """States before the steps and after the last, those of the versions, and how many instructions there are."""
     world, trip = World(), Trip(0)

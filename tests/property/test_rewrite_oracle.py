@@ -32,6 +32,7 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite import Engine
+from tests.profile import examples
 
 METAMODEL = Metamodel(
     "oracle",
@@ -274,7 +275,7 @@ def equal(one: Graph, other: Graph) -> bool:
     return one.classes == other.classes and one.links == other.links
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(70))
 @given(graphs(), sketches(), st.booleans())
 def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: bool) -> None:
     model = as_model(graph)
@@ -304,7 +305,7 @@ def test_rules_do_what_the_oracle_says(graph: Graph, sketch: Sketch, modify: boo
         assert equal(as_graph(model), graph)
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(40))
 @given(graphs(), sketches(), sketches(), st.integers(0, 2**32 - 1))
 def test_both_notations_lead_to_the_same_state_and_order(
     graph: Graph, first: Sketch, second: Sketch, seed: int

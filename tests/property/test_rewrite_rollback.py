@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from envgraph.errors import RuleError
 from envgraph.graph import Model
 from envgraph.rewrite import Engine
+from tests.profile import examples
 from tests.unit.rewrite.graphs import METAMODEL, engine, snapshot
 
 RULES = """
@@ -58,7 +59,7 @@ def play(made: Engine, names: list[str]) -> None:
             return
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(20))
 @given(st.integers(1, 5), st.integers(0, 2**32 - 1), steps, steps)
 def test_rollback_restores_state_and_order(size: int, seed: int, first: list[str], second: list[str]) -> None:
     made = start(size, seed)
@@ -72,7 +73,7 @@ def test_rollback_restores_state_and_order(size: int, seed: int, first: list[str
     made.model.check_integrity()
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(20))
 @given(st.integers(1, 5), st.integers(0, 2**32 - 1), steps)
 def test_a_trace_leads_to_the_same_state_and_order(size: int, seed: int, names: list[str]) -> None:
     made = start(size, seed)
@@ -88,7 +89,7 @@ def test_a_trace_leads_to_the_same_state_and_order(size: int, seed: int, names: 
     assert snapshot(other.model) == after
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(10))
 @given(st.integers(1, 5), st.integers(0, 2**32 - 1), steps)
 def test_one_seed_gives_one_result_whatever_was_undone_before(size: int, seed: int, names: list[str]) -> None:
     straight, detour = start(size, seed), start(size, seed)

@@ -71,6 +71,7 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite import Engine
 from tests.oracle.worlds import World, worlds
+from tests.profile import examples
 from tests.property.test_rewrite_oracle import Graph, Sketch, as_model, as_rule, graphs, sketches
 from tests.unit.rewrite.graphs import chain
 
@@ -263,7 +264,7 @@ def rules_of(text: str) -> tuple[object, ...]:
     return read_rules(parse("rules", Source("", text))).definitions
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(40))
 @given(PATTERNS)
 def test_any_pattern_is_read_back_from_its_text(pattern: Pattern) -> None:
     text = to_text(pattern)
@@ -273,7 +274,7 @@ def test_any_pattern_is_read_back_from_its_text(pattern: Pattern) -> None:
     assert to_text(found) == text
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(40))
 @given(RULES)
 def test_any_rule_is_read_back_from_its_text(rule: Rule) -> None:
     text = to_text(rule)
@@ -283,7 +284,7 @@ def test_any_rule_is_read_back_from_its_text(rule: Rule) -> None:
     assert to_text(found) == text
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(40))
 @given(UNITS)
 def test_any_unit_is_read_back_from_its_text(unit: Unit) -> None:
     text = to_text(unit)
@@ -293,7 +294,7 @@ def test_any_unit_is_read_back_from_its_text(unit: Unit) -> None:
     assert to_text(found) == text
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(40))
 @given(worlds())
 def test_patterns_of_random_worlds_are_read_back(world: World) -> None:
     for pattern in world.library.patterns:
@@ -331,7 +332,7 @@ def inside(text: str) -> str:
     return text[text.index("{") + 1 : text.rindex("}")]
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(40))
 @given(RULES, st.booleans())
 def test_a_rule_of_parts_is_the_rule_of_its_text(rule: Rule, texts: bool) -> None:
     right: dict[str, object] = {}
@@ -350,7 +351,7 @@ def test_a_rule_of_parts_is_the_rule_of_its_text(rule: Rule, texts: bool) -> Non
     assert (to_text(made),) == (to_text(rule),)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(30))
 @given(PATTERNS, UNITS, st.booleans())
 def test_patterns_and_units_of_parts_are_those_of_their_texts(
     pattern: Pattern, unit: Unit, texts: bool
@@ -382,7 +383,7 @@ def test_patterns_and_units_of_parts_are_those_of_their_texts(
 # --- what rules do
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(40))
 @given(graphs(), sketches(), st.booleans(), st.integers(0, 99))
 def test_a_rule_and_its_text_do_the_same(graph: Graph, sketch: Sketch, modify: bool, seed: int) -> None:
     rule = as_rule(sketch, modify)
@@ -448,7 +449,7 @@ RUNNABLE_CALLS = st.one_of(
 )
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(40))
 @given(st.recursive(RUNNABLE_CALLS, runnable, max_leaves=6), st.integers(0, 99))
 def test_a_unit_and_its_text_do_the_same(body: Step, seed: int) -> None:
     unit = Unit("u", (), body)

@@ -13,6 +13,7 @@ from envgraph.lang import parse_trace
 from envgraph.rewrite import Engine, trace_to_text
 from tests.oracle.random_units import QUERIES, RULES, Writer
 from tests.oracle.unit_interpreter import Interpreter
+from tests.profile import examples
 from tests.unit.rewrite.graphs import chain, definitions, patterns, snapshot
 
 BASE = (*patterns(QUERIES), *definitions(RULES))
@@ -34,7 +35,7 @@ def start(text: str, length: int, seed: int, watched: bool = False) -> Engine:
     return made
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(40))
 @given(seeds, st.integers(1, 4), st.booleans())
 def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int, watched: bool) -> None:
     text = Writer(Random(seed)).unit()
@@ -54,7 +55,7 @@ def test_a_random_unit_does_what_the_interpreter_does(seed: int, length: int, wa
     made.check_integrity()
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(25))
 @given(seeds, st.integers(1, 4))
 def test_a_random_unit_can_be_taken_back_and_replayed(seed: int, length: int) -> None:
     text = Writer(Random(seed)).unit()
@@ -75,7 +76,7 @@ def test_a_random_unit_can_be_taken_back_and_replayed(seed: int, length: int) ->
     assert snapshot(other.model) == after
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(15))
 @given(seeds, st.integers(1, 4))
 def test_a_random_unit_that_is_atomic_is_all_or_nothing(seed: int, length: int) -> None:
     text = Writer(Random(seed)).unit()

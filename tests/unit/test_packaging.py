@@ -24,6 +24,24 @@ PINS = {
 }
 
 
+FAMILIES = ("burning_forest", "keydoor", "network")
+COMMANDS = f"""
+import sys
+from envgraph.cli import main
+queries = sys.argv[1:]
+for words in [
+    ["check", *queries],
+    *(
+        ["generate", name, "--generations", "5", "--population", "3", "--seed", "1", "--name", name]
+        for name in {FAMILIES}
+    ),
+]:
+    sys.argv = ["envgraph", *words]
+    assert main() == 0, words
+"""
+"""Several commands in one process, which imports everything once."""
+
+
 def run(*command: str | Path, cwd: Path) -> str:
     """Standard output of a command that must succeed, run without the checkout on any path."""
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL_ENV"))}
@@ -97,14 +115,9 @@ def test_wheel_checks_and_generates_from_an_empty_directory(scripts: Path, tmp_p
     find = "from envgraph.lang import bundled_domain; print(bundled_domain('burning_forest'))"
     domain = Path(run(scripts / "python", "-c", find, cwd=tmp_path).strip())
     assert domain.is_relative_to(installed_package(scripts, tmp_path))
-    run(scripts / "envgraph", "check", domain, cwd=tmp_path)
-    run(scripts / "envgraph", "check", *sorted(domain.glob("*.query")), cwd=tmp_path)
-
-    run(scripts / "envgraph", "check", "keydoor", "network", "warehouse", cwd=tmp_path)
-
-    for name in ("burning_forest", "keydoor", "network"):
-        family = ("generate", name, "--generations", "5", "--population", "3", "--seed", "1")
-        run(scripts / "envgraph", *family, "--name", name, cwd=tmp_path)
+    run(scripts / "envgraph", "check", domain, "keydoor", "network", "warehouse", cwd=tmp_path)
+    run(scripts / "python", "-c", COMMANDS, *sorted(domain.glob("*.query")), cwd=tmp_path)
+    for name in FAMILIES:
         assert (tmp_path / "runs" / name / "run.sqlite").is_file()
     make = "import gymnasium, envgraph.env; print(gymnasium.make('envgraph/Warehouse-v0').reset(seed=0)[1])"
     assert "'agent': 'left'" in run(scripts / "python", "-c", make, cwd=tmp_path)
