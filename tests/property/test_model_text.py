@@ -8,13 +8,12 @@ from hypothesis import given
 from envgraph.errors import InvalidArgument
 from envgraph.graph import Model
 from envgraph.lang import TextFiles, bundled_domain, load_workspace, model_to_text
-from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar, metamodel_to_ecore
+from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from tests.property.strategies import models
 
 
 def read(text: str, metamodel: Metamodel) -> Model:
-    files = TextFiles({"a.model": text, "m.ecore": metamodel_to_ecore(metamodel)})
-    workspace = load_workspace(["m.ecore", "a.model"], files=files)
+    workspace = load_workspace(["a.model"], files=TextFiles({"a.model": text}), metamodel=metamodel)
     assert not [one for one in workspace.errors if one.code != "conformance"], workspace.errors[:3]
     return workspace.model()
 

@@ -225,7 +225,10 @@ RULES = st.builds(
 )
 
 ARGUMENTS = st.lists(EXPRESSIONS, max_size=2).map(tuple)
-ASKED = st.builds(Applicable, NAMES, ARGUMENTS, st.booleans())
+# Nothing is applicable at no value, so there is no text that asks it.
+ASKED = st.builds(
+    Applicable, NAMES, ARGUMENTS.filter(lambda given: Constant(None) not in given), st.booleans()
+)
 WHERE = st.lists(CONDITIONS, max_size=2).map(tuple)
 CALLS = st.one_of(
     st.builds(Call, QUALIFIED, ARGUMENTS, st.booleans(), where=WHERE),
