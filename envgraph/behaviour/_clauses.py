@@ -8,8 +8,8 @@ patterns make closures, negations and nested terms of a clause mean what they me
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.pattern import (
     Aggregate,

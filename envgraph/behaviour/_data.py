@@ -5,9 +5,10 @@ What a step is, exactly, says the docstring of `Simulator`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Annotation
 from envgraph.pattern import Expression, Negation, Parameter, PatternCall

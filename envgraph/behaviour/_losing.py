@@ -7,7 +7,6 @@ begin somewhere. Only in the last state of an episode an observation does withou
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from envgraph.behaviour._clauses import mentioned
 from envgraph.behaviour._data import (
@@ -22,6 +21,7 @@ from envgraph.behaviour._data import (
     RuleCall,
 )
 from envgraph.behaviour._signatures import signature_of
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, EvaluationError, Note, Severity, Span, listed
 from envgraph.graph import Model
 from envgraph.pattern import Expression, Navigation, Negation, Variable, children

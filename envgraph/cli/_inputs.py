@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from envgraph.cli._output import print_diagnostics
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.lang import FORMATS, DiskFiles, Workspace, file_format, open_workspace
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -18,6 +17,7 @@ from envgraph.cli._output import (
     print_lines,
     print_table,
 )
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, with_article
 from envgraph.files import replace_file
 from envgraph.graph import Node, model_to_json

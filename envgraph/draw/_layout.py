@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from unicodedata import east_asian_width
 
+from envgraph.code import dataclass
 from envgraph.draw._picture import Picture, PictureNode
 
 LINE = 14.0

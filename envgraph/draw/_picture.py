@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from html import escape
 from typing import Literal
 
+from envgraph.code import dataclass
 from envgraph.draw._colour import colour_text, ink_on, parse_colour
 from envgraph.errors import InvalidArgument, visible
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import zip_longest
 from math import prod
 
 from envgraph.behaviour import MOST_VALUES, Agent, Behaviour
+from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex, key_attributes
 from envgraph.env._prepared import Alternatives, PreparedAction
 from envgraph.env._program import Program

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.behaviour import Behaviour
+from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._tabular import Tabular

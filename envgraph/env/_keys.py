@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any, Self
 
 from envgraph.behaviour import Agent, Behaviour, ObserveFind, ObserveObject, domain_type
+from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Value, accepts

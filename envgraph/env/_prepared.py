@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from envgraph.behaviour import RuleCall
+from envgraph.code import dataclass
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import Value

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import dataclass
 from heapq import heappop, heappush
 
 from envgraph.behaviour import Behaviour
+from envgraph.code import dataclass
 from envgraph.env._explore import Progress
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import Simulator

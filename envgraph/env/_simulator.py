@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
 from math import fsum, prod
 
 import numpy as np
 
 from envgraph.behaviour import Behaviour, check_behaviour, is_gone, readings
+from envgraph.code import dataclass
 from envgraph.env._agents import Agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._prepared import Choices, PreparedAction, PreparedClause, PreparedEach, Scope

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.code import dataclass
 from envgraph.draw import markup
 from envgraph.errors import InvalidArgument
 

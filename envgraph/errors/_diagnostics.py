@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 
+from envgraph.code import dataclass
 from envgraph.errors._source import Span, visible
 
 _LONGEST = 2000

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import field
 from unicodedata import category, east_asian_width
+
+from envgraph.code import dataclass
 
 _LONGEST = 300
 """Of a longer line, only what surrounds the place is shown."""

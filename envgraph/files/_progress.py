@@ -9,10 +9,11 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import timedelta
 from time import monotonic
 
+from envgraph.code import dataclass
 from envgraph.errors import visible
 
 FIRST_LINE = 5.0

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Literal
 
+from envgraph.code import dataclass
 from envgraph.graph._model import Model
 from envgraph.metamodel import Attribute, Feature
 

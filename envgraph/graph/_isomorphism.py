@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from envgraph.code import dataclass
 from envgraph.graph._store import Store
 from envgraph.metamodel import Value, Values
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, get_args
 
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean
 
 Kind = Literal["curriculum", "baseline"]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
 from envgraph.learn._stage import accumulate

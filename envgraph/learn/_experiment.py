@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from math import isfinite
 
 import numpy as np
 from joblib import Parallel, delayed
 
+from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, Kind, sequences

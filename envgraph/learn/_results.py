@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from io import TextIOWrapper
 from pathlib import Path
 from statistics import fmean
 from typing import TypeVar
 
+from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument
 from envgraph.files import open_input, replacing
 from envgraph.learn._curricula import Kind

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from math import isfinite
 from typing import Any, Literal, get_args
 
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean
 
 Per = Literal["episode", "step"]

@@ -13,11 +13,10 @@ Rows are drawn in blocks; the numbers do not depend on the size of the blocks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.learn._settings import TrainingSettings
 

@@ -8,13 +8,13 @@ each environment begins a new episode; an episode that reaches the time limit is
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
 from envgraph.learn._settings import TrainingSettings

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from math import isnan
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 
 Places = tuple[tuple[str, Span], ...]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
+from envgraph.code import dataclass
 from envgraph.metamodel import Metamodel
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import EnumType, Metamodel, Scalar
 from envgraph.pattern._bodies import LONGEST_NESTED, children

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from math import isfinite
 from reprlib import repr as short
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, FunctionError, Note, Span
 from envgraph.metamodel import AttributeType, Metamodel, Value, accepts
 from envgraph.pattern._bodies import Data, rewritten

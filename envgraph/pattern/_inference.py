@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern._bodies import Reading, grouped_relations, terms_of, variables_in

@@ -7,9 +7,10 @@ every class and feature is resolved, and every parameter type is an atom.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Attribute, AttributeType, Reference, Value
 from envgraph.pattern._queries import Closure

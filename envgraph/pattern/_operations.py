@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+from envgraph.code import dataclass
 from envgraph.errors import EvaluationError
 from envgraph.metamodel import Scalar, Value
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span
 from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
 from envgraph.pattern._lowered import ObjectType, StaticType

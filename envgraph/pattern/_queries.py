@@ -5,10 +5,11 @@ Names of classes, features and patterns are plain strings; `check_pattern` says 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import Literal
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Annotation
 from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Variable

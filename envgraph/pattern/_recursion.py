@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern._analysis import Entry, calls_of, is_closure
 from envgraph.pattern._queries import Closure, Pattern, PatternCall

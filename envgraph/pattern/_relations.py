@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, has_errors, name_hint, with_article
 from envgraph.metamodel import Metamodel, Reference, Scalar
 from envgraph.pattern._analysis import Names

@@ -5,9 +5,10 @@ A rule holds what its author wrote; what it does to a graph is worked out in `en
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Annotation
 from envgraph.pattern._queries import Constraint, Parameter

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from envgraph.code import dataclass
 from envgraph.metamodel import Metamodel, Value
 from envgraph.pattern._lowered import StaticType
 from envgraph.pattern._types import coerced, meet

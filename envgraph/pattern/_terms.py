@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Final
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Value
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import ceil, floor, isfinite, log10
 
+from envgraph.code import dataclass
 from envgraph.draw import markup
 from envgraph.errors import InvalidArgument
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from statistics import fmean, pstdev
 from typing import TypeVar
 
+from envgraph.code import dataclass
 from envgraph.env import legend
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Experiment, RunResult, Summary

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from envgraph.code import dataclass
 from envgraph.draw import colour_text, ink_on, parse_colour
 from envgraph.env import Key
 from envgraph.errors import visible

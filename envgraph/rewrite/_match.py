@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple, Unpack
 
+from envgraph.code import dataclass
 from envgraph.draw import Picture, markup
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Model, Node, PictureOptions

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Literal
 
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean, name_hint
 from envgraph.pattern import StaticType
 

@@ -8,9 +8,10 @@ blocks before the next. Operations know where they stand in a text.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import Expression, StaticType

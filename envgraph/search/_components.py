@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from envgraph.code import dataclass
 from envgraph.env import Behaviour, Tabular
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine

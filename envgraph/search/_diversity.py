@@ -7,11 +7,11 @@ little else: for binned entropy that is a constant amount of work instead of a p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, floor, fsum, log2
 from typing import Protocol, runtime_checkable
 
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import isfinite
 from typing import TypeVar
 
+from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, Tabular, can_end, indexed_classes
 from envgraph.errors import (
     Diagnostic,

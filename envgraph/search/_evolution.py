@@ -13,13 +13,13 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from typing import overload
 
 from numpy.random import Generator, SeedSequence, default_rng
 
+from envgraph.code import dataclass
 from envgraph.errors import RuleError
 from envgraph.graph import Version, model_to_json
 from envgraph.search._diversity import FamilyMeasure

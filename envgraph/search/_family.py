@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 
+from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
 from envgraph.errors import InvalidArgument, LoadError, Note, did_you_mean, listed
 from envgraph.graph import Model, model_from_json, model_to_json

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from envgraph.code import dataclass
 from envgraph.env import DrawGrid
 from envgraph.errors import Diagnostic, LoadError, Source, Span, name_hint
 from envgraph.graph import Model

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf
 from typing import ClassVar
 
 import numpy as np
 
+from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, Tabular, explore, indexed_classes
 from envgraph.files import counting
 from envgraph.metamodel import Metamodel

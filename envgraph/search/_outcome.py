@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from math import inf
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity
 from envgraph.search._diversity import BinnedEntropy
 from envgraph.search._family import Family

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from itertools import chain
 from math import sqrt
 from typing import ClassVar, Literal
 
+from envgraph.code import dataclass
 from envgraph.errors import EvaluationError
 from envgraph.metamodel import Metamodel, Reference
 from envgraph.rewrite import Engine

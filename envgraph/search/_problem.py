@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf, isfinite, isnan
 from numbers import Real
 from typing import Protocol
 
+from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, with_article
 from envgraph.pattern import (
     Aggregate,

@@ -8,7 +8,6 @@ too, is drawn at random, so that a population drifts where nothing tells its mem
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import combinations, product
 from math import comb, exp
 from typing import Protocol
@@ -16,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.random import Generator
 
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.search._diversity import FamilyMeasure, Variance
 

@@ -12,11 +12,12 @@ import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
+from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument
 from envgraph.files import replacing
 from envgraph.lang import Bundle

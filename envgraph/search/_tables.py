@@ -9,12 +9,12 @@ from __future__ import annotations
 import logging
 import os
 from contextlib import suppress
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from envgraph import __version__
+from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, explore, read_explored, write_explored
 from envgraph.errors import InvalidArgument
 from envgraph.files import CACHE_VARIABLE, cache_directory, counting, replacing

@@ -324,7 +324,7 @@ def test_rows_of_a_table_have_as_many_cells_as_its_head(page: Path) -> None:
 
 def test_every_module_that_starts_a_layer_is_in_the_tour() -> None:
     tour = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    layers = re.search(r"^    (errors < .*)$", tour, re.MULTILINE)
+    layers = re.search(r"^    (code < .*)$", tour, re.MULTILINE)
     assert layers is not None
     packages = {path.parent.name for path in (ROOT / "envgraph").glob("*/__init__.py")}
     assert set(layers.group(1).split(" < ")) == packages

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import cos, hypot, pi, sin
 
+from envgraph.code import dataclass
 from envgraph.draw import shortened
 from envgraph.env.scene._scene import Edge, GraphScene, Mark
 from envgraph.errors import visible

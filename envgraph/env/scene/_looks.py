@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, EnumType, Glyph, Metamodel
 

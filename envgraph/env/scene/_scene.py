@@ -6,10 +6,10 @@ A scene holds no model: it can be kept for every state of an environment, and dr
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from envgraph.behaviour import DrawGraph, DrawGrid, Token, edge_ends
+from envgraph.code import dataclass
 from envgraph.draw import LINE_COLOUR
 from envgraph.env._binding import Reader, bind_parameter, follow, reader
 from envgraph.env._keys import ordered_objects

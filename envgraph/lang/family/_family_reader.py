@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any, get_args
 
+from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, did_you_mean, limit
 from envgraph.lang.family._family import (
     ComponentSpec,

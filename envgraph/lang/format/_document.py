@@ -7,8 +7,10 @@ fits there, else each of its own places ends the line. Besides, neighbouring lin
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Final
+
+from envgraph.code import dataclass
 
 WIDTH: Final = 120
 """Columns of a line; a word that is longer by itself stays whole."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Final
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.lang.syntax._lexer import PUNCTUATION, Lexeme
 
 _COMMENT: Final = re.compile(r"//[^\n]*|/\*[\s\S]*?\*/")

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from urllib.parse import unquote
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean
 from envgraph.lang.interchange._ecore_document import EcoreDocument
 from envgraph.lang.read._ecore_types import ECORE, ECORE_TYPES, DataType, library_types

@@ -10,9 +10,9 @@ A document may name objects of others; those are read into the same model.
 from __future__ import annotations
 
 import posixpath
-from dataclasses import dataclass
 from urllib.parse import unquote
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, LoadError, Source, has_errors, sort_diagnostics
 from envgraph.graph import Model
 from envgraph.lang.interchange._xmi_document import Document, Fetch, Reading, Spans

@@ -5,8 +5,8 @@ from __future__ import annotations
 import posixpath
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, Severity, Source, Span
 from envgraph.graph import Model, usual_value
 from envgraph.lang.syntax._xml import Stop, XmlPlaces

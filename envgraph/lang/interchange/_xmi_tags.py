@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
+from envgraph.code import dataclass
 from envgraph.errors import Note, Span, did_you_mean, with_article
 from envgraph.lang.interchange._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
 from envgraph.lang.read._ecore_types import too_large, value_of

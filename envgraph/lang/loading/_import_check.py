@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, did_you_mean
 from envgraph.lang.read._ecore_types import library_types
 from envgraph.lang.read._imports import Import

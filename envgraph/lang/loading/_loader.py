@@ -6,11 +6,12 @@ import gc
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from os import PathLike, fspath
 from typing import NoReturn
 
 from envgraph.behaviour import Behaviour
+from envgraph.code import dataclass
 from envgraph.errors import (
     RAISE_LIMIT,
     Diagnostic,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from envgraph.behaviour import Behaviour
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, did_you_mean, has_errors
 from envgraph.graph import Model
 from envgraph.lang.family._family import FamilySpec

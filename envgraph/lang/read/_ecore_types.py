@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isfinite
 
+from envgraph.code import dataclass
 from envgraph.metamodel import LARGEST_INT, EnumType, Scalar, Value
 
 ECORE = "http://www.eclipse.org/emf/2002/Ecore"

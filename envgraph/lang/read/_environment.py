@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from lark import Token, Tree
 
 from envgraph.behaviour import Action, Agent, Behaviour, Domain, Effect, Observation, OnReset
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic
 from envgraph.lang.read._environment_clauses import (
     action_of,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, cast
 
 from lark import Token, Tree
@@ -27,6 +27,7 @@ from envgraph.behaviour import (
     RuleCall,
 )
 from envgraph.behaviour import Token as DrawnToken
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.lang.read._expressions import (
     Reading,

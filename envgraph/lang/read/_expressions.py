@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import takewhile
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import (
     Diagnostic,
     Note,

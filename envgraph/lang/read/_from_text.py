@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, Final
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, Span
 from envgraph.lang.read._query import read_query
 from envgraph.lang.read._query_header import Header

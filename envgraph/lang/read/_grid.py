@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, Span
 from envgraph.lang.syntax._parsing import Parsed, tokens, trees
 from envgraph.metamodel import Metamodel

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Span, did_you_mean
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import (
     Diagnostic,
     Note,

@@ -7,10 +7,11 @@ features are set. What is wrong is reported, and the rest goes on.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import (
     Diagnostic,
     Note,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Span
 from envgraph.lang.read._expressions import Reading, type_of, type_span_of
 from envgraph.lang.read._query_conditions import conditions_of, java_type_of

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.lang.read._ecore_types import library_types
 from envgraph.lang.read._expressions import Reading

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, cast
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic
 from envgraph.lang.read._expressions import Reading, type_of, type_span_of
 from envgraph.lang.read._query import name_of, parameters_of

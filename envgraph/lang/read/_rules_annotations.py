@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import Span, did_you_mean
 from envgraph.lang.read._expressions import Reading
 from envgraph.lang.syntax._parsing import annotation_of, tokens, trees

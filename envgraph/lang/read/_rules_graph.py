@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal, cast
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.lang.read._expressions import Reading, type_of, type_span_of, value_of, variable_of
 from envgraph.lang.read._query_conditions import closure_of, conditions_of
 from envgraph.lang.syntax._parsing import tokens, trees

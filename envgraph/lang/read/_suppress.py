@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span, name_hint
 from envgraph.lang.syntax._parsing import Parsed, span_of, tokens, trees
 from envgraph.metamodel import SUPPRESS

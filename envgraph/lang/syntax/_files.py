@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import posixpath
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, Protocol
 
+from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, did_you_mean, limit, listed
 from envgraph.files import open_input
 from envgraph.lang.syntax._formats import HEAD, UNCLEAR, format_of

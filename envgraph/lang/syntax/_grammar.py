@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from sys import intern
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple
 from lark.parse_tree_builder import ExpandSingleChild
 from lark.parsers.lalr_analysis import Shift
 
+from envgraph.code import dataclass
 from envgraph.lang.syntax._data import data_path
 from envgraph.lang.syntax._grammar_tables import tables
 from envgraph.lang.syntax._lexer import END, LexicalCore

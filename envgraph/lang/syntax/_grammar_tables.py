@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, cast
@@ -21,6 +20,7 @@ from lark.parse_tree_builder import ParseTreeBuilder
 from lark.parsers.lalr_analysis import IntParseTable
 from lark.utils import SerializeMemoizer
 
+from envgraph.code import dataclass
 from envgraph.files import cache_directory, replace_file
 from envgraph.lang.syntax._lexer import LexicalCore
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Container, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from inspect import cleandoc
 from typing import Any, Protocol
 
 from lark.lexer import Lexer, LexerState, PatternStr, TerminalDef, Token
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Source, Span
 from envgraph.metamodel import LARGEST_INT
 

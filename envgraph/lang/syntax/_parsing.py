@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from lark import Token, Tree
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Source, Span
 from envgraph.lang.syntax._formats import other_language
 from envgraph.lang.syntax._grammar import Grammar, grammar

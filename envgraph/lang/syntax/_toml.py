@@ -9,9 +9,10 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, limit
 from envgraph.lang.syntax._formats import other_language
 

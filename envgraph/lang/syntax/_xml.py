@@ -10,11 +10,12 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import accumulate
 from typing import Final, NoReturn
 from xml.parsers import expat
 
+from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Note, Source, Span, limit
 
 XSI = "http://www.w3.org/2001/XMLSchema-instance"

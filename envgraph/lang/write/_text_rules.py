@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.lang.write._text_terms import TermText, plain_doc
 from envgraph.metamodel import Annotation
 from envgraph.pattern import (

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from itertools import compress
 from typing import Any, Final
 
+from envgraph.code import dataclass
 from envgraph.match._aggregates import aggregate, total
 
 MOST_CLASSES: Final = 256

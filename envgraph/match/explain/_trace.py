@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
+from envgraph.code import dataclass
 from envgraph.errors import limit
 from envgraph.match._limits import MOST_MATCHES
 from envgraph.match.generate._generate import Translation

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import PurePath
 from typing import Any, Literal
 
+from envgraph.code import dataclass
 from envgraph.draw import markup
 from envgraph.errors import EnvgraphError, Span
 from envgraph.match.explain._explain import Names, goal_text

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from envgraph.code import dataclass
 from envgraph.match.generate._symbols import Mode, Reach
 
 Names = Callable[[int], str]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum, StrEnum
 
+from envgraph.code import dataclass
 from envgraph.match.plan._plan import ViewKey
 
 

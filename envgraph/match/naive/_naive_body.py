@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import count
 
+from envgraph.code import dataclass
 from envgraph.metamodel import AttributeType, Value
 from envgraph.pattern import (
     Aggregate,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from math import fsum, inf
 from typing import Final, Protocol
 
+from envgraph.code import dataclass
 from envgraph.match.plan._calls import CallGraph
 from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._plan import (

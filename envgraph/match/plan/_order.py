@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import inf, prod
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.match.plan._options import ACCESS, Option, Options, Unplannable, Views
 from envgraph.match.plan._plan import Conjunction, Goal, Kind, Plan, Step, variables
 from envgraph.pattern import CallAtom, ClosureAtom, InstanceAtom

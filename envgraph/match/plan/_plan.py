@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import Enum
 
+from envgraph.code import dataclass
 from envgraph.metamodel import Attribute, Value
 from envgraph.pattern import (
     AggregateAtom,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.plan._options import Unplannable, call_key
 from envgraph.match.plan._order import Search

@@ -8,9 +8,9 @@ by the values that it starts from. The first of equals passes: results and their
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.match.plan._options import CALL
 from envgraph.match.plan._order import WIDEST
 from envgraph.match.plan._plan import Goal, Kind, Step

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.match.plan._calls import CallGraph
 from envgraph.match.plan._plan import Absence, Condition, Conjunction, Goal, Valuation, arguments, variables
 from envgraph.metamodel import Value

@@ -8,10 +8,10 @@ together: those before this one see the relation as it is, those after it as it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.match.generate._generate import Translation, forward_column
 from envgraph.match.generate._sinks import EXISTENCE, Sink, gathering, row, value
 from envgraph.match.generate._symbols import Backward, Bounded, Held, Source, Values

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from envgraph.code import dataclass
 from envgraph.match.generate._symbols import Literal, Source
 from envgraph.match.generate._write import Block, Module
 from envgraph.match.views._delta import Delta, Role, write_delta

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final, TypeVar
 
+from envgraph.code import dataclass
 from envgraph.graph import Store
 from envgraph.match.generate._symbols import Source
 from envgraph.match.plan._calls import CallGraph

@@ -7,10 +7,9 @@ before it is made, so that an interruption leaves no more than the last entry in
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from envgraph.code import define
+from envgraph.code import dataclass, define
 from envgraph.graph import IN, OUT, SET
 from envgraph.match.views import _sets
 

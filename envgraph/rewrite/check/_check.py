@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, combinations, zip_longest
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
 from envgraph.pattern import (
     Aggregate,

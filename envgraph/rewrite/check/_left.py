@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Span, has_errors, with_article
 from envgraph.metamodel import Attribute
 from envgraph.pattern import (

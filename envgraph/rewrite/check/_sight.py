@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, name_hint, with_article
 from envgraph.metamodel import Attribute, Metamodel, Reference
 from envgraph.pattern import Edge, ObjectType, StaticType

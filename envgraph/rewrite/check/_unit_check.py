@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, with_article
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (

@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
 from envgraph.metamodel import Annotation, Attribute, Metamodel
 from envgraph.pattern import Derivation, Pattern, Rule

@@ -8,11 +8,12 @@ plans grow until nothing is missing; the cheapest come first.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import zip_longest
 from typing import Final
 
+from envgraph.code import dataclass
 from envgraph.rewrite.derive._schema import End, Schema
 
 MOST_NEW: Final = 4

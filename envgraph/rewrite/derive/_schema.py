@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 
+from envgraph.code import dataclass
 from envgraph.metamodel import Attribute, Feature, Metamodel, Reference
 from envgraph.pattern import Aggregate, Comparison, Constant, Edge, PathConstraint, Variable
 

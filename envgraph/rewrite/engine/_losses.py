@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
+from envgraph.code import dataclass
 from envgraph.errors import Span
 from envgraph.metamodel import Metamodel, Reference
 from envgraph.rewrite._plan import BlockPlan, RulePlan

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.graph import Model, Version
 from envgraph.rewrite._match import Firing, Match, Row, Shape

@@ -7,10 +7,11 @@ is known by its facts by identity, or, up to isomorphism, by what `Shapes` makes
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, RuleError
 from envgraph.graph import Model, Shapes, Version
 from envgraph.rewrite._branches import Branches

@@ -7,11 +7,10 @@ is carried out phase by phase over the matches of all its blocks, after looking 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import count
 from typing import Any, Final
 
-from envgraph.code import define
+from envgraph.code import dataclass, define
 from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, limit
 from envgraph.graph import Model
 from envgraph.match import Matcher

@@ -6,10 +6,11 @@ A step that is run gives None if it fails, else whether it has changed anything.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import fsum
 from typing import Any, Final, NoReturn
 
+from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model, Savepoint
 from envgraph.metamodel import Value

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Final
 
-from envgraph.code import define
+from envgraph.code import dataclass, define
 from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model
 from envgraph.match import Matcher, ViewMatcher

@@ -1,0 +1,121 @@
+"""Data classes that are made quickly: the package has hundreds, and of each one function is compiled instead of six."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import MISSING, Field, FrozenInstanceError
+from operator import attrgetter
+from reprlib import recursive_repr
+from typing import TYPE_CHECKING, Any
+
+from envgraph.code._compile import define
+
+__all__ = ["dataclass"]
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass  # noqa: TID251
+else:
+
+    def dataclass(*, frozen: bool = False, eq: bool = True, slots: bool = False) -> Callable[[type], type]:
+        """As `dataclasses.dataclass`, whose `fields` and `replace` know these, too."""
+        return lambda cls: _made(cls, frozen, eq, slots)
+
+
+class _Unset:
+    """Stands for an argument whose value is made anew by each call."""
+
+    def __repr__(self) -> str:
+        return "<factory>"
+
+
+def _made(cls: type, frozen: bool, eq: bool, slots: bool) -> type:
+    # Beside an `__eq__` of the class there is a `__hash__` that is None.
+    own = {name for name, method in cls.__dict__.items() if method is not None}
+    cls = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots)(cls)  # noqa: TID251
+    fields = dataclasses.fields(cls)
+    made = {"__init__": _init(cls, fields, frozen), "__repr__": _repr(fields)}
+    if eq:
+        made |= _comparisons(fields, frozen)
+    if frozen:
+        made |= _refusals([field.name for field in fields])
+    for name, method in made.items():
+        if name not in own:
+            setattr(cls, name, method)
+    return cls
+
+
+def _init(cls: type, fields: tuple[Field[Any], ...], frozen: bool) -> Callable[..., None]:
+    """The one function that is compiled, since it is called often and has parameters."""
+    names: dict[str, Any] = {"unset": _Unset(), "put": object.__setattr__}
+    parameters, body = ["self"], []
+    for field in fields:
+        name, value = field.name, field.name
+        if field.default_factory is not MISSING:
+            names[f"new_{name}"] = field.default_factory
+            value = f"new_{name}() if {name} is unset else {name}" if field.init else f"new_{name}()"
+            parameters += [f"{name}=unset"] if field.init else []
+        elif field.default is not MISSING:
+            names[f"usual_{name}"] = field.default
+            value = name if field.init else f"usual_{name}"
+            parameters += [f"{name}=usual_{name}"] if field.init else []
+        elif field.init:
+            parameters.append(name)
+        else:
+            continue  # `__post_init__` or the user of the class will set it
+        body.append(f"put(self, {name!r}, {value})" if frozen else f"self.{name} = {value}")
+    if hasattr(cls, "__post_init__"):
+        body.append("self.__post_init__()")
+    lines = "\n    ".join(body or ["pass"])
+    init: Callable[..., None]
+    init = define(f"def __init__({', '.join(parameters)}):\n    {lines}\n", "<data class>", names)["__init__"]
+    init.__qualname__ = f"{cls.__qualname__}.__init__"
+    init.__annotations__ = {field.name: field.type for field in fields if field.init} | {"return": None}
+    return init
+
+
+def _repr(fields: tuple[Field[Any], ...]) -> Callable[[Any], str]:
+    names = [field.name for field in fields if field.repr]
+
+    @recursive_repr()
+    def __repr__(self: Any) -> str:
+        return f"{type(self).__qualname__}({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
+
+    return __repr__
+
+
+def _comparisons(fields: tuple[Field[Any], ...], frozen: bool) -> dict[str, Any]:
+    """Two of a class are equal if all values are that take part in comparison."""
+    names = [field.name for field in fields if field.compare]
+
+    def few(self: Any) -> tuple[Any, ...]:
+        return tuple(getattr(self, name) for name in names)
+
+    values: Callable[[Any], tuple[Any, ...]] = attrgetter(*names) if len(names) > 1 else few
+
+    def __eq__(self: Any, other: object) -> bool:
+        return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+
+    def __hash__(self: Any) -> int:
+        return hash(values(self))
+
+    return {"__eq__": __eq__, "__hash__": __hash__ if frozen else None}
+
+
+def _refusals(names: list[str]) -> dict[str, Any]:
+    """What is frozen does not change; to copy and to pickle it, its state is put in place all the same."""
+
+    def __setattr__(self: Any, name: str, value: object) -> None:
+        raise FrozenInstanceError(f"cannot assign to field {name!r}")
+
+    def __delattr__(self: Any, name: str) -> None:
+        raise FrozenInstanceError(f"cannot delete field {name!r}")
+
+    def __getstate__(self: Any) -> list[object]:
+        return [getattr(self, name) for name in names]
+
+    def __setstate__(self: Any, state: list[object]) -> None:
+        for name, value in zip(names, state, strict=True):
+            object.__setattr__(self, name, value)
+
+    return {one.__name__: one for one in (__setattr__, __delattr__, __getstate__, __setstate__)}
