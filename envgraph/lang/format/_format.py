@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from envgraph.errors import InvalidArgument, LoadError, Source
+from envgraph.lang.format._constructs import CONSTRUCTS
 from envgraph.lang.format._document import HARD, Piece, joined, lines_of, printed
 from envgraph.lang.format._layout import Layout
 from envgraph.lang.format._tokens import Part, Tokens, comments_of, read_tokens
@@ -63,7 +64,7 @@ def language_of(name: str) -> str | None:
 
 def _lines(tokens: Tokens, definitions: list[Part]) -> list[str]:
     """The definitions below each other; an empty line after each long one, and before a long one of another kind."""
-    layout = Layout(tokens)
+    layout = Layout(tokens, CONSTRUCTS)
     if tokens.gaps[0].remarks:
         first, *rest = tokens.gaps[0].remarks
         tokens.gaps[0] = replace(tokens.gaps[0], remarks=(replace(first, breaks=1), *rest))

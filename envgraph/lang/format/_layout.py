@@ -1,15 +1,8 @@
-"""How each construct of the languages is laid out: the tree of a text to a document.
-
-- A block `{ .. }` is on one line if the author put it there and it fits; else each of its statements has a line.
-- Brackets `( .. )` stay on the line while they fit; then each of their items has a line.
-- A chain of operators, arrows or alternatives that does not fit is broken before each of them.
-- Comments stay where they are between the tokens, empty lines between statements are kept, two of them become one.
-"""
+"""How expressions, brackets and blocks are laid out, with the comments between the tokens: from parts to documents."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from typing import Final
 
 from envgraph.lang.format._document import (
@@ -38,9 +31,7 @@ _LEVELS: Final[Mapping[str, int]] = {
 }  # fmt: skip
 """How tightly operators bind."""
 
-_CHAINS: Final = frozenset({"binary", "conditional"})
-_ARROWS: Final = frozenset({"forward", "backward", "half_arrow", "unnamed"})
-_EFFECTS: Final = frozenset({"reward", "other", "apply", "terminate", "each_object", "tokens"})
+CHAINS: Final = frozenset({"binary", "conditional"})
 _ATTACHED: Final = frozenset({";", ","})
 
 
@@ -49,10 +40,12 @@ class Layout:
 
     Args:
         tokens: of the text.
+        constructs: how parts of some kinds are laid out; those of others have one item after the other.
     """
 
-    def __init__(self, tokens: Tokens) -> None:
+    def __init__(self, tokens: Tokens, constructs: Mapping[str, Callable[[Layout, Part], Document]]) -> None:
         self.tokens = tokens
+        self._constructs = constructs
 
     # --- tokens and what is between them
 
@@ -96,7 +89,7 @@ class Layout:
 
     def part(self, part: Part) -> Document:
         """The document of a part, without what stands before it."""
-        return _LAYOUTS.get(part.kind, Layout.plain)(self, part)
+        return self._constructs.get(part.kind, Layout.plain)(self, part)
 
     def item(self, item: Item) -> Document:
         """A token or a part."""
@@ -118,7 +111,7 @@ class Layout:
         index = 0
         while index < len(items):
             item = items[index]
-            first = _first(item)
+            first = first_of(item)
             if index:
                 wanted = isinstance(item, Part) and item.kind in lines
                 if wanted and mark:
@@ -135,7 +128,7 @@ class Layout:
 
     def _closing(self, items: Sequence[Item], start: int) -> int:
         """The place of the bracket that closes the one at `start`."""
-        opening, depth = self.tokens.words[_first(items[start])], 0
+        opening, depth = self.tokens.words[first_of(items[start])], 0
         for place in range(start, len(items)):
             item = items[place]
             if isinstance(item, int):
@@ -150,19 +143,19 @@ class Layout:
 
     def _bracket(self, items: Sequence[Item]) -> Document:
         """`( .. )`, `[ .. ]` or `{ .. }` with everything in it."""
-        opening = self.tokens.words[_first(items[0])]
-        if opening == "{" and self.tokens.owners[_first(items[0])] != "annotation_named":
+        opening = self.tokens.words[first_of(items[0])]
+        if opening == "{" and self.tokens.owners[first_of(items[0])] != "annotation_named":
             return grouped(self.block(items))
         inner = [inside for item in items[1:-1] for inside in _spliced(item)]
-        start, end = _first(items[0]), _first(items[-1])
+        start, end = first_of(items[0]), first_of(items[-1])
         if not inner:
             return joined((self.word(start), self.between(end, NOTHING), self.word(end)))
-        broken = opening == "[" and self._ends_line(start + 1) and self.tokens.owners[start] == "list"
+        broken = opening == "[" and self.ends_line(start + 1) and self.tokens.owners[start] == "list"
         found: list[Document] = []
         for place, item in enumerate(inner):
-            after_comma = place > 0 and self._is(inner[place - 1], ",")
+            after_comma = place > 0 and self.is_word(inner[place - 1], ",")
             wanted = SOFT if not place else LINE if after_comma else None
-            found += [self.between(_first(item), wanted), self._inside(item)]
+            found += [self.between(first_of(item), wanted), self._inside(item)]
         return grouped(
             self.word(start),
             indented(joined(found, broken=broken)),
@@ -172,31 +165,31 @@ class Layout:
 
     def _inside(self, item: Item) -> Document:
         """An item of brackets: a chain needs no indentation of its own there."""
-        if isinstance(item, Part) and item.kind in _CHAINS:
-            return grouped(self._links(item))
+        if isinstance(item, Part) and item.kind in CHAINS:
+            return grouped(self.links(item))
         return self.item(item)
 
-    def _ends_line(self, index: int) -> bool:
+    def ends_line(self, index: int) -> bool:
         return self.tokens.gaps[index].ends_line
 
-    def _is(self, item: Item, word: str) -> bool:
+    def is_word(self, item: Item, word: str) -> bool:
         """Whether this is a certain token."""
         return isinstance(item, int) and self.tokens.words[item] == word
 
     def block(self, items: Sequence[Item], mark: str = "") -> Document:
         """`{ .. }` with its statements, for a group; `mark` is the kind of the marks between them."""
-        start, end = _first(items[0]), _first(items[-1])
+        start, end = first_of(items[0]), first_of(items[-1])
         statements = self._statements(items[1:-1])
         if not statements and not self.tokens.gaps[end].remarks:
             return joined((self.word(start), SPACE, self.word(end)))
         inner: list[Document] = []
         for place, one in enumerate(statements):
-            first = _first(one[0])
+            first = first_of(one[0])
             inner += [Mark(mark, self.tokens.gaps[first].spaces)] if mark and place else []
             inner += [self.vertical(first, bool(place)), self.statement(one)]
         last = self.tokens.gaps[end]
         inner += self.remarks(last, bool(statements))
-        broken = self._ends_line(start + 1) or any(remark.to_end for remark in last.remarks)
+        broken = self.ends_line(start + 1) or any(remark.to_end for remark in last.remarks)
         return joined((self.word(start), indented(*inner), LINE, self.word(end)), broken=broken)
 
     def _statements(self, items: Sequence[Item]) -> list[list[Item]]:
@@ -212,7 +205,7 @@ class Layout:
     def statement(self, items: Sequence[Item]) -> Document:
         parts = [self.item(items[0])]
         for item in items[1:]:
-            parts += [self.between(_first(item), NOTHING), self.item(item)]
+            parts += [self.between(first_of(item), NOTHING), self.item(item)]
         return joined(parts)
 
     def vertical(self, index: int, inner: bool) -> Document:
@@ -243,9 +236,9 @@ class Layout:
 
     def chain(self, part: Part) -> Document:
         """Operators and their operands outside of brackets."""
-        return grouped(indented(self._links(part)))
+        return grouped(indented(self.links(part)))
 
-    def _links(self, part: Part) -> Document:
+    def links(self, part: Part) -> Document:
         return self._conditional(part) if part.kind == "conditional" else self._operators(part)
 
     def _operators(self, part: Part) -> Document:
@@ -282,191 +275,12 @@ class Layout:
             item = otherwise
         return joined((*found, self.item(item)))
 
-    def assignment(self, part: Part) -> Document:
-        """`name = value`; a long expression has lines of its own."""
-        value = next((one for one in part.parts(*_CHAINS)), None)
-        if value is None:
-            return self.plain(part)
-        place = part.items.index(value)
-        return grouped(
-            self.row(part.items[:place]),
-            indented(self.between(value.first, LINE), self._links(value)),
-            *(document for item in part.items[place + 1 :] for document in (NOTHING, self.item(item))),
-        )
-
-    def graph(self, part: Part) -> Document:
-        """`a -ref-> b <-ref- c`, broken before the arrows; not because of the values of the last object."""
-        *items, last = part.items
-        assert isinstance(last, Part)
-        start = next((place for place, item in enumerate(last.items) if self._is(item, "{")), len(last.items))
-        head = Part(last.kind, last.items[:start], last.first, last.last)
-        chain = grouped(self.row([*items, head], lines=_ARROWS))
-        if start == len(last.items):
-            return chain
-        values = last.items[start:]
-        return joined((chain, self.between(_first(values[0])), grouped(self.block(values))))
-
-    def alternatives(self, part: Part) -> Document:
-        """`a | b`, broken before each `|`; blocks among them as in `try { } else { }`."""
-        if any(isinstance(item, Part) and item.kind == "block" for item in part.items):
-            return self.nested(part)
-        found: list[Document] = []
-        for place, item in enumerate(part.items):
-            first = _first(item)
-            if place:
-                found.append(self.between(first, LINE if self._is(item, "|") else None))
-            found.append(self.item(item))
-        return grouped(self.item(part.items[0]), indented(*found[1:]))
-
-    def listed(self, part: Part) -> Document:
-        """Items with commas and no brackets; as many on a line as fit."""
-        found = [self.item(part.items[0])]
-        for before, item in pairwise(part.items):
-            if self._is(before, ","):
-                found.append(grouped(indented(self.between(_first(item), LINE)), self.item(item)))
-            else:
-                found += [self.between(_first(item)), self.item(item)]
-        return joined(found)
-
-    def legend(self, part: Part) -> Document:
-        """`legend a = A, b = B`: the lines of the author, aligned behind the word."""
-        first, *rest = part.items
-        assert isinstance(first, int)
-        found: list[Document] = [self.item(rest[0])]
-        for before, item in pairwise(rest):
-            start = _first(item)
-            if not self._is(before, ",") or self._is(item, ";"):
-                found += [self.between(start, NOTHING), self.item(item)]
-            elif self._ends_line(start):
-                found += [self.between(start, HARD), self.item(item)]
-            else:
-                found.append(grouped(self.between(start, LINE), self.item(item)))
-        word = self.tokens.words[first]
-        return joined(
-            (self.word(first), self.between(first + 1), indented(*found, columns=len(word) + 1)),
-        )
-
-    # --- definitions
-
-    def definition(self, part: Part) -> Document:
-        """Annotations, then the rest."""
-        notes = [item for item in part.items if isinstance(item, Part) and item.kind == "annotation"]
-        rest = part.items[len(notes) :]
-        if not notes:
-            return self._body(part, rest)
-        found: list[Document] = []
-        for place, note in enumerate(notes):
-            found += [self._after_note(note.first)] if place else []
-            found.append(self.part(note))
-        return joined((*found, self._after_note(_first(rest[0]), last=True), self._body(part, rest)))
-
-    def _after_note(self, index: int, last: bool = False) -> Document:
-        gap = self.tokens.gaps[index]
-        if gap.remarks:
-            return self.between(index, HARD if gap.ends_line else SPACE)
-        if gap.ends_line:
-            return HARD
-        return joined((Mark("annotation", gap.spaces, always=True), SPACE)) if last else SPACE
-
-    def _body(self, part: Part, items: Sequence[Item]) -> Document:
-        if part.kind == "pattern":
-            return self._bodies(items)
-        return self._rule(items) if part.kind == "rule" else self.row(items)
-
-    def _bodies(self, items: Sequence[Item]) -> Document:
-        """A pattern: all of its bodies on one line, or none."""
-        found: list[Document] = []
-        for place, item in enumerate(items):
-            found += [self.between(_first(item))] if place else []
-            if isinstance(item, Part) and item.kind == "body":
-                found.append(self._open_block(item))
-            else:
-                found.append(self.item(item))
-        return grouped(*found)
-
-    def _open_block(self, part: Part) -> Document:
-        """A body of a pattern, for the group around it."""
-        start = self._place(part.items, "{")
-        head = [self.row(part.items[:start]), self.between(_first(part.items[start]))] if start else []
-        return joined((*head, self.block(part.items[start:])))
-
-    def _place(self, items: Sequence[Item], word: str) -> int:
-        """Where a token is first among some items."""
-        return next(place for place, item in enumerate(items) if self._is(item, word))
-
-    def _rule(self, items: Sequence[Item]) -> Document:
-        """A rule; short ones that stand below each other may be set in columns."""
-        start = self._place(items, "{")
-        opening = _first(items[start])
-        mark = Mark("rule", self.tokens.gaps[opening].spaces)
-        block = grouped(mark, self.between(opening), self.block(items[start:], "rule"))
-        return joined((self.row(items[:start]), block))
-
-    def nested(self, part: Part) -> Document:
-        """`try`, `if` and the like: all of their blocks on one line, or none."""
-        return grouped(self._blocks(part))
-
-    def _blocks(self, part: Part) -> Document:
-        found: list[Document] = []
-        for place, item in enumerate(part.items):
-            found += [self.between(_first(item))] if place else []
-            if isinstance(item, Part) and item.kind == "block":
-                found.append(self.block(item.items))
-            elif isinstance(item, Part) and item.kind == "if":
-                found.append(self._blocks(item))
-            else:
-                found.append(self.item(item))
-        return joined(found)
-
-    def clause(self, part: Part) -> Document:
-        """An action, `on` or the like: what follows from it has lines of its own if it does not fit."""
-        mark = "on" if part.kind == "on" else ""
-        if part.kind != "action":
-            return grouped(self.row(part.items, lines=_EFFECTS, mark=mark))
-        place = self._place(part.items, "=")
-        equals = _first(part.items[place])
-        return grouped(
-            self.row(part.items[:place]),
-            Mark("action", self.tokens.gaps[equals].spaces),
-            self.between(equals),
-            self.row(part.items[place:], lines=_EFFECTS),
-        )
-
-    def rows(self, part: Part) -> Document:
-        """The letters of a grid, one row a line."""
-        place = next(i for i in part.items if isinstance(i, int) and i > part.first)
-        if self.tokens.kinds[place] != "TEXT":
-            return self.plain(part)
-        lines = self.tokens.words[place][3:-3].split("\n")
-        if len(lines) < 2 or lines[0].strip() or lines[-1].strip():
-            return self.plain(part)
-        letters = lines[1:-1]
-        shared = min((len(row) - len(row.lstrip()) for row in letters if row.strip()), default=0)
-        found: list[Document] = []
-        for row in letters:
-            found += [HARD, Text(row[shared:].rstrip())]
-        text = joined((Text('"""'), indented(*found, HARD, Text('"""'))))
-        rest = part.items[part.items.index(place) + 1 :]
-        return joined(
-            (self.row(part.items[: -len(rest) - 1]), self.between(place), text, *map(self.item, rest))
-        )
-
-    def line(self, part: Part) -> Document:
-        """A line of a table; the values may be set in columns."""
-        found: list[Document] = []
-        for place, item in enumerate(part.items):
-            first = _first(item)
-            if place and (self._is(part.items[place - 1], ",") or self._is(part.items[place - 1], ":")):
-                found.append(Mark("table", self.tokens.gaps[first].spaces, always=True))
-            found += [self.between(first)] if place else []
-            found.append(self.item(item))
-        return joined(found)
-
 
 _BRACKETS: Final[Mapping[str, str]] = {"(": ")", "[": "]", "{": "}"}
 
 
-def _first(item: Item) -> int:
+def first_of(item: Item) -> int:
+    """Its first token."""
     return item.first if isinstance(item, Part) else item
 
 
@@ -479,24 +293,3 @@ def _remark(remark: Remark) -> Document:
     # Behind something else its place may still change, when lines are set in columns.
     shifted = "\n" in remark.text and remark.breaks > 0
     return Comment(remark.text, remark.column) if shifted else Text(remark.text)
-
-
-_LAYOUTS: Final[Mapping[str, Callable[[Layout, Part], Document]]] = {
-    **dict.fromkeys(
-        ("header", "enum", "class", "attribute", "reference", "pattern", "rule", "unit", "derivation", "environment"),
-        Layout.definition,
-    ),
-    **dict.fromkeys(_CHAINS, Layout.chain),
-    **dict.fromkeys(("set", "assignment"), Layout.assignment),
-    **dict.fromkeys(("alap", "repeat", "try", "if", "atomic"), Layout.nested),
-    **dict.fromkeys(("choice", "branches"), Layout.alternatives),
-    **dict.fromkeys(("extends", "tokens"), Layout.listed),
-    **dict.fromkeys(
-        ("action", "each", "on", "reset", "observation", "draw_grid", "draw_graph"), Layout.clause
-    ),
-    "graph": Layout.graph,
-    "legend": Layout.legend,
-    "rows": Layout.rows,
-    "line": Layout.line,
-}  # fmt: skip
-"""Parts that are not laid out plainly."""
