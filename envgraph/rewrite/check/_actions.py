@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
+from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, Span
 from envgraph.pattern import (
     Action,
