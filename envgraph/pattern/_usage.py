@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, did_you_mean, nearest
-from envgraph.metamodel import EnumType
-from envgraph.pattern._binding import Binding, inputs_of, is_data_type
+from envgraph.metamodel import EnumType, type_name
+from envgraph.pattern._binding import Binding, bound_by_type, inputs_of, is_data_type
 from envgraph.pattern._bodies import Reading, Use, names_read, positive_relations, terms_of
 from envgraph.pattern._inference import BodyTypes, relation_text
 from envgraph.pattern._lowered import ObjectType, StaticType
@@ -48,6 +48,7 @@ class UsageCheck:
         yield from self._own_input()
         yield from self._parameters_unreferenced()
         yield from self._unbound()
+        yield from self._without_values()
         for name in self._reading.names:
             if name not in self._parameters and name not in self._tainted:
                 yield from self._local(name)
@@ -116,6 +117,21 @@ class UsageCheck:
             yield Diagnostic(
                 "not-enumerable", message, self._reading.span(circular[0]), hint, subject=tuple(circular)
             )
+
+    def _without_values(self) -> Iterator[Diagnostic]:
+        """Variables whose type alone would enumerate them, where no attribute has a value of that type."""
+        metamodel = self._types.metamodel
+        for name, type_ in bound_by_type(self._types, self._pattern.parameters):
+            if name not in self._tainted and all(one.type != type_ for one in metamodel.attributes):
+                message = (
+                    f"`{name}` never has a value{self._where}: only its type enumerates it, and no attribute has "
+                    f"values of `{type_name(type_)}`"
+                )
+                hint = "bind it with a `find` or `==`"
+                if name in self._parameters:
+                    hint += ", or declare it `in`, so that every caller binds it"
+                span = self._reading.span(name) or self._pattern.span
+                yield Diagnostic("no-values", message, span, hint, Severity.WARNING, subject=(name,))
 
     def _not_explained(self, names: list[str]) -> list[str]:
         """Those of the names that would be unbound even if the errors reported so far were mended."""
