@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Final, TypeVar, get_args
 
 from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, Diagnostic, LoadError, Source, Span, did_you_mean, limit
@@ -32,35 +32,6 @@ from envgraph.lang.syntax._toml import TomlText, override, parse_toml
 FAMILY_FILE = "family.toml"
 _MOST = 100_000
 """Members of a family, and agents that are trained for each curriculum."""
-
-# Where each key belongs, to say so when it stands elsewhere.
-_HOME = {
-    "the top of the file": ("name", "model", "environment", "imports", "seed", "limit"),
-    "`[constraints]`": ("require", "forbid", "count", "reachable"),
-    "`[mutation]`": ("rules", "rate", "initial_applications", "max_attempts"),
-    "`[search]`": (
-        "population",
-        "generations",
-        "keep_initial",
-        "parents",
-        "survivors",
-        "time_limit",
-        "target",
-        "stagnation",
-    ),
-    "`[curriculum]`": ("order", "sequences", "initial"),
-    "`[training]`": (
-        "agent",
-        "learning_rate",
-        "discount",
-        "epsilon",
-        "steps_per_environment",
-        "evaluation_episodes",
-        "seeds",
-        "initial_value",
-    ),
-}
-
 
 # What to write where another type is expected.
 _WANTED = {
@@ -176,12 +147,13 @@ def family_path(path: str, files: Files) -> str:
 
 @dataclass(slots=True)
 class _Section:
-    """One table. Each question takes a key; what nobody asked for is unknown."""
+    """One table, `there` if the file has it. Each question takes a key; what nobody asked for is unknown."""
 
     text: TomlText
     path: tuple[str, ...]
     data: Mapping[str, Any]
     diagnostics: list[Diagnostic]
+    there: bool = True
     asked: dict[str, None] = field(default_factory=dict)
 
     def __contains__(self, key: str) -> bool:
@@ -226,40 +198,32 @@ class _Section:
         self.error("unknown-choice", f"`{key}` cannot be `{value}`", self.span(key), hint)
         return default
 
-    def integer(self, key: str, default: int, low: int | None = None, most: int | None = None) -> int:
-        found = self.optional_integer(key, low, most)
-        return default if found is None else found
-
-    def optional_integer(self, key: str, low: int | None = None, most: int | None = None) -> int | None:
+    def integer(self, key: str, default: Any, low: int | None = None, most: int | None = None) -> Any:
         value = self.take(key)
         if value is None:
-            return None
+            return default
         if not _is_int(value):
             self.wrong(key, "a whole number")
-            return None
+            return default
         if low is not None and value < low:
             message = f"`{key}` is {value}, it must be at least {low}"
             self.error(
                 "bad-range", message, self.span(key), f"write `{key} = {low}` or more, or leave it out"
             )
-            return None
+            return default
         if most is not None and value > limit(most):
             message = f"`{key}` is {value}, and at most {limit(most):,}"
             self.error("bad-range", message, self.span(key), RAISE_LIMIT)
-            return None
+            return default
         return int(value)
 
-    def number(self, key: str, default: float, low: float | None = None, high: float | None = None) -> float:
-        found = self.optional_number(key, low, high)
-        return default if found is None else found
-
-    def optional_number(self, key: str, low: float | None = None, high: float | None = None) -> float | None:
+    def number(self, key: str, default: Any, low: float | None = None, high: float | None = None) -> Any:
         value = self.take(key)
         if value is None:
-            return None
+            return default
         if not _is_number(value):
             self.wrong(key, "a number")
-            return None
+            return default
         below, above = low is not None and value < low, high is not None and value > high
         if below or above or not isfinite(value):
             wanted = f"at least {low:g}" if high is None and low is not None else f"from {low} to {high}"
@@ -268,10 +232,10 @@ class _Section:
             self.error(
                 "bad-range", message, self.span(key), "write another number, or leave it out for the default"
             )
-            return None
+            return default
         return float(value)
 
-    def positive(self, key: str, default: float, high: float) -> float:
+    def positive(self, key: str, default: Any, high: float) -> Any:
         found = self.number(key, default, 0, high)
         if found == 0:
             message = f"`{key}` is 0, it must be above 0"
@@ -317,7 +281,58 @@ class _Section:
         if value is not None and not isinstance(value, dict):
             self.wrong(key, "a table", hint=f"write `[{'.'.join((*self.path, key))}]` or `{key} = {{ ... }}`")
             value = None
-        return _Section(self.text, (*self.path, key), value or {}, self.diagnostics)
+        return _Section(self.text, (*self.path, key), value or {}, self.diagnostics, value is not None)
+
+    def interval(self, key: str, default: tuple[int, int]) -> tuple[int, int]:
+        value = self.take(key)
+        if value is None:
+            return default
+        if _is_int(value):
+            value = [value, value]
+        if not isinstance(value, list) or len(value) != 2 or not all(_is_int(one) for one in value):
+            self.wrong(key, "a pair of whole numbers", hint=f"write `{key} = [1, 5]`")
+            return default
+        if not 0 <= value[0] <= value[1]:
+            message = f"`{key}` is {value[0]} to {value[1]}, it must go up from 0 or more"
+            self.error("bad-range", message, self.span(key), f"write `{key} = [1, 5]`")
+            return default
+        return value[0], value[1]
+
+    def component(self, role: str, default: str | None, word: str = "kind") -> ComponentSpec | None:
+        """This table as the part of a search; `word` is the key that names it."""
+        kind = self.string(word, default)
+        if kind is None:
+            near = next((key for key in self.data if did_you_mean(key, [word])), None)
+            if word not in self.data and near:
+                message = f"unknown key `{near}` in `[{'.'.join(self.path)}]`"
+                self.error("unknown-key", message, self.text.key(*self.path, near), f"did you mean `{word}`?")
+            elif word not in self.data and self.there:
+                self.missing(word, f'write `{word} = "..."`')
+            return None
+        spans = {key: self.span(key) for key in self.data} | {"": self.span()}
+        for key, value in self.data.items():
+            items = range(len(value)) if isinstance(value, list) else ()
+            spans |= {f"{key}[{index}]": self.span(key, index) for index in items}
+        spans |= {f"{key} =": self.text.key(*self.path, key) for key in self.data}
+        spans["kind"] = kind.span or spans[""]
+        options = {key: value for key, value in self.data.items() if key != word}
+        return ComponentSpec(role, kind.text, options, spans)
+
+    def chosen(self, key: str, default: ComponentSpec) -> ComponentSpec:
+        """`key = { name = "...", option = ... }`, or the name alone."""
+        value = self.data.get(key)
+        if isinstance(value, str):
+            self.take(key)
+            return ComponentSpec(key, value, {}, {"kind": self.span(key), "": self.span(key)})
+        table = self.table(key)
+        if not table.data:
+            return default
+        return table.component(key, None, "name") or default
+
+    def missing(self, key: str, hint: str) -> None:
+        """Reports that a key is not there."""
+        where = f"`[{'.'.join(self.path)}]`" if self.path else "the file"
+        self.error("missing-key", f"{where} has no `{key}`", self.text.value(*self.path), hint)
 
     def finish(self) -> None:
         """Reports the keys that nobody asked for."""
@@ -329,7 +344,8 @@ class _Section:
 
     def _hint(self, key: str) -> str | None:
         near = did_you_mean(key, self.asked)
-        home = next((home for home, keys in _HOME.items() if key in keys), None)
+        home = next((f"`[{name}]`" for name, keys in _FIELDS.items() if key in keys), None)
+        home = "the top of the file" if key in _TOP else home
         if near and not (home and near != f"did you mean `{key}`?"):
             return near
         if home:
@@ -351,28 +367,31 @@ class _Reader:
         model, environment = self._path(top.string("model")), self._path(top.string("environment"))
         imports = tuple(path for one in top.names("imports") if (path := self._path(one)))
         if model is None and "model" not in top:
-            self._missing(top, "model", 'write `model = "name.model"` at the top')
+            top.missing("model", 'write `model = "name.model"` at the top')
         self.complete = not self.diagnostics
         name = top.string("name")
         if name and re.search(r"[/\\\x00-\x1f]|^\.+$", str(name)):
             hint = "runs are kept in a directory of this name: leave out `/` and `\\`"
             top.error("bad-value", f"`{name}` cannot name a directory", top.span("name"), hint)
         measures = self._measures(top, top.table("measures"))
+        ga4cl = top.table("ga4cl")
+        rewards = ga4cl.names("rewards")
+        ga4cl.finish()
         spec = FamilySpec(
             name=str(name) if name else self._directory(),
             model=model or Name(""),
             environment=environment,
             imports=imports,
             seed=top.integer("seed", 0, 0),
-            limit=top.optional_integer("limit", 1),
-            constraints=self._constraints(top.table("constraints")),
+            limit=top.integer("limit", None, 1),
+            constraints=_read(top.table("constraints"), "constraints", ConstraintsSpec()),
             measures=measures,
             diversity=self._diversity(top, measures),
-            mutation=self._mutation(top.table("mutation")),
-            search=self._search(top.table("search")),
+            mutation=_mutation(top.table("mutation")),
+            search=_search(top.table("search")),
             curriculum=self._curriculum(top.table("curriculum"), measures),
-            training=self._training(top.table("training")),
-            ga4cl=self._ga4cl(top.table("ga4cl")),
+            training=_read(top.table("training"), "training", TrainingSpec()),
+            ga4cl=rewards,
             path=self._name,
             source=self._text.source,
         )
@@ -389,44 +408,6 @@ class _Reader:
         name = os.path.abspath(self._name) if isinstance(self._files, DiskFiles) else self._name
         return Path(name).parent.name or "family"
 
-    def _missing(self, section: _Section, key: str, hint: str) -> None:
-        where = f"`[{'.'.join(section.path)}]`" if section.path else "the file"
-        section.error("missing-key", f"{where} has no `{key}`", self._text.value(*section.path), hint)
-
-    def _constraints(self, section: _Section) -> ConstraintsSpec:
-        reachable = section.names("reachable")
-        for outcome in reachable:
-            if outcome.text not in {"success", "failure"} and outcome.span:
-                hint = did_you_mean(outcome.text, ("success", "failure")) or "there are `success`, `failure`"
-                section.error("unknown-choice", f"`{outcome}` is no outcome", outcome.span, hint)
-        spec = ConstraintsSpec(
-            section.names("require"), section.names("forbid"), self._counts(section.table("count")), reachable
-        )
-        section.finish()
-        return spec
-
-    def _counts(self, section: _Section) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
-        counts = []
-        for key in section.data:
-            value = section.take(key)
-            bounds = _bounds(value)
-            span = section.span(key)
-            if bounds is None:
-                hint = 'write `"1..5"`, `"2..*"` or `3`'
-                section.error("bad-range", f"`{key}` has no bounds for its number of matches", span, hint)
-            elif bounds[1] is not None and bounds[1] < bounds[0]:
-                section.error(
-                    "bad-range",
-                    "the upper bound is below the lower one",
-                    span,
-                    f'write `"{bounds[1]}..{bounds[0]}"`',
-                )
-            else:
-                counts.append((Name(key, self._text.key(*section.path, key)), bounds))
-        return tuple(counts)
-
-    # --- components ---
-
     def _measures(self, top: _Section, section: _Section) -> tuple[ComponentSpec, ...]:
         found = []
         if "kind" in section and not isinstance(section.data["kind"], dict):
@@ -435,7 +416,7 @@ class _Reader:
             return ()
         for name in section.data:
             table = section.table(name)
-            component = self._component(table, name, None)
+            component = table.component(name, None)
             if component is not None:
                 found.append(component)
         if not section.data:
@@ -443,37 +424,8 @@ class _Reader:
             section.error("missing-key", "the family has no measure", self._text.value("measures"), hint)
         return tuple(found)
 
-    def _component(
-        self, table: _Section, role: str, default: str | None, word: str = "kind"
-    ) -> ComponentSpec | None:
-        kind = table.string(word, default)
-        if kind is None:
-            near = next((key for key in table.data if did_you_mean(key, [word])), None)
-            if word not in table.data and near:
-                message = f"unknown key `{near}` in `[{'.'.join(table.path)}]`"
-                table.error(
-                    "unknown-key", message, self._text.key(*table.path, near), f"did you mean `{word}`?"
-                )
-            elif word not in table.data and isinstance(self._raw(table.path), dict):
-                self._missing(table, word, f'write `{word} = "..."`')
-            return None
-        spans = {key: table.span(key) for key in table.data} | {"": table.span()}
-        for key, value in table.data.items():
-            items = range(len(value)) if isinstance(value, list) else ()
-            spans |= {f"{key}[{index}]": table.span(key, index) for index in items}
-        spans |= {f"{key} =": self._text.key(*table.path, key) for key in table.data}
-        spans["kind"] = kind.span or spans[""]
-        options = {key: value for key, value in table.data.items() if key != word}
-        return ComponentSpec(role, kind.text, options, spans)
-
-    def _raw(self, path: tuple[str, ...]) -> Any:
-        value: Any = self._text.data
-        for key in path:
-            value = value[key]
-        return value
-
     def _diversity(self, top: _Section, measures: tuple[ComponentSpec, ...]) -> ComponentSpec:
-        component = self._component(top.table("diversity"), "diversity", "binned_entropy")
+        component = top.table("diversity").component("diversity", "binned_entropy")
         component = component or ComponentSpec("diversity", "binned_entropy")
         names = list(top.table("measures").data) if measures else []
         of = component.options.get("of")
@@ -491,6 +443,13 @@ class _Reader:
         self._check_measure(top, "of", of, names, component.span("of"))
         return component
 
+    def _curriculum(self, section: _Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
+        spec = _read(section, "curriculum", CurriculumSpec())
+        if spec.order is not None:
+            names = [one.name for one in measures]
+            self._check_measure(section, "order", spec.order.text, names, spec.order.span)
+        return spec
+
     def _check_measure(
         self, section: _Section, key: str, value: object, names: list[str], span: Span | None
     ) -> None:
@@ -502,121 +461,152 @@ class _Reader:
             hint = did_you_mean(value, names) or f"there are {_listed(names)}"
             section.error("unknown-measure", f"unknown measure `{value}`", where, hint)
 
-    def _choice_of(self, section: _Section, key: str, default: ComponentSpec) -> ComponentSpec:
-        """`key = { name = "...", option = ... }`, or the name alone."""
-        value = section.data.get(key)
-        if isinstance(value, str):
-            section.take(key)
-            return ComponentSpec(key, value, {}, {"kind": section.span(key), "": section.span(key)})
-        table = section.table(key)
-        if not table.data:
-            return default
-        return self._component(table, key, None, "name") or default
 
-    # --- sections ---
+Spec = TypeVar("Spec", ConstraintsSpec, CurriculumSpec, EpsilonSpec, MutationSpec, SearchSpec, TrainingSpec)
 
-    def _mutation(self, section: _Section) -> MutationSpec:
-        rules = section.names("rules")
-        if section.data.get("rules", []) == []:
-            hint = 'write `rules = ["..."]` in `[mutation]`: names of rules, units and derived groups'
-            section.error(
-                "missing-key", "the family has no mutation rules", self._text.value("mutation"), hint
-            )
-        default = MutationSpec()
-        spec = MutationSpec(
-            rules,
-            section.number("rate", default.rate, 0, 1),
-            self._interval(section, "initial_applications", default.initial_applications),
-            section.integer("max_attempts", default.max_attempts, 1),
-        )
-        section.finish()
-        return spec
+Field = Callable[[_Section, str, Any], Any]
+"""Reads a key of a table, which has a default."""
 
-    def _interval(self, section: _Section, key: str, default: tuple[int, int]) -> tuple[int, int]:
+
+def _names(section: _Section, key: str, default: tuple[Name, ...]) -> tuple[Name, ...]:
+    return section.names(key)
+
+
+def _integer(low: int | None = None, most: int | None = None) -> Field:
+    return lambda section, key, default: section.integer(key, default, low, most)
+
+
+def _number(low: float | None = None, high: float | None = None) -> Field:
+    return lambda section, key, default: section.number(key, default, low, high)
+
+
+def _choice(*known: str) -> Field:
+    return lambda section, key, default: section.choice(key, known, default)
+
+
+def _outcomes(section: _Section, key: str, default: tuple[Name, ...]) -> tuple[Name, ...]:
+    found = section.names(key)
+    for outcome in found:
+        if outcome.text not in {"success", "failure"} and outcome.span:
+            hint = did_you_mean(outcome.text, ("success", "failure")) or "there are `success`, `failure`"
+            section.error("unknown-choice", f"`{outcome}` is no outcome", outcome.span, hint)
+    return found
+
+
+def _counts(section: _Section) -> tuple[tuple[Name, tuple[int, int | None]], ...]:
+    counts = []
+    for key in section.data:
         value = section.take(key)
-        if value is None:
-            return default
-        if _is_int(value):
-            value = [value, value]
-        if not isinstance(value, list) or len(value) != 2 or not all(_is_int(one) for one in value):
-            section.wrong(key, "a pair of whole numbers", hint=f"write `{key} = [1, 5]`")
-            return default
-        if not 0 <= value[0] <= value[1]:
-            message = f"`{key}` is {value[0]} to {value[1]}, it must go up from 0 or more"
-            section.error("bad-range", message, section.span(key), f"write `{key} = [1, 5]`")
-            return default
-        return value[0], value[1]
+        bounds = _bounds(value)
+        span = section.span(key)
+        if bounds is None:
+            hint = 'write `"1..5"`, `"2..*"` or `3`'
+            section.error("bad-range", f"`{key}` has no bounds for its number of matches", span, hint)
+        elif bounds[1] is not None and bounds[1] < bounds[0]:
+            section.error(
+                "bad-range",
+                "the upper bound is below the lower one",
+                span,
+                f'write `"{bounds[1]}..{bounds[0]}"`',
+            )
+        else:
+            counts.append((Name(key, section.text.key(*section.path, key)), bounds))
+    return tuple(counts)
 
-    def _search(self, section: _Section) -> SearchSpec:
-        default = SearchSpec()
-        unbounded = section.data.get("generations") is False
-        if unbounded:
-            section.take("generations")
-        never = section.data.get("target") is False
-        if never:
-            section.take("target")
-        spec = SearchSpec(
-            section.integer("population", default.population, 1, _MOST),
-            None if unbounded else section.integer("generations", default.generations or 0, 0),
-            section.boolean("keep_initial", default.keep_initial),
-            self._choice_of(section, "parents", default.parents),
-            self._choice_of(section, "survivors", default.survivors),
-            section.optional_number("time_limit", 0),
-            inf if never else section.optional_number("target"),
-            section.optional_integer("stagnation", 1),
+
+def _unless_false(field: Field, off: object) -> Field:
+    """A key that `false` turns off."""
+
+    def read(section: _Section, key: str, default: Any) -> Any:
+        return (
+            field(section, key, default) if section.data.get(key) is not False else section.take(key) or off
         )
-        if unbounded and spec.time_limit is None and spec.target in (None, inf) and spec.stagnation is None:
-            hint = "give `time_limit`, `target` or `stagnation`"
-            section.error("missing-key", "the search has no end", section.span("generations"), hint)
-        section.finish()
-        return spec
 
-    def _curriculum(self, section: _Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
-        order = section.string("order")
-        if order is not None:
-            self._check_measure(section, "order", order.text, [one.name for one in measures], order.span)
-        sequences = section.choice("sequences", get_args(Sequences), "suffixes")
-        initial = section.choice("initial", ("last", "ordered"), "last")
-        section.finish()
-        return CurriculumSpec(order, sequences, initial)  # type: ignore[arg-type]
+    return read
 
-    def _training(self, section: _Section) -> TrainingSpec:
-        default = TrainingSpec()
-        spec = TrainingSpec(
-            section.choice("agent", ("q_learning",), default.agent),
-            section.positive("learning_rate", default.learning_rate, 1),
-            section.number("discount", default.discount, 0, 1),
-            self._epsilon(section.table("epsilon")),
-            section.integer("steps_per_environment", default.steps_per_environment, 1),
-            section.integer("evaluation_episodes", default.evaluation_episodes, 1),
-            section.integer("seeds", default.seeds, 1, _MOST),
-            section.number("initial_value", default.initial_value),
-        )
-        section.finish()
-        return spec
 
-    def _epsilon(self, section: _Section) -> EpsilonSpec:
-        default = EpsilonSpec()
-        start = section.number("start", default.start, 0, 1)
-        minimum = section.number("minimum", min(default.minimum, start), 0, 1)
-        if minimum > start:
-            span = section.span("minimum" if "minimum" in section else "start")
-            message = f"`minimum` is {minimum}, above `start`, which is {start}"
-            section.error("bad-range", message, span, "the larger one is `start`")
-        spec = EpsilonSpec(
-            start,
-            section.number("decay", default.decay, 0, 1),
-            minimum,
-            section.choice("per", ("episode", "step"), default.per),  # type: ignore[arg-type]
-            section.choice("reset", ("stage", "never"), default.reset),  # type: ignore[arg-type]
-        )
-        section.finish()
-        return spec
+_TOP = ("name", "model", "environment", "imports", "seed", "limit")
+_FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
+    "constraints": {
+        "require": _names,
+        "forbid": _names,
+        "count": lambda section, key, default: _counts(section.table(key)),
+        "reachable": _outcomes,
+    },
+    "mutation": {
+        "rules": _names,
+        "rate": _number(0, 1),
+        "initial_applications": _Section.interval,
+        "max_attempts": _integer(1),
+    },
+    "search": {
+        "population": _integer(1, _MOST),
+        "generations": _unless_false(_integer(0), None),
+        "keep_initial": _Section.boolean,
+        "parents": _Section.chosen,
+        "survivors": _Section.chosen,
+        "time_limit": _number(0),
+        "target": _unless_false(_number(), inf),
+        "stagnation": _integer(1),
+    },
+    "curriculum": {
+        "order": _Section.string,
+        "sequences": _choice(*get_args(Sequences)),
+        "initial": _choice("last", "ordered"),
+    },
+    "training": {
+        "agent": _choice("q_learning"),
+        "learning_rate": lambda section, key, default: section.positive(key, default, 1),
+        "discount": _number(0, 1),
+        "epsilon": lambda section, key, default: _epsilon(section.table(key)),
+        "steps_per_environment": _integer(1),
+        "evaluation_episodes": _integer(1),
+        "seeds": _integer(1, _MOST),
+        "initial_value": _number(),
+    },
+    "training.epsilon": {
+        "start": _number(0, 1),
+        "decay": _number(0, 1),
+        "minimum": _number(0, 1),
+        "per": _choice("episode", "step"),
+        "reset": _choice("stage", "never"),
+    },
+}
+"""What stands in the tables whose keys are known; those of measures and their like are options of what they name."""
 
-    def _ga4cl(self, section: _Section) -> tuple[Name, ...]:
-        rewards = section.names("rewards")
-        section.finish()
-        return rewards
+
+def _read(section: _Section, name: str, default: Spec) -> Spec:
+    """A table whose keys are those of a data class."""
+    found = {key: read(section, key, getattr(default, key)) for key, read in _FIELDS[name].items()}
+    section.finish()
+    return replace(default, **found)
+
+
+def _mutation(section: _Section) -> MutationSpec:
+    if section.data.get("rules", []) == []:
+        hint = 'write `rules = ["..."]` in `[mutation]`: names of rules, units and derived groups'
+        span = section.text.value("mutation")
+        section.error("missing-key", "the family has no mutation rules", span, hint)
+    return _read(section, "mutation", MutationSpec())
+
+
+def _search(section: _Section) -> SearchSpec:
+    spec = _read(section, "search", SearchSpec())
+    if (spec.generations, spec.time_limit, spec.stagnation) == (None, None, None) and spec.target in (
+        None,
+        inf,
+    ):
+        hint = "give `time_limit`, `target` or `stagnation`"
+        section.error("missing-key", "the search has no end", section.span("generations"), hint)
+    return spec
+
+
+def _epsilon(section: _Section) -> EpsilonSpec:
+    spec = _read(section, "training.epsilon", EpsilonSpec())
+    if spec.minimum > spec.start and "minimum" in section:
+        message = f"`minimum` is {spec.minimum}, above `start`, which is {spec.start}"
+        section.error("bad-range", message, section.span("minimum"), "the larger one is `start`")
+    return replace(spec, minimum=min(spec.minimum, spec.start))
 
 
 def _bounds(value: object) -> tuple[int, int | None] | None:
