@@ -1,6 +1,88 @@
-"""Generated code: what becomes functions of Python is compiled and run here, and nowhere else; quick data classes."""
+"""Generated code: a small tree, one printer to Python text, one place that compiles and runs it; quick data classes.
 
-from envgraph.code._compile import define
+A producer never writes text. It makes nodes (`envgraph.code._tree`), most easily with a `Block`, which keeps loops and
+tests open until what stands inside them has been added::
+
+    block = Block()
+    block.loop(Local("v0"), Name("E3"))                       # for v0 in E3:
+    block.test(Operation("!=", (Local("v0"), Local("a0"))))   #     if v0 != a0:
+    block.add(Do(Call(Name("add"), (Local("v0"),))))          #         add(v0)
+    view = Function("view", (Local("a0"),), block.body())
+    define((view,), "<generated>", {"E3": .., "add": ..})["view"]
+
+The tree settles everything that decides results and their order, so that other printers can follow: loops, sharing,
+what stands inside what. What it refers to from outside is a `Name`, which the namespace given to `define` has; what it
+computes itself is a `Local`. A test is an `If` of its own: the printer joins those that stand directly inside each
+other, so a pass can put something between two of them. Where parentheses and line breaks are, the printer alone knows.
+
+Every statement can carry an `origin`: the step, the operation, whatever it was made from. Lines inside it have the same
+unless they have one of their own, and `origin_of` finds that of the line that has raised an error.
+"""
+
+from envgraph.code._block import Block
+from envgraph.code._counters import with_counters
+from envgraph.code._lines import define, origin_of
+from envgraph.code._printer import ATOM, Printed, expression_text, printed
 from envgraph.code._records import dataclass
+from envgraph.code._tree import (
+    Assign,
+    Body,
+    Call,
+    Choice,
+    Constant,
+    Do,
+    Expression,
+    For,
+    Function,
+    If,
+    Index,
+    Leave,
+    Let,
+    Local,
+    Member,
+    Name,
+    Operation,
+    Return,
+    Statement,
+    Text,
+    Try,
+    Tuple,
+    While,
+    Yield,
+)
 
-__all__ = ["dataclass", "define"]
+__all__ = [
+    "ATOM",
+    "Assign",
+    "Block",
+    "Body",
+    "Call",
+    "Choice",
+    "Constant",
+    "Do",
+    "Expression",
+    "For",
+    "Function",
+    "If",
+    "Index",
+    "Leave",
+    "Let",
+    "Local",
+    "Member",
+    "Name",
+    "Operation",
+    "Printed",
+    "Return",
+    "Statement",
+    "Text",
+    "Try",
+    "Tuple",
+    "While",
+    "Yield",
+    "dataclass",
+    "define",
+    "expression_text",
+    "origin_of",
+    "printed",
+    "with_counters",
+]

@@ -1,10 +1,12 @@
-"""Python source for an expression."""
+"""Code for an expression."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import chain
 from typing import Final
 
+from envgraph import code
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument
 from envgraph.metamodel import EnumType, Metamodel, Scalar
@@ -28,61 +30,75 @@ from envgraph.pattern._terms import (
 
 @dataclass(frozen=True, slots=True)
 class CompiledExpression:
-    """Source of one Python expression that has the value `evaluate` would give.
+    """An expression of generated code that has the value `evaluate` would give.
 
     Attributes:
-        source: in parentheses or atomic. It holds the names the caller gave, the names of constants, names of
-            `EXPRESSION_NAMESPACE`, and operators; no text of the user's.
+        tree: it holds what the caller gave for variables and constants, names of `EXPRESSION_NAMESPACE`, and operators;
+            no text of the user's.
         constants: the literals, and declared functions with the places where they are called, in the order of their
             names.
         fallible: whether it can raise `EvaluationError`; if not, no `try` is needed.
     """
 
-    source: str
+    tree: code.Expression
     constants: tuple[object, ...]
     fallible: bool
+
+    @property
+    def source(self) -> str:
+        """The expression as text, in parentheses or atomic."""
+        return code.expression_text(self.tree, code.ATOM)
 
 
 def compile_expression(
     expression: Expression,
-    names: Mapping[str, str],
+    names: Mapping[str, code.Expression],
     types: Mapping[str, StaticType] | None = None,
     *,
-    constant: Callable[[int], str] = "k[{}]".format,
+    constant: Callable[[int], code.Expression] = lambda number: code.Index(
+        code.Name("k"), code.Constant(number)
+    ),
 ) -> CompiledExpression:
-    """Generate the source of a checked expression without paths (as in `CheckAtom`, `EvaluationAtom`).
+    """Generate the code of a checked expression without paths (as in `CheckAtom`, `EvaluationAtom`).
 
     Args:
         expression: the expression.
-        names: the source that stands for each variable.
+        names: what stands for each variable.
         types: types of the variables. With them, arithmetic on ints, comparisons and concatenation of strings are
             written out; without, helpers look at the values.
-        constant: the source for the literal of a number (from 0).
+        constant: what stands for the literal of a number (from 0).
 
     Raises:
         InvalidArgument: the expression has a path, or a variable that `names` lacks.
 
     >>> expression = Binary("+", Variable("x"), Constant(1))
-    >>> compile_expression(expression, {"x": "v3"}, {"x": Scalar.INT}).source
-    '_bounded((v3 + k[0]))'
+    >>> compile_expression(expression, {"x": code.Local("v3")}, {"x": Scalar.INT}).source
+    '_bounded(v3 + k[0])'
     """
     writer = _Writer(names, types or {}, constant)
-    source = writer.write(expression)
+    tree = writer.write(expression)
     if computes(expression) and writer.type_of(expression) is not Scalar.FLOAT:
         writer.fallible = True
-        source = f"_bounded({source})"
-    return CompiledExpression(source, tuple(writer.constants), writer.fallible)
+        tree = _call("_bounded", tree)
+    return CompiledExpression(tree, tuple(writer.constants), writer.fallible)
 
 
 _HELPERS: Final = {"+": "_add", "-": "_subtract", "*": "_multiply", "/": "_divide", "%": "_remainder"}
 _EMPTY: Final = Metamodel("none", ())
 
 
+def _call(function: str, *arguments: code.Expression) -> code.Call:
+    return code.Call(code.Name(function), arguments)
+
+
 class _Writer:
-    """Writes source, and remembers the literals and whether anything in it can fail."""
+    """Makes code, and remembers the literals and whether anything in it can fail."""
 
     def __init__(
-        self, names: Mapping[str, str], types: Mapping[str, StaticType], constant: Callable[[int], str]
+        self,
+        names: Mapping[str, code.Expression],
+        types: Mapping[str, StaticType],
+        constant: Callable[[int], code.Expression],
     ) -> None:
         self._names = names
         self._types = types
@@ -90,62 +106,60 @@ class _Writer:
         self.constants: list[object] = []
         self.fallible = False
 
-    def write(self, node: Expression) -> str:
+    def write(self, node: Expression) -> code.Expression:
         match node:
             case Variable():
                 if node.name not in self._names:
                     raise InvalidArgument(f"no source for variable `{node.name}`")
                 return self._names[node.name]
             case Constant():
-                return "None" if node.value is None else self._literal(node.value)
+                return code.Constant(None) if node.value is None else self._literal(node.value)
             case EnumLiteral():
                 return self._literal(node.literal)
             case Navigation():
                 raise InvalidArgument(f"a path (`.{node.feature}`) has to be lowered before it is compiled")
             case Unary():
-                return f"({'not ' if node.operator == '!' else '-'}{self.write(node.operand)})"
+                return code.Operation("not" if node.operator == "!" else "-", (self.write(node.operand),))
             case Binary():
                 return self._binary(node)
             case Conditional():
-                test, then, otherwise = map(self.write, (node.test, node.then, node.otherwise))
-                return f"({then} if {test} else {otherwise})"
+                return code.Choice(*map(self.write, (node.test, node.then, node.otherwise)))
             case FunctionCall():
-                arguments = ", ".join(map(self.write, node.arguments))
+                arguments = tuple(map(self.write, node.arguments))
                 if node.declaration is not None:
-                    return f"{self._literal(node.declaration.at(node.span))}({arguments})"
+                    return code.Call(self._literal(node.declaration.at(node.span)), arguments)
                 self.fallible |= not FUNCTIONS[node.function].total
-                return f"_fn_{node.function}({arguments})"
+                return _call(f"_fn_{node.function}", *arguments)
 
-    def _literal(self, value: object) -> str:
+    def _literal(self, value: object) -> code.Expression:
         self.constants.append(value)
         return self._constant(len(self.constants) - 1)
 
-    def _binary(self, node: Binary) -> str:
+    def _binary(self, node: Binary) -> code.Expression:
         match node.operator:
-            case "&&":
-                return f"({' and '.join(map(self.write, children(node)))})"
-            case "||":
-                return f"({' or '.join(map(self.write, children(node)))})"
+            case "&&" | "||":
+                operator = "and" if node.operator == "&&" else "or"
+                return code.Operation(operator, tuple(map(self.write, children(node))))
             case "==" | "!=" | "<" | "<=" | ">" | ">=":
-                return f"({self.write(node.left)} {node.operator} {self.write(node.right)})"
+                return code.Operation(node.operator, (self.write(node.left), self.write(node.right)))
         return self._arithmetic(*node.chain())
 
-    def _arithmetic(self, first: Expression, links: list[Binary]) -> str:
+    def _arithmetic(self, first: Expression, links: list[Binary]) -> code.Expression:
         """`a + b - c`: nested as it is evaluated, but a long one is a call that Python's own parser can take."""
-        source, rights = self.write(first), [self.write(link.right) for link in links]
+        tree, rights = self.write(first), [self.write(link.right) for link in links]
         if len(links) > LONGEST_NESTED:
             self.fallible = True
-            parts = (f"{_HELPERS[link.operator]}, {right}" for link, right in zip(links, rights, strict=True))
-            return f"_chain({source}, {', '.join(parts)})"
+            parts = zip([code.Name(_HELPERS[link.operator]) for link in links], rights, strict=True)
+            return _call("_chain", tree, *chain.from_iterable(parts))
         for link, right in zip(links, rights, strict=True):
             if link.operator in "+-*" and _inline(
                 link.operator, self.type_of(link.left), self.type_of(link.right)
             ):
-                source = f"({source} {link.operator} {right})"
+                tree = code.Operation(link.operator, (tree, right))
             else:
                 self.fallible = True
-                source = f"{_HELPERS[link.operator]}({source}, {right})"
-        return source
+                tree = _call(_HELPERS[link.operator], tree, right)
+        return tree
 
     def type_of(self, node: Expression) -> StaticType | None:
         """The type as far as it can be told; a literal's enum is not needed, its value is a string."""

@@ -15,7 +15,7 @@ import pytest
 import envgraph
 from envgraph.code import _compile
 from envgraph.lang import bundled_domain, bundled_domains
-from envgraph.match import FREE, CompiledMatcher
+from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.rewrite import Engine
 
 HERE = Path(__file__).parent / "generated"
@@ -53,7 +53,9 @@ def questions(engine: Engine) -> Iterator[str]:
         yield f"why not {name}"
         matcher.why_not(name, {})
     yield "watch"
-    engine.watch()
+    assert isinstance(engine.matcher, ViewMatcher)
+    engine.matcher.watch_later(*(p.qualified_name for p in library.patterns if p.strategy != "search"))
+    assert engine.watched
     for pattern in library.patterns:
         yield f"explain watched {pattern.qualified_name}"
         engine.matcher.explain(pattern.qualified_name)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
-from envgraph.code import dataclass
+from envgraph.code import Block, Call, Constant, Tuple, dataclass, with_counters
 from envgraph.errors import limit
 from envgraph.match._limits import MOST_MATCHES
-from envgraph.match.generate._generate import Translation
+from envgraph.match.generate._generate import Reached, Translation
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
-from envgraph.match.generate._write import Block, Module
-from envgraph.match.plan._plan import BodyPlan, Step
+from envgraph.match.generate._write import Module, local
+from envgraph.match.plan._plan import BodyPlan
 from envgraph.match.plan._planner import Planner
 
 Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
@@ -34,27 +35,6 @@ class Trace:
     whole: bool = True
 
 
-class _Tracing(Translation):
-    """Reports every partial match."""
-
-    numbers: dict[int, int]
-    _deepens = True
-    _indexes = False
-
-    def _after(self, step: Step) -> None:
-        if id(step) in self.numbers:
-            note = self._module.name(Held("note", ""))
-            known = ", ".join(f"({variable}, {source})" for variable, source in sorted(self._names.items()))
-            self._block.line(f"{note}({self.numbers[id(step)]}, ({known}{',' if known else ''}))")
-
-    def _fork(self, block: Block, continuation: bool) -> Translation:
-        if not continuation:
-            return super()._fork(block, continuation)
-        inner = _Tracing(self._planner, self._module, self._conjunction, block, {})
-        inner.numbers = self.numbers
-        return inner
-
-
 def trace(planner: Planner, body: BodyPlan, bound: dict[int, Any], build: Build) -> Trace:
     """Run the plan of one body to the end.
 
@@ -69,12 +49,13 @@ def trace(planner: Planner, body: BodyPlan, bound: dict[int, Any], build: Build)
 
     most = limit(MOST_MATCHES)
 
-    def note(step: int, values: tuple[tuple[int, Any], ...]) -> None:
+    def note(step: int, values: tuple[tuple[int, Any], ...]) -> bool:
         counts[step] += 1
         if counts[step] > most:
             raise _TooMany
         if first[step] is None:
             first[step] = dict(values)
+        return True
 
     source = _source(planner, body, tuple(sorted(bound)))
     run = build(source, lambda _: note)
@@ -91,10 +72,18 @@ class _TooMany(Exception):
 
 def _source(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> Source:
     module, block = Module(), Block()
-    given = {position: f"v{position}" for position in bound}
-    translation = _Tracing(planner, module, body.conjunction, block, given)
-    translation.numbers = {id(step): number for number, step in enumerate(body.plan.steps)}
-    results = Sink(body.conjunction.parameters, (), lambda names: ["pass"], (), repeatable=True)
-    translation.body(body.plan, results)
-    module.function("traced", list(given.values()), block)
-    return module.source("traced")
+    given = {position: local("v", position) for position in bound}
+    translation = Translation(planner, module, body.conjunction, block, given)
+    translation.indexes = False
+    translation.body(body.plan, Sink(body.conjunction.parameters, (), lambda names: (), (), repeatable=True))
+    note = module.name(Held("note", ""))
+    source = module.source(module.function("traced", list(given.values()), block.body()))
+    numbers = {id(step): number for number, step in enumerate(body.plan.steps)}
+
+    def noted(origin: object) -> Call | None:
+        if not isinstance(origin, Reached) or id(origin.step) not in numbers:
+            return None
+        known = [Tuple((Constant(variable), each)) for variable, each in sorted(origin.known.items())]
+        return Call(note, (Constant(numbers[id(origin.step)]), Tuple(tuple(known))))
+
+    return replace(source, build=with_counters(source.build, noted))

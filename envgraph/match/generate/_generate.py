@@ -1,7 +1,7 @@
-"""Python source that executes plans.
+"""Code that executes plans.
 
-The source is nested loops over the columns of the store, with every check as far out as the plan has it. It holds
-no text of the user's: variables are numbered, constants and columns are parameters of the enclosing `build`.
+It is nested loops over the columns of the store, with every check as far out as the plan has it. It holds no text of
+the user's: variables are numbered, constants and columns are parameters of the enclosing `build`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,38 @@ from functools import partial
 from itertools import takewhile
 from typing import Final
 
+from envgraph.code import (
+    Assign,
+    Block,
+    Choice,
+    Constant,
+    Do,
+    Expression,
+    Index,
+    Let,
+    Local,
+    Member,
+    Name,
+    Operation,
+    Return,
+    Statement,
+    Tuple,
+    Yield,
+    dataclass,
+)
 from envgraph.match.generate._sinks import (
     COUNT,
     EXISTENCE,
+    FOUND,
+    OUT,
+    N,
     Sink,
+    call,
+    empty,
     gathering,
+    keeping,
+    length,
+    method,
     row,
     sieved_sink,
     value,
@@ -41,7 +68,7 @@ from envgraph.match.generate._symbols import (
     Values,
     View,
 )
-from envgraph.match.generate._write import DEPTH, INDENT, Block, Module
+from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._options import call_key
 from envgraph.match.plan._plan import (
     Absence,
@@ -76,11 +103,11 @@ from envgraph.pattern import (
     CallAtom,
     Closure,
     ClosureAtom,
-    Expression,
     InstanceAtom,
     LinkAtom,
     UnequalAtom,
 )
+from envgraph.pattern import Expression as Term
 
 _END: Final = 0
 """Stands for the place behind the last step, among identities of steps."""
@@ -94,16 +121,14 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     """
     view = planner.view(key)
     module, block = Module(), Block()
-    given = {position: f"v{position}" for position in key.bound}
+    given = {position: local("v", position) for position in key.bound}
     sieved = not view.distinct and _ends_in_sieve(planner, view.bodies, key, mode)
     frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
+    inputs = list(given.values())
     if mode is Mode.COUNT and (search := only_search(view)):
         question = Reach.SIZE if search.source not in view.bodies[0].plan.steps[0].binds else Reach.SIZE_BACK
         size = module.name(Closed(search.step, search.closure is Closure.STAR, question))
-        block.raw([f"return {size}({', '.join(given.values())})"])
-        module.function("view", list(given.values()), block)
-        return module.source("view")
-    block.raw(frame.head)
+        return module.source(module.function("view", inputs, (Return(call(size, *inputs)),)))
     for body in view.bodies:
         conjunction = body.conjunction
         positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
@@ -112,31 +137,29 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         translation = Translation(planner, module, conjunction, block, given)
         translation.bounded = bounded
         translation.body(body.plan, sink)
-    if bounded in module:
-        block.lines.insert(0, f"{INDENT * DEPTH}{module.name(bounded)}()")
-    block.raw(frame.tail)
-    counts = mode is Mode.COUNT and key.outputs
-    alike = alike_starts(planner, key, key.bound) if counts else None
-    module.function("view" if alike is None else "direct", list(given.values()), block)
-    if alike is not None:
-        outer = Block()
-        outer.raw([f"return {_counted(module, alike, key)}"])
-        module.function("view", list(given.values()), outer)
-    return module.source("view")
+    checked = (Do(call(module.name(bounded))),) if bounded in module else ()
+    whole = (*checked, *frame.head, *block.body(), *frame.tail)
+    alike = alike_starts(planner, key, key.bound) if mode is Mode.COUNT and key.outputs else None
+    if alike is None:
+        return module.source(module.function("view", inputs, whole))
+    direct = module.function("direct", inputs, whole)
+    counted = _counted(module, alike, inputs, inputs[key.bound.index(alike.start)], direct)
+    return module.source(module.function("view", inputs, (Return(counted),)))
 
 
-def _counted(module: Module, alike: Alike, key: ViewKey) -> str:
+def _counted(
+    module: Module, alike: Alike, inputs: Sequence[Expression], start: Expression, direct: Name
+) -> Expression:
     """The number of rows that `direct` counts, where that is the same for all starts that reach the same."""
-    start = f"v{alike.start}"
-    others = _tuple([f"v{position}" for position in key.bound if position != alike.start])
-    parts = [start, "direct", _tuple([f"v{position}" for position in key.bound]), others]
+    others = Tuple(tuple(each for each in inputs if each != start))
+    parts = [start, direct, Tuple(tuple(inputs)), others]
     if alike.ends is not None:
         ends = alike.ends
         tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, "count", None)
         parts += [module.name(tallied), others]
     question = Reach.ALIKE if alike.forward else Reach.ALIKE_BACK
     star = alike.closure.closure is Closure.STAR
-    return f"{module.name(Closed(alike.closure.step, star, question))}({', '.join(parts)})"
+    return call(module.name(Closed(alike.closure.step, star, question)), *parts)
 
 
 def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
@@ -155,16 +178,15 @@ def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, m
 def ends_source(planner: Planner, ends: Ends) -> Source:
     """The source that finds all values that the closures of a pattern may reach, each with those that are wanted."""
     module, block = Module(), Block()
-    given = {position: f"v{position}" for position in ends.given}
-    block.raw(["out = {}"])
+    given = {position: local("v", position) for position in ends.given}
     for conjunction, end, plan in plans_of_ends(planner, ends) or ():
-        variables = (end, *(conjunction.parameters[position] for position in ends.wanted))
-        each = lambda names, variables=variables: [f"out[{row(variables, names)}] = None"]  # noqa: E731
-        sink = Sink(variables, (), each, (), ("out",), repeatable=True)
+        found = (end, *(conjunction.parameters[position] for position in ends.wanted))
+        sink = keeping(found, partial(row, found), OUT)
         Translation(planner, module, conjunction, block, given).body(plan, sink)
-    block.raw(["return out"])
-    module.function("ends", list(given.values()), block)
-    return module.source("ends")
+    frame = keeping((), partial(row, ()), OUT)
+    return module.source(
+        module.function("ends", list(given.values()), (*frame.head, *block.body(), *frame.tail))
+    )
 
 
 def reach_source(planner: Planner, step: str, forward: bool, question: Reach) -> Source:
@@ -177,52 +199,68 @@ def reach_source(planner: Planner, step: str, forward: bool, question: Reach) ->
     module, block = Module(), Block()
     near, far = (0, 1) if forward else (1, 0)
     frame = visiting(far, question)
-    block.raw(frame.head)
-    start = len(block.lines)
-    block.loop("node", "todo")
+    node, other, outside = Local("node"), Local("other"), list[Statement]()
+    block.loop(node, Local("todo"))
     if planner.calls.recursive(step):
-        rows = module.name(Recursive(step, (near,)))
-        block.loop("_, other" if forward else "other, _", f"{rows}(node)")
-        block.write(frame.each(lambda _: "other"))
+        ends = (Local("_"), other) if forward else (other, Local("_"))
+        block.loop(Tuple(ends), call(module.name(Recursive(step, (near,))), node))
+        block.add(*frame.each(lambda _: other))
     elif planner.calls.searches(step):
         follow = module.name(Closed(step, False, Reach.STEP if forward else Reach.STEP_BACK))
-        block.loop("other", f"{follow}(node)")
-        block.write(frame.each(lambda _: "other"))
+        block.loop(other, call(follow, node))
+        block.add(*frame.each(lambda _: other))
     else:
-        bodies = planner.expanded(ViewKey(step, (near,), (far,))).bodies
-        block.write([] if bodies else ["pass"])
-        for body in bodies:
+        for body in planner.expanded(ViewKey(step, (near,), (far,))).bodies:
             conjunction = body.conjunction
             sink = visiting(conjunction.parameters[far], question)
-            translation = Translation(planner, module, conjunction, block, {near: "node"})
+            translation = Translation(planner, module, conjunction, block, {near: node})
             translation.around = (conjunction.parameters[near],)
             translation.body(body.plan, sink)
-            block.lines[start:start] = [f"{INDENT * DEPTH}{name} = set()" for name in translation.outside]
-    block.raw(frame.tail)
+            outside[:0] = [Assign(name, empty("set")) for name in translation.outside]
     more = {Reach.SPREAD: ["seen"], Reach.HOLDS: ["goal", "todo"]}.get(question, [])
-    module.function("search", ["start", *more], block)
-    return module.source("search")
+    whole = (*frame.head, *outside, *block.body(), *frame.tail)
+    return module.source(module.function("search", list(map(Local, ["start", *more])), whole))
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """Where code comes from: a step that has been executed there.
+
+    Attributes:
+        step: the step.
+        known: the variables that have values then, and what stands for them.
+    """
+
+    step: Step
+    known: Mapping[int, Expression]
 
 
 class Translation:
-    """Turns the plan of one conjunction into lines.
+    """Turns the plan of one conjunction into code.
 
     Args:
         planner: tells what called patterns are.
         module: receives symbols and functions.
         conjunction: the body.
-        block: where the lines go; it is left as deep as it was.
-        given: source of the values at the bound positions.
+        block: where the code goes; it is left as deep as it was.
+        given: the values at the bound positions.
 
     Attributes:
         around: variables whose values come from a loop around the plan.
-        outside: names of the sets that have to be made before that loop.
+        indexes: whether a loop may be over fewer objects than its step says, because of the tests that follow.
+        outside: the sets that have to be made before that loop.
     """
 
     around: tuple[int, ...] = ()
+    indexes = True
 
     def __init__(
-        self, planner: Planner, module: Module, conjunction: Conjunction, block: Block, given: dict[int, str]
+        self,
+        planner: Planner,
+        module: Module,
+        conjunction: Conjunction,
+        block: Block,
+        given: Mapping[int, Expression],
     ) -> None:
         self._planner = planner
         self._metamodel = planner.library.metamodel
@@ -230,48 +268,51 @@ class Translation:
         self._conjunction = conjunction
         self._constants = dict(conjunction.constants)
         self._block = block
-        self._names: dict[int, str] = {}
-        self._seen: dict[int, str] = {}
+        self._names: dict[int, Expression] = {}
+        self._seen: dict[int, Local] = {}
         self._given = given
         self._sieves: dict[int, tuple[int, tuple[int, ...]]] | None = None
-        self._passed: dict[int, str] = {}
-        self.outside: list[str] = []
+        self._passed: dict[int, Local] = {}
+        self.outside: list[Local] = []
 
     bounded: Bounded | None = None
     """Sees to it that there are not too many matches."""
+    _carried: Sequence[Local] = ()
+    """What every function inside gets."""
     _continues = False
     """Whether this is the rest of a function, inside its loops."""
-    _deepens = False
-    """Whether a test, too, makes what follows deeper."""
     _shares = True
     """Whether searches along closures share their work."""
-    _indexes = True
-    """Whether objects may be found by the values of their attributes."""
     _joins = True
     """Whether a question of existence may become a `Join`; not inside one, where that would go on and on."""
 
     def body(self, plan: Plan, sink: Sink) -> None:
         """Write the steps, and what is done with each solution."""
         block = self._block
-        depth, loops = block.depth, block.loops
-        for position, source in self._given.items():
+        place = block.place
+        for position, given in self._given.items():
             variable = self._conjunction.parameters[position]
             if variable in self._names or variable in self._constants:
-                block.test(f"{self._source(variable)} == {source}")
+                block.test(equal(self._source(variable), given))
             else:
-                self._names[variable] = source
+                self._names[variable] = given
         joined = self._join(plan) if sink is EXISTENCE else None
         if joined is None:
             self._steps(plan.steps, sink)
         else:
             block.test(joined)
-            block.write(sink.each(self._source))
-        block.depth, block.loops = depth, loops
+            block.add(*sink.each(self._source))
+        block.back_to(place)
 
-    def _source(self, variable: int) -> str:
+    def _source(self, variable: int) -> Expression:
+        """What stands for a variable that has a value."""
         if variable not in self._names:
             self._names[variable] = self._module.literal(self._constants[variable])
         return self._names[variable]
+
+    def _local(self, variable: int, prefix: str = "v") -> Local:
+        """The local variable for a variable, or for what it is taken from."""
+        return local(prefix, variable, self._conjunction.types[variable] if prefix == "v" else None)
 
     def _known(self, variable: int) -> bool:
         return variable in self._names or variable in self._constants
@@ -287,7 +328,7 @@ class Translation:
             if id(step) in found:
                 continue
             self._sieve(id(step))
-            if self._block.full and (step.kind in (Kind.LOOP, Kind.BIND) or self._deepens):
+            if self._block.full and step.kind in (Kind.LOOP, Kind.BIND):
                 self._continue(steps[number:], sink)
                 return
             self._begin_sieves(id(step))
@@ -295,7 +336,7 @@ class Translation:
             if (
                 step.kind is Kind.LOOP
                 and self._shares
-                and self._indexes
+                and self.indexes
                 and (tests := self._tests_of_values(step, steps[number + 1 :]))
             ):
                 self._loop_by_value(step, tests)
@@ -308,10 +349,10 @@ class Translation:
                 self._bind(step, inline=False)
             else:
                 self._block.test(self._test(step))
-            self._after(step)
+            self._block.come_from(Reached(step, dict(self._names)))
             self._begin_searches(number, steps, shared)
         self._sieve(_END)
-        self._block.write(sink.each(self._source))
+        self._block.add(*sink.each(self._source))
 
     def _guard(self, step: Step, following: Sequence[Step], sink: Sink) -> None:
         """Before a loop that nothing connects with the loops around it: there must not be too many matches."""
@@ -319,10 +360,10 @@ class Translation:
             return
         connected = any(self._known(variable) for variable in variables(step.goal))
         if not connected and not self._tests_of_values(step, following):
-            self._block.line(f"{self._module.name(self.bounded)}({self._size(sink)})")
+            self._block.add(Do(call(self._module.name(self.bounded), self._size(sink))))
 
-    def _size(self, sink: Sink) -> str:
-        """Hook: the source of the number of matches that there are."""
+    def _size(self, sink: Sink) -> Expression:
+        """Hook: the number of matches that there are."""
         return sink.size
 
     def _place_sieves(self, steps: Sequence[Step], sink: Sink) -> None:
@@ -345,29 +386,26 @@ class Translation:
         """Before what stands at a place, the sieves that are empty there."""
         for here, (first, _) in (self._sieves or {}).items():
             if first == place:
-                name = self._passed[here] = self._module.fresh("d")
+                seen = self._passed[here] = Local(self._module.fresh("d"))
                 if place == OUTSIDE:
-                    self.outside.append(name)
+                    self.outside.append(seen)
                 else:
-                    self._block.line(f"{name} = set()")
+                    self._block.add(Assign(seen, empty("set")))
 
     def _sieve(self, place: int) -> None:
         """Before what stands at a place, leave out what has been there."""
         _, key = (self._sieves or {}).pop(place, (0, ()))
         if key:
-            name, key_ = self._passed.pop(place), value(key, self._source)
-            self._block.test(f"{key_} not in {name}")
-            self._block.line(f"{name}.add({key_})")
+            seen, values = self._passed.pop(place), value(key, self._source)
+            self._block.test(Operation("not in", (values, seen)))
+            self._block.add(Do(method(seen, "add", values)))
 
     def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:
         """Before the searches whose results do not depend on what the steps after this one find."""
         for search, last in shared.items():
             if last == number:
-                name = self._seen[id(steps[search])] = self._module.fresh("s")
-                self._block.line(f"{name} = set()")
-
-    def _after(self, step: Step) -> None:
-        """Hook: what to write after a step."""
+                seen = self._seen[id(steps[search])] = Local(self._module.fresh("s"))
+                self._block.add(Assign(seen, empty("set")))
 
     def _fork(self, block: Block, continuation: bool) -> Translation:
         """Hook: the translation of a function inside this one, or of the rest of this one."""
@@ -375,47 +413,50 @@ class Translation:
 
     def _continue(self, steps: Sequence[Step], sink: Sink) -> None:
         """The rest of a plan in a function of its own."""
-        call = self._function("h", steps, sink, continuation=True)
+        rest = self._function("h", steps, sink, continuation=True)
         match sink.relay:
             case "flag":
-                self._block.test(call)
-                self._block.line("return True")
+                self._block.test(rest)
+                self._block.add(Return(Constant(True)))
             case "found":
-                self._block.test(f"(found := {call}) is not None")
-                self._block.line("return found")
+                self._block.test(Operation("is not", (Let(FOUND, rest), Constant(None))))
+                self._block.add(Return(FOUND))
             case "sum":
-                self._block.line(f"n += {call}")
+                self._block.add(Assign(N, rest, "+="))
             case "each":
-                self._block.line(f"yield from {call}")
+                self._block.add(Yield(rest, each=True))
             case _:
-                self._block.line(call)
+                self._block.add(Do(rest))
 
-    def _function(self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False) -> str:
-        """A function for some steps, and the source of its call."""
+    def _function(
+        self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
+    ) -> Expression:
+        """A function for some steps; the call of it."""
         name, arguments_ = self._defined(prefix, steps, sink, continuation)
-        return f"{name}({', '.join(arguments_)})"
+        return call(name, *arguments_)
 
     def _defined(
         self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
-    ) -> tuple[str, list[str]]:
-        """The name of a function for some steps, and the arguments of its call."""
-        shared = sink.shared if continuation else ()
+    ) -> tuple[Name, list[Expression]]:
+        """A function for some steps, and the arguments of its call."""
+        shared: list[Local] = list(sink.shared) if continuation else []
         inputs = self._inputs(steps, sink)
         inner = self._fork(Block(), continuation)
-        inner._names = {v: f"v{v}" for v in inputs}
-        inner._joins = self._joins
+        inner._names.update((v, inner._local(v)) for v in inputs)
+        inner._joins, inner.indexes = self._joins, self.indexes
         inner._continues = continuation
         inner.bounded = self.bounded if continuation else None
-        passed: tuple[str, ...] = ()
+        head = () if shared else sink.head
+        tail = () if shared and not sink.relay else sink.tail
         if continuation:
             inner._sieves, inner._passed = dict(self._sieves or {}), dict(self._passed)
-            passed = tuple(self._passed.values())
-        inner._block.raw(() if shared else sink.head)
+            shared += self._passed.values()
+        shared += self._carried
         inner._steps(steps, sink)
-        inner._block.raw(() if shared and not sink.relay else sink.tail)
-        name = self._module.fresh(prefix)
-        self._module.function(name, [*shared, *passed, *(f"v{v}" for v in inputs)], inner._block)
-        return name, [*shared, *passed, *(self._source(v) for v in inputs)]
+        body = (*head, *inner._block.body(), *tail)
+        parameters = [*shared, *(inner._local(v) for v in inputs)]
+        name = self._module.function(self._module.fresh(prefix), parameters, body)
+        return name, [*shared, *(self._source(v) for v in inputs)]
 
     def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
         """The variables with a value that some steps and a sink read; constants are known everywhere."""
@@ -444,19 +485,20 @@ class Translation:
             case _:
                 raise AssertionError(goal)
 
-    def _each(self, targets: Sequence[int | None], iterable: str, tuples: bool = False) -> None:
+    def _each(self, targets: Sequence[int | None], iterable: Expression, tuples: bool = False) -> None:
         """Loop over tuples, or over bare values if there is one target; None is for what does not matter."""
-        names: list[str] = []
-        again: list[str] = []
+        names: list[Local] = []
+        again: list[Expression] = []
         for variable in targets:
-            name = "_" if variable is None else f"v{variable}"
+            name = Local("_") if variable is None else self._local(variable)
             if name in names and variable is not None:
-                name = f"w{len(names)}"
-                again.append(f"{name} == v{variable}")
+                first, name = name, local("w", len(names))
+                again.append(equal(name, first))
             names.append(name)
-        self._block.loop(", ".join(names) + ("," if tuples and len(names) == 1 else ""), iterable)
-        self._block.conditions += again
-        self._names.update((v, f"v{v}") for v in targets if v is not None)
+        self._block.loop(names[0] if len(names) == 1 and not tuples else Tuple(tuple(names)), iterable)
+        for test in again:
+            self._block.test(test)
+        self._names.update((v, self._local(v)) for v in targets if v is not None)
 
     def _tests_of_values(self, step: Step, following: Sequence[Step]) -> list[Step]:
         """The tests of attributes of an object that is looped over, for values that are known and change."""
@@ -478,17 +520,17 @@ class Translation:
         assert isinstance(goal, InstanceAtom)
         pairs = {t.goal.attribute.index: t.goal.value for t in tests if isinstance(t.goal, AttributeAtom)}
         valued = Valued(tuple(self._indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
-        values = ", ".join(self._source(pairs[attribute]) for attribute in sorted(pairs))
-        self._each([goal.variable], f"{self._module.name(valued)}({values})")
+        values = [self._source(pairs[attribute]) for attribute in sorted(pairs)]
+        self._each([goal.variable], call(self._module.name(valued), *values))
 
-    def _others(self, step: Step, following: Sequence[Step]) -> list[str]:
+    def _others(self, step: Step, following: Sequence[Step]) -> list[Expression]:
         """Where the end of a link, over which is looped, has to stand besides: the other ends of links are known."""
         if not (isinstance(step.goal, LinkAtom) and isinstance(step.goal.reference, Reference)):
             return []
-        if not (self._shares and self._indexes):
+        if not (self._shares and self.indexes):
             return []
         (end,) = step.binds
-        found: list[str] = []
+        found: list[Expression] = []
         for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
             goal = each.goal
             if (
@@ -502,49 +544,52 @@ class Translation:
                     found.append(self._ends(goal))
         return found
 
-    def _loop_common(self, step: Step, others: Sequence[str]) -> None:
+    def _loop_common(self, step: Step, others: Sequence[Expression]) -> None:
         """Loop over the ends of a link; if they are many, over those that may pass the tests which follow."""
         goal = step.goal
         assert isinstance(goal, LinkAtom)
-        name = self._module.fresh("e")
-        short = f"({name} := {self._ends(goal)}).__class__ is tuple"  # the others are crowded
-        common = self._module.name(Builtin("common"))
-        self._each(step.binds, f"{name} if {short} else {common}({name}, {', '.join(others)})")
+        ends = Local(self._module.fresh("e"))
+        kind = Member(Let(ends, self._ends(goal)), "__class__")
+        short = Operation("is", (kind, Name("tuple")))  # the others are crowded
+        common = call(self._module.name(Builtin("common")), ends, *others)
+        self._each(step.binds, Choice(short, ends, common))
 
     # --- values
 
     def _bind(self, step: Step, inline: bool) -> None:
         """Give a variable its one value; `inline` keeps everything in one expression."""
         (variable,) = step.binds
-        name = f"v{variable}"
+        found: Expression = self._local(variable)
+        assert isinstance(found, Local)
         if isinstance(step.goal, LinkAtom):
-            self._block.test(f"(t{variable} := {self._ends(step.goal)})")
+            ends = self._local(variable, "t")
+            self._block.test(Let(ends, self._ends(step.goal)))
             if inline:
-                name = f"t{variable}[0]"
+                found = Index(ends, Constant(0))
             else:
-                self._block.line(f"{name}, = t{variable}")
+                self._block.add(Assign(Tuple((found,)), ends))
         else:
-            self._block.test(f"({name} := {self._value(step)}) is not None")
-        self._names[variable] = name
+            self._block.test(some(Let(found, self._value(step))))
+        self._names[variable] = found
 
-    def _value(self, step: Step) -> str:
-        """The source of a value that the goal computes; None if there is none."""
+    def _value(self, step: Step) -> Expression:
+        """A value that the goal computes; None if there is none."""
         goal = step.goal
         match goal:
             case AttributeAtom(attribute, owner, _):
-                return f"{self._module.name(Values(attribute.index))}[{self._source(owner)}]"
+                return Index(self._module.name(Values(attribute.index)), self._source(owner))
             case Valuation(expression, reads, _):
                 return self._expression(expression, reads)
             case AggregateAtom():
                 return self._aggregate(goal, step.inner[0])
         raise AssertionError(goal)
 
-    def _expression(self, expression: Expression, reads: tuple[tuple[str, int], ...]) -> str:
+    def _expression(self, expression: Term, reads: tuple[tuple[str, int], ...]) -> Expression:
         names = {name: self._source(variable) for name, variable in reads}
         types = {name: self._conjunction.types[variable] for name, variable in reads}
         return self._module.expression(expression, names, types)
 
-    def _aggregate(self, goal: AggregateAtom, plan: Plan) -> str:
+    def _aggregate(self, goal: AggregateAtom, plan: Plan) -> Expression:
         return (
             self._alike(goal, plan)
             or (self._count(goal) if goal.function == "count" else None)
@@ -557,9 +602,9 @@ class Translation:
         assert goal.column is not None
         column = goal.column
         fold = self._module.name(Builtin(_FOLDS[goal.function]))
-        return gathering((column,), lambda names: names(column), f"return {fold}(out)")
+        return gathering((column,), lambda names: names(column), call(fold, OUT))
 
-    def _alike(self, goal: AggregateAtom, plan: Plan) -> str | None:
+    def _alike(self, goal: AggregateAtom, plan: Plan) -> Expression | None:
         """An aggregate that has the same value for all starts from which a closure reaches the same."""
         if not self._shares:
             return None
@@ -569,22 +614,22 @@ class Translation:
             return None
         name, given = self._defined("g", plan.steps, self._folding(goal))
         start = self._source(found.start)
-        others = [source for source in given if source != start]
+        others = tuple(each for each in given if each != start)
         question = Reach.ALIKE if found.forward else Reach.ALIKE_BACK
         star = found.closure.closure is Closure.STAR
-        parts = [start, name, _tuple(given), _tuple(others)]
+        parts = [start, name, Tuple(tuple(given)), Tuple(others)]
         if found.ends is not None:
             parts += self._tallied(goal, found.ends)
-        return f"{self._module.name(Closed(found.closure.step, star, question))}({', '.join(parts)})"
+        return call(self._module.name(Closed(found.closure.step, star, question)), *parts)
 
-    def _tallied(self, goal: AggregateAtom, ends: Ends) -> list[str]:
+    def _tallied(self, goal: AggregateAtom, ends: Ends) -> list[Expression]:
         """How the value of an aggregate is made of what is reached, and the values that this depends on."""
         called = arguments(goal.relation)
         column = None if goal.column is None else called.index(goal.column)
         tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, goal.function, column)
-        return [self._module.name(tallied), _tuple([self._source(called[place]) for place in ends.given])]
+        return [self._module.name(tallied), row([called[place] for place in ends.given], self._source)]
 
-    def _count(self, goal: AggregateAtom) -> str | None:
+    def _count(self, goal: AggregateAtom) -> Expression | None:
         """The number of tuples, where it can be had without a loop of our own."""
         relation = goal.relation
         called = arguments(relation)
@@ -593,29 +638,29 @@ class Translation:
             return None
         match relation:
             case InstanceAtom(cls, _, exact):
-                return _joined(" + ", [f"len({name})" for name in self._members(cls, exact)], "0")
+                return joined("+", [length(name) for name in self._members(cls, exact)], 0)
             case LinkAtom() if len(free) == 1:
-                return f"len({self._ends(relation)})"
+                return length(self._ends(relation))
             case CallAtom(pattern) if self._planner.calls.recursive(pattern):
-                return f"len({self._rows(relation)})"
+                return length(self._rows(relation))
             case CallAtom():
                 return self._view(relation, free, Mode.COUNT)
         return None
 
     # --- tests
 
-    def _test(self, step: Step) -> str:
+    def _test(self, step: Step) -> Expression:
         goal = step.goal
         match goal:
             case _ if step.kind is Kind.EXISTS:
                 return self._existence(step.inner[0])
             case Absence():
-                return " and ".join(f"not {self._existence(plan)}" for plan in step.inner) or "True"
+                return joined("and", [inverse(self._existence(plan)) for plan in step.inner], True)
             case InstanceAtom():
                 return self._is_instance(goal)
             case AttributeAtom() | Valuation() | AggregateAtom():
                 result = goal.value if isinstance(goal, AttributeAtom) else goal.result
-                return f"{self._value(step)} == {self._source(result)}"
+                return equal(self._value(step), self._source(result))
             case LinkAtom():
                 return self._is_linked(goal)
             case CallAtom(pattern) if self._planner.calls.recursive(pattern):
@@ -627,12 +672,12 @@ class Translation:
                     return self._closure(goal)
                 return self._test(replace(step, goal=CallAtom(relation, (source, target))))
             case UnequalAtom(left, right):
-                return f"{self._source(left)} != {self._source(right)}"
+                return Operation("!=", (self._source(left), self._source(right)))
             case Condition(expression, reads):
                 return self._expression(expression, reads)
         raise AssertionError(goal)
 
-    def _existence(self, plan: Plan) -> str:
+    def _existence(self, plan: Plan) -> Expression:
         """Whether a plan has a solution: an expression, or the call of a function if there are loops."""
         if any(step.kind is Kind.LOOP for step in plan.steps):
             return self._join(plan) or self._function("g", plan.steps, EXISTENCE)
@@ -643,9 +688,9 @@ class Translation:
                 inner._bind(step, inline=True)
             else:
                 inner._block.test(inner._test(step))
-        return _joined(" and ", inner._block.conditions, "True")
+        return joined("and", [each.test for each in inner._block.tests], True)
 
-    def _join(self, plan: Plan) -> str | None:
+    def _join(self, plan: Plan) -> Expression | None:
         """Whether a plan has a solution, where that is whether a search meets what does not depend on its start."""
         if not (self._shares and self._joins):
             return None
@@ -661,10 +706,10 @@ class Translation:
         )
         all_ = Sink(
             (join.far,),
-            ("out = set()",),
-            lambda names: [f"{spread}({names(join.far)}, out)"],
-            ("return out",),
-            ("out",),
+            (Assign(OUT, empty("set")),),
+            lambda names: (Do(call(spread, names(join.far), OUT)),),
+            (Return(OUT),),
+            (OUT,),
             repeatable=True,
         )
         self._joins = False
@@ -676,28 +721,28 @@ class Translation:
         )
         parts = [self._source(join.near)]
         for name, given in (whole, direct):
-            parts += [name, _tuple(given)]
-        return f"{holds}({', '.join(parts)})"
+            parts += [name, Tuple(tuple(given))]
+        return call(holds, *parts)
 
-    def _is_instance(self, goal: InstanceAtom) -> str:
+    def _is_instance(self, goal: InstanceAtom) -> Expression:
         if not self._known(goal.variable):
-            return _joined(" or ", self._members(goal.cls, goal.exact), "False")
-        classes = self._module.name(Classes())
-        node = self._source(goal.variable)
+            return joined("or", self._members(goal.cls, goal.exact), False)
+        cls = Index(self._module.name(Classes()), self._source(goal.variable))
         indices = self._indices(goal.cls, goal.exact)
         if len(indices) == 1:
-            return f"{classes}[{node}] == {indices[0]}"
-        return f"{self._module.name(ClassTable(goal.cls))}[{classes}[{node}]]" if indices else "False"
+            return equal(cls, Constant(indices[0]))
+        return Index(self._module.name(ClassTable(goal.cls)), cls) if indices else Constant(False)
 
-    def _is_linked(self, goal: LinkAtom) -> str:
+    def _is_linked(self, goal: LinkAtom) -> Expression:
         if not (self._known(goal.source) and self._known(goal.target)):
             return self._ends(goal)
         source, target = self._source(goal.source), self._source(goal.target)
         sizes = self._planner.sizes
         reference = goal.reference
         if isinstance(reference, Reference) and sizes.backward(reference) < sizes.forward(reference):
-            return f"{source} in {self._module.name(Backward(reference.index))}[{target}]"  # the fewer
-        return f"{target} in {self._module.name(forward_column(reference))}[{source}]"
+            backward = self._module.name(Backward(reference.index))  # the fewer
+            return Operation("in", (source, Index(backward, target)))
+        return Operation("in", (target, Index(self._module.name(forward_column(reference)), source)))
 
     # --- relations
 
@@ -706,49 +751,49 @@ class Translation:
         names = (cls,) if exact else self._metamodel.concrete(cls)
         return [index for index, each in enumerate(self._metamodel.class_list) if each.name in names]
 
-    def _members(self, cls: str, exact: bool) -> list[str]:
+    def _members(self, cls: str, exact: bool) -> list[Expression]:
         """The extents that hold the objects of a class."""
         return [self._module.name(Members(index)) for index in self._indices(cls, exact)]
 
-    def _extent(self, cls: str, exact: bool) -> str:
+    def _extent(self, cls: str, exact: bool) -> Expression:
         members = self._members(cls, exact)
         if len(members) == 1:
             return members[0]
-        return f"{self._module.name(Builtin('chain'))}({', '.join(members)})" if members else "()"
+        return call(self._module.name(Builtin("chain")), *members) if members else Tuple(())
 
-    def _ends(self, goal: LinkAtom) -> str:
+    def _ends(self, goal: LinkAtom) -> Expression:
         """What stands at the other end of the links of the one object, or the value, that is known."""
         reference = goal.reference
         if self._known(goal.source):
-            return f"{self._module.name(forward_column(reference))}[{self._source(goal.source)}]"
+            return Index(self._module.name(forward_column(reference)), self._source(goal.source))
         if isinstance(reference, Attribute):
             valued = Valued(tuple(self._indices(reference.owner, False)), (reference.index,))
-            return f"{self._module.name(valued)}({self._source(goal.target)})"
-        return f"{self._module.name(Backward(reference.index))}[{self._source(goal.target)}]"
+            return call(self._module.name(valued), self._source(goal.target))
+        return Index(self._module.name(Backward(reference.index)), self._source(goal.target))
 
-    def _view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> str:
+    def _view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> Expression:
         known = frozenset(v for v in goal.arguments if self._known(v))
         return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
 
-    def _rows(self, goal: CallAtom) -> str:
+    def _rows(self, goal: CallAtom) -> Expression:
         bound = tuple(position for position, v in enumerate(goal.arguments) if self._known(v))
         return self._call(self._module.name(Recursive(goal.pattern, bound)), goal)
 
-    def _call(self, function: str, goal: CallAtom) -> str:
-        return f"{function}({', '.join(self._source(v) for v in goal.arguments if self._known(v))})"
+    def _call(self, function: Name, goal: CallAtom) -> Expression:
+        return call(function, *[self._source(v) for v in goal.arguments if self._known(v)])
 
-    def _closure(self, goal: ClosureAtom) -> str:
+    def _closure(self, goal: ClosureAtom) -> Expression:
         return self._reach(goal, _QUESTIONS[self._known(goal.source), self._known(goal.target)])
 
-    def _spread(self, goal: ClosureAtom, seen: str) -> str:
+    def _spread(self, goal: ClosureAtom, seen: Local) -> Expression:
         """What other searches in the same place have not found; `seen` holds what they have."""
         question = Reach.SPREAD if self._known(goal.source) else Reach.SPREAD_BACK
         return self._reach(goal, question, seen)
 
-    def _reach(self, goal: ClosureAtom, question: Reach, *more: str) -> str:
+    def _reach(self, goal: ClosureAtom, question: Reach, *more: Expression) -> Expression:
         inputs = [self._source(v) for v in (goal.source, goal.target) if self._known(v)]
         name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
-        return f"{name}({', '.join([*inputs, *more])})"
+        return call(name, *inputs, *more)
 
 
 def forward_column(feature: Reference | Attribute) -> Forward | Values:
@@ -765,10 +810,29 @@ _QUESTIONS = {
 }
 
 
-def _tuple(sources: Sequence[str]) -> str:
-    return f"({', '.join(sources)}{',' * (len(sources) == 1)})"
+def equal(left: Expression, right: Expression) -> Operation:
+    """Whether two values are equal."""
+    return Operation("==", (left, right))
 
 
-def _joined(operator: str, parts: Sequence[str], empty: str) -> str:
-    """Operands in parentheses."""
-    return f"({operator.join(parts)})" if parts else empty
+def some(value_: Expression) -> Operation:
+    """Whether there is a value."""
+    return Operation("is not", (value_, Constant(None)))
+
+
+def inverse(test: Expression) -> Expression:
+    """The opposite of a test."""
+    match test:
+        case Constant(value=held):
+            return Constant(not held)
+        case Operation("in", operands):
+            return Operation("not in", operands)
+        case _:
+            return Operation("not", (test,))
+
+
+def joined(operator: str, operands: Sequence[Expression], empty_: int) -> Expression:
+    """An operation, if there is anything to operate on."""
+    if len(operands) < 2:
+        return operands[0] if operands else Constant(empty_)
+    return Operation(operator, tuple(operands))

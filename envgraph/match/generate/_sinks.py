@@ -4,51 +4,93 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Final
 
-from envgraph.code import dataclass
+from envgraph.code import (
+    Assign,
+    Body,
+    Call,
+    Constant,
+    Do,
+    Expression,
+    If,
+    Index,
+    Let,
+    Local,
+    Member,
+    Name,
+    Operation,
+    Return,
+    Statement,
+    Text,
+    Tuple,
+    Yield,
+    dataclass,
+)
 from envgraph.match.generate._symbols import Mode, Reach
 
-Names = Callable[[int], str]
-"""The source of a variable."""
+Names = Callable[[int], Expression]
+"""The code of a variable."""
+NONE_YET: Final = Constant(0)
+OUT, ADD, N, FOUND = Local("out"), Local("add"), Local("n"), Local("found")
+"""Variables of functions with sinks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sink:
-    """Start, end and innermost lines of a function that collects solutions.
+    """Start, end and innermost statements of a function that collects solutions.
 
     Attributes:
         variables: the variables that it reads.
-        head, tail: first and last lines of the function.
-        each: lines for one solution.
-        shared: names that a continuation of the function takes over; it has no head or tail of its own then.
+        head, tail: first and last statements of the function.
+        each: statements for one solution.
+        shared: variables that a continuation of the function takes over; it has no head or tail of its own then.
         relay: what the caller does with the value of a continuation: "flag" returns True if it is true, "found"
             returns it unless it is None, "sum" adds it up, "each" yields what it yields, "" ignores it.
         repeatable: whether the same values again change nothing.
         sieved: whether that is so because they are kept from it.
-        size: source of how many there are so far, where that matters.
+        size: how many there are so far, where that matters.
     """
 
     variables: tuple[int, ...]
-    head: tuple[str, ...]
-    each: Callable[[Names], Sequence[str]]
-    tail: tuple[str, ...]
-    shared: tuple[str, ...] = ()
+    head: Body
+    each: Callable[[Names], Body]
+    tail: Body
+    shared: tuple[Local, ...] = ()
     relay: str = ""
     repeatable: bool = False
     sieved: bool = False
-    size: str = "0"
+    size: Expression = NONE_YET
 
 
-def row(variables: Sequence[int], names: Names) -> str:
-    """The source of a tuple."""
-    return f"({''.join(f'{names(v)}, ' for v in variables)})".replace(
-        ", )", ",)" if len(variables) == 1 else ")"
-    )
+def row(variables: Sequence[int], names: Names) -> Tuple:
+    """The values of some variables as one."""
+    return Tuple(tuple([names(variable) for variable in variables]))
 
 
-def value(variables: Sequence[int], names: Names) -> str:
-    """The source of a bare value, or of a tuple of several."""
+def value(variables: Sequence[int], names: Names) -> Expression:
+    """A bare value, or a tuple of several."""
     return names(variables[0]) if len(variables) == 1 else row(variables, names)
+
+
+def call(function: Expression, *arguments: Expression) -> Call:
+    """A call."""
+    return Call(function, arguments)
+
+
+def method(object_: Expression, name: str, *arguments: Expression) -> Call:
+    """A call of a method."""
+    return Call(Member(object_, name), arguments)
+
+
+def length(collection: Expression) -> Call:
+    """How many elements there are."""
+    return call(Name("len"), collection)
+
+
+def empty(what: str) -> Call:
+    """A new `set`, `dict` or `list`."""
+    return call(Name(what))
 
 
 def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
@@ -58,11 +100,11 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
         case Mode.EXISTS:
             return EXISTENCE
         case Mode.FIRST:
-            first = ("return None",)
+            first = (Return(Constant(None)),)
             return Sink(
                 variables,
                 (),
-                lambda n: [f"return {shape(variables, n)}"],
+                lambda names: (Return(shape(variables, names)),),
                 first,
                 (),
                 "found",
@@ -73,22 +115,36 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
         case Mode.EACH:
             return _yielding(variables, distinct)
     if distinct:
-        return gathering(variables, lambda n: shape(variables, n), "return out")
-    tail = "return len(out)" if mode is Mode.COUNT else "return list(out)"
-    each = lambda n: [f"out[{shape(variables, n)}] = None"]  # noqa: E731
-    return Sink(variables, ("out = {}",), each, (tail,), ("out",), repeatable=True, size="len(out)")
+        return gathering(variables, lambda names: shape(variables, names), OUT)
+    result = length(OUT) if mode is Mode.COUNT else call(Name("list"), OUT)
+    return keeping(variables, lambda names: shape(variables, names), result)
+
+
+def keeping(variables: tuple[int, ...], item: Callable[[Names], Expression], result: Expression) -> Sink:
+    """Collects an item of each solution in `out`, each once, in the order in which they are found first."""
+    return Sink(
+        variables,
+        (Assign(OUT, Text("{}")),),
+        lambda names: (Assign(Index(OUT, item(names)), Constant(None)),),
+        (Return(result),),
+        (OUT,),
+        repeatable=True,
+        size=length(OUT),
+    )
 
 
 def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
     """The sink of a generator."""
-    tail = ("yield from ()",)  # what yields nothing is a generator, too
+    tail = (Yield(Tuple(()), each=True),)  # what yields nothing is a generator, too
     if distinct:
-        return Sink(variables, (), lambda names: [f"yield {row(variables, names)}"], tail, (), "each")
+        return Sink(variables, (), lambda names: (Yield(row(variables, names)),), tail, (), "each")
+    new = Local("r")
 
-    def each(names: Names) -> list[str]:
-        return [f"if (r := {row(variables, names)}) not in out:", "    out.add(r)", "    yield r"]
+    def each(names: Names) -> Body:
+        passed = Operation("not in", (Let(new, row(variables, names)), OUT))
+        return (If(passed, (Do(method(OUT, "add", new)), Yield(new))),)
 
-    return Sink(variables, ("out = set()",), each, tail, ("out",), "each", repeatable=True)
+    return Sink(variables, (Assign(OUT, empty("set")),), each, tail, (OUT,), "each", repeatable=True)
 
 
 def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
@@ -96,32 +152,48 @@ def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
     return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, sieved=True)
 
 
-def gathering(variables: tuple[int, ...], item: Callable[[Names], str], tail: str) -> Sink:
+def gathering(variables: tuple[int, ...], item: Callable[[Names], Expression], result: Expression) -> Sink:
     """Collects an item of each solution in the list `out`."""
-    head = ("out = []", "add = out.append")
-    each = lambda names: [f"add({item(names)})"]  # noqa: E731
-    return Sink(variables, head, each, (tail,), ("out", "add"), size="len(out)")
+    head = (Assign(OUT, Text("[]")), Assign(ADD, Member(OUT, "append")))
+    each = lambda names: (Do(call(ADD, item(names))),)  # noqa: E731
+    return Sink(variables, head, each, (Return(result),), (OUT, ADD), size=length(OUT))
 
 
-EXISTENCE = Sink((), (), lambda names: ["return True"], ("return False",), relay="flag", repeatable=True)
-COUNT = Sink((), ("n = 0",), lambda names: ["n += 1"], ("return n",), relay="sum", size="n")
+EXISTENCE = Sink(
+    (),
+    (),
+    lambda names: (Return(Constant(True)),),
+    (Return(Constant(False)),),
+    relay="flag",
+    repeatable=True,
+)
+COUNT = Sink(
+    (),
+    (Assign(N, Constant(0)),),
+    lambda names: (Assign(N, Constant(1), "+="),),
+    (Return(N),),
+    relay="sum",
+    size=N,
+)
 
 
 def visiting(variable: int, question: Reach) -> Sink:
     """Adds a reached object to a breadth-first search, which a goal ends."""
-    goal = question is Reach.HOLDS
+    seen, todo, start, goal, push = map(Local, ("seen", "todo", "start", "goal", "push"))
+    meets = question is Reach.HOLDS
 
-    def each(names: Names) -> list[str]:
+    def each(names: Names) -> Body:
         node = names(variable)
-        stop = [f"if {node} == goal:", "    return True"] if goal else []
-        return [*stop, f"if {node} not in seen:", f"    add({node})", f"    push({node})"]
+        reached = If(Operation("==", (node, goal)), (Return(Constant(True)),))
+        new = If(Operation("not in", (node, seen)), (Do(call(ADD, node)), Do(call(push, node))))
+        return (reached, new) if meets else (new,)
 
     # The start is not seen: it is reached only if some path leads back to it.
-    head = ["add = seen.add", "push = todo.append"]
+    head: list[Statement] = [Assign(ADD, Member(seen, "add")), Assign(push, Member(todo, "append"))]
     if question is not Reach.SPREAD:
-        head.insert(0, "seen = set()")
-    if not goal:
-        head.insert(0, "todo = [start]")
-    shared = ("seen", "add", "push", "goal") if goal else ("seen", "add", "push")
-    tail = ("return False",) if goal else ("del todo[0]", "return todo")
-    return Sink((variable,), tuple(head), each, tail, shared, "flag" if goal else "", repeatable=True)
+        head.insert(0, Assign(seen, empty("set")))
+    if not meets:
+        head.insert(0, Assign(todo, Text("[start]", reads=(start,))))
+    shared = (seen, ADD, push, goal) if meets else (seen, ADD, push)
+    tail = (Return(Constant(False)),) if meets else (Do(Text("del todo[0]", reads=(todo,))), Return(todo))
+    return Sink((variable,), tuple(head), each, tail, shared, "flag" if meets else "", repeatable=True)

@@ -1,14 +1,16 @@
-"""Python source that evaluates calls of recursive patterns: suspended wherever rows of the component are needed."""
+"""Code that evaluates calls of recursive patterns: suspended wherever rows of the component are needed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import chain
+from typing import Final
 
+from envgraph.code import Block, Do, Expression, Local, Name, Operation, Tuple
 from envgraph.match.generate._generate import Translation
-from envgraph.match.generate._sinks import Names, Sink, row
+from envgraph.match.generate._sinks import Names, Sink, method, row
 from envgraph.match.generate._symbols import Recursive, Source
-from envgraph.match.generate._write import Block, Module
+from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._plan import Kind, Step, ViewKey
 from envgraph.match.plan._planner import Planner
 from envgraph.match.plan._sharing import mentioned
@@ -27,22 +29,23 @@ def evaluation_source(planner: Planner, key: ViewKey) -> Source:
     """
     view = planner.view(key)
     module, block = Module(), Block()
-    given = {position: f"v{position}" for position in key.bound}
-    block.raw(() if view.bodies else ["pass"])
+    given = {position: local("v", position) for position in key.bound}
     for body in view.bodies:
         outputs = tuple(body.conjunction.parameters[position] for position in key.outputs)
         translation = Suspending(planner, module, body.conjunction, block, given)
         translation.key = key
         translation.first = _flat(body.plan.steps, planner, key)[:1]
-        add = lambda names, outputs=outputs: [f"t.add({row(outputs, names)})"]  # noqa: E731
-        translation.body(body.plan, answers(outputs, add))
-    module.function("evaluate", ["t", *given.values()], block)
-    return module.source("evaluate")
+        add = lambda names, outputs=outputs: method(_TABLE, "add", row(outputs, names))  # noqa: E731
+        translation.body(body.plan, _answers(outputs, add))
+    return module.source(module.function("evaluate", [_TABLE, *given.values()], block.body()))
 
 
-def answers(variables: tuple[int, ...], each: Callable[[Names], list[str]]) -> Sink:
+_TABLE: Final = Local("t")
+
+
+def _answers(variables: tuple[int, ...], each: Callable[[Names], Expression]) -> Sink:
     """Does something for the table `t`."""
-    return Sink(variables, (), each, (), ("t",), repeatable=True)
+    return Sink(variables, (), lambda names: (Do(each(names)),), (), (_TABLE,), repeatable=True)
 
 
 def _inside(step: Step, planner: Planner, key: ViewKey) -> bool:
@@ -102,19 +105,19 @@ class Suspending(Translation):
         free = tuple(v for p, v in enumerate(goal.arguments) if p not in bound)
         calls = self._module.name(Recursive(goal.pattern, bound))
         if not rest and step.binds and free == sink.variables and len(set(free)) == len(free):
-            return answers(given, lambda names: [f"{calls}.enter(t, {row(given, names)})"])
+            return _answers(given, lambda names: method(calls, "enter", _TABLE, row(given, names)))
         read = {*sink.variables, *(v for each in rest for v in mentioned(each))}
         inputs = tuple(sorted(read & known))
         how = "read" if step.binds else "once"
         if self._is_own_call(step, bound, given) and step.binds and not inputs:
             how = "again"
 
-        def each(names: Names) -> list[str]:
+        def each(names: Names) -> Expression:
             goes_on = self._rest(inputs, free if step.binds else (), len(free), rest, sink)
-            known_there = ", ".join(["t", *map(names, inputs)])
-            return [f"{calls}.{how}({row(given, names)}, {goes_on}, ({known_there},))"]
+            known_there = Tuple((_TABLE, *map(names, inputs)))
+            return method(calls, how, row(given, names), goes_on, known_there)
 
-        return answers((*given, *inputs), each)
+        return _answers((*given, *inputs), each)
 
     def _is_own_call(self, step: Step, bound: tuple[int, ...], given: tuple[int, ...]) -> bool:
         """Whether a body begins with the very call that is evaluated."""
@@ -126,19 +129,18 @@ class Suspending(Translation):
 
     def _rest(
         self, inputs: Sequence[int], columns: Sequence[int], width: int, rest: Sequence[Step], sink: Sink
-    ) -> str:
-        """The name of the function that goes on with a row of `width` values, which are those of the columns."""
+    ) -> Name:
+        """The function that goes on with a row of `width` values, which are those of the columns."""
         block = Block()
         inner = self._fork(block, continuation=True)
-        inner._names = {v: f"v{v}" for v in inputs}
+        inner._names = {v: self._local(v) for v in inputs}
         inner._joins = self._joins
-        parameters = [f"w{number}" for number in range(width)]
+        parameters = [local("w", number) for number in range(width)]
         for number, variable in enumerate(columns):
             if variable in inner._names:
-                block.test(f"w{number} == v{variable}")
+                block.test(Operation("==", (parameters[number], self._local(variable))))
             else:
-                inner._names[variable] = parameters[number] = f"v{variable}"
+                inner._names[variable] = parameters[number] = self._local(variable)
         inner._steps(rest, sink)
-        name = self._module.fresh("h")
-        self._module.function(name, ["t", *(f"v{v}" for v in inputs), *parameters], block)
-        return name
+        known = [_TABLE, *(self._local(v) for v in inputs)]
+        return self._module.function(self._module.fresh("h"), [*known, *parameters], block.body())

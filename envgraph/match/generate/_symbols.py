@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum, StrEnum
 
-from envgraph.code import dataclass
+from envgraph.code import Function, dataclass, printed
 from envgraph.match.plan._plan import ViewKey
 
 
@@ -204,9 +204,14 @@ class Source:
     """Generated source: a function `build` that takes the values of its symbols and returns the specialised function.
 
     Attributes:
-        text: the source; the same plan always gives the same text.
+        build: the function; the same plan always gives the same.
         symbols: what each parameter of `build` stands for.
     """
 
-    text: str
+    build: Function
     symbols: tuple[tuple[str, Symbol], ...]
+
+    @property
+    def text(self) -> str:
+        """The source as text."""
+        return printed((self.build,)).text

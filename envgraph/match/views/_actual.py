@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import Any, Final
 
+from envgraph.code import Block, Call, Constant, with_counters
 from envgraph.graph import Store
+from envgraph.match.generate._generate import Reached
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
-from envgraph.match.generate._write import Block, Module
-from envgraph.match.plan._plan import Step
+from envgraph.match.generate._write import Module
 from envgraph.match.views._delta import Delta, DeltaTranslation, Role, delta_plan, tuple_names
 from envgraph.match.views._folds import Fold
 from envgraph.match.views._operators import Operator, Rows
@@ -31,24 +33,6 @@ SAMPLE: Final = 64
 
 Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
 """Makes a function of a source; the second argument gives what is held."""
-
-
-class _Tracing(DeltaTranslation):
-    """Reports every partial match."""
-
-    numbers: Mapping[int, int]
-    _deepens = True
-
-    def _after(self, step: Step) -> None:
-        if id(step) in self.numbers:
-            note = self._module.name(Held("note", ""))
-            self._block.line(f"{note}({self.numbers[id(step)]})")
-
-    def _inner(self, block: Block, continuation: bool) -> DeltaTranslation:
-        inner = super()._inner(block, continuation)
-        if continuation and isinstance(inner, _Tracing):
-            inner.numbers = self.numbers
-        return inner
 
 
 def actual_rows(
@@ -74,8 +58,9 @@ def actual_rows(
     sample = known[:: max(1, len(known) // SAMPLE)]
     counts = [0] * len(delta_plan(planner, delta).steps)
 
-    def note(step: int) -> None:
+    def note(step: int) -> bool:
         counts[step] += 1
+        return True
 
     run = build(_source(planner, delta), lambda symbol: note if symbol.what == "note" else held(symbol))
     for row in sample:
@@ -88,17 +73,25 @@ def _source(planner: ViewPlanner, delta: Delta) -> Source:
     occurrence = delta.occurrence
     names = tuple_names(occurrence)
     plan = delta_plan(planner, delta)
-    translation = _Tracing(planner, module, block, delta, names)
-    translation.numbers = {id(step): number for number, step in enumerate(plan.steps)}
+    translation = DeltaTranslation(planner, module, block, delta, names)
     given = {}
     if occurrence.role is Role.NUMBER:
         goal = delta.conjunction.goals[occurrence.goal]
         assert isinstance(goal, AggregateAtom)
         given = {goal.result: translation.number(occurrence, names, 0)}
-    alone = "" if given else translation.alone(occurrence, names)
-    translation.run(plan, Sink((), (), lambda _: ["pass"], ()), given, alone)
-    module.function("traced", names, block)
-    return module.source("traced")
+    else:
+        translation.alone(occurrence, names)
+    translation.run(plan, Sink((), (), lambda _: (), ()), given)
+    note = module.name(Held("note", ""))
+    source = module.source(module.function("traced", names, block.body()))
+    numbers = {id(step): number for number, step in enumerate(plan.steps)}
+
+    def noted(origin: object) -> Call | None:
+        if not isinstance(origin, Reached) or id(origin.step) not in numbers:
+            return None
+        return Call(note, (Constant(numbers[id(origin.step)]),))
+
+    return replace(source, build=with_counters(source.build, noted))
 
 
 def tuples_of(delta: Delta, store: Store, operators: Mapping[str, Operator]) -> Iterator[tuple[Any, ...]]:

@@ -7,15 +7,28 @@ together: those before this one see the relation as it is, those after it as it 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import Final
 
-from envgraph.code import dataclass
-from envgraph.match.generate._generate import Translation, forward_column
-from envgraph.match.generate._sinks import EXISTENCE, Sink, gathering, row, value
+from envgraph.code import (
+    Assign,
+    Block,
+    Constant,
+    Do,
+    Expression,
+    For,
+    Index,
+    Local,
+    Name,
+    Operation,
+    Tuple,
+    dataclass,
+)
+from envgraph.match.generate._generate import Translation, equal, forward_column, inverse, joined, some
+from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, call, gathering, length, row, value
 from envgraph.match.generate._symbols import Backward, Bounded, Held, Source, Values
-from envgraph.match.generate._write import Block, Module
+from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._plan import Absence, Conjunction, Goal, Kind, Plan, Step, arguments, inputs
 from envgraph.match.views._bodies import Relation, existential, free_inside, negated
 from envgraph.match.views._planning import ViewPlanner
@@ -141,13 +154,12 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
     """
     module, block = Module(), Block()
     write_delta(planner, module, block, delta, coming)
-    module.function("delta", tuple_names(delta.occurrence), block)
-    return module.source("delta")
+    return module.source(module.function("delta", tuple_names(delta.occurrence), block.body()))
 
 
-def tuple_names(occurrence: Occurrence) -> list[str]:
+def tuple_names(occurrence: Occurrence) -> list[Local]:
     """The parameters of a delta function: the values of the tuple."""
-    return [f"a{position}" for position in range(len(occurrence.columns))]
+    return [local("a", position) for position in range(len(occurrence.columns))]
 
 
 def write_delta(planner: ViewPlanner, module: Module, block: Block, delta: Delta, coming: bool) -> None:
@@ -172,8 +184,8 @@ def write_delta(planner: ViewPlanner, module: Module, block: Block, delta: Delta
     else:
         translation = DeltaTranslation(planner, module, block, delta, names)
         translation.bounded = Bounded(delta.name) if plus else None
-        alone = translation.alone(occurrence, names)
-        translation.run(plan, view_sink(module, delta, plus), {}, alone)
+        translation.alone(occurrence, names)
+        translation.run(plan, view_sink(module, delta, plus), {})
 
 
 def delta_plan(planner: ViewPlanner, delta: Delta) -> Plan:
@@ -220,17 +232,17 @@ def _write_lookup(
     occurrence = delta.occurrence
     names = tuple_names(occurrence)
     translation = DeltaTranslation(planner, module, block, delta, names)
-    first: dict[int, str] = {}
-    for variable, source in zip(occurrence.columns, names, strict=True):
-        if variable is not None and first.setdefault(variable, source) != source:
-            block.test(f"{first[variable]} == {source}")
-    alone = translation.alone(occurrence, names)
-    if alone:
-        block.test(alone)
+    first: dict[int, Local] = {}
+    for variable, each in zip(occurrence.columns, names, strict=True):
+        if variable is not None and first.setdefault(variable, each) != each:
+            block.test(equal(first[variable], each))
+    translation.alone(occurrence, names)
     group = module.name(Held("group", delta.name, own))
-    key = next(iter(first.values())) if len(first) == 1 else f"({', '.join(first.values())},)"
-    block.line(f"for row in tuple({group}({key}, ())):")
-    block.line(f"    {changed(module, delta, False, 'row')}")
+    key = value(list(first), first.__getitem__)
+    row_ = Local("row")
+    block.add(
+        For(row_, call(Name("tuple"), call(group, key, Tuple(()))), (changed(module, delta, False, row_),))
+    )
 
 
 def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:
@@ -242,15 +254,12 @@ def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjun
     module, block = Module(), Block()
     plan = planner.plan(conjunction, conjunction.goals, frozenset())
     heads = conjunction.parameters
-    sink = gathering(heads, lambda names: row(heads, names), "return out")
-    block.raw(sink.head)
+    sink = gathering(heads, lambda names: row(heads, names), OUT)
     delta = Delta(name, body, conjunction, Occurrence(-1, _NOTHING, Role.EACH, ()), ())
     translation = DeltaTranslation(planner, module, block, delta, [])
     translation.bounded = Bounded(name)
     translation.run(plan, sink, {})
-    block.raw(sink.tail)
-    module.function("build_rows", [], block)
-    return module.source("build_rows")
+    return module.source(module.function("build_rows", [], (*sink.head, *block.body(), *sink.tail)))
 
 
 def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:
@@ -262,132 +271,106 @@ def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Co
     module, block = Module(), Block()
     heads = conjunction.parameters
     head = Occurrence(-1, _NOTHING, Role.EACH, heads)
-    names = [f"a{position}" for position in range(len(heads))]
+    names = tuple_names(head)
     plan = planner.plan(conjunction, conjunction.goals, frozenset(heads))
     translation = DeltaTranslation(planner, module, block, Delta(name, body, conjunction, head, ()), names)
     translation.run(plan, EXISTENCE, {})
-    block.raw(EXISTENCE.tail)
-    module.function("derivable", names, block)
-    return module.source("derivable")
+    return module.source(module.function("derivable", names, (*block.body(), *EXISTENCE.tail)))
 
 
 _NOTHING = CallAtom("", ())
-HELD: Final = "held"
+TRUE, FALSE = Constant(True), Constant(False)
+_WAITING: Final = Name("")
 """Stands for the number of rows of a view, those included that wait for its turn."""
 
 
 def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
     """Adds or removes a derivation of the view."""
     heads = delta.conjunction.parameters
-    each = lambda names: [changed(module, delta, adding, row(heads, names))]  # noqa: E731
-    return Sink(heads, (), each, (), size=HELD if adding else "0")
+    each = lambda names: (changed(module, delta, adding, row(heads, names)),)  # noqa: E731
+    return Sink(heads, (), each, (), size=_WAITING if adding else Constant(0))
 
 
-def changed(module: Module, delta: Delta, adding: bool, row_: str) -> str:
-    """The line that adds or removes a derivation of a row, now or when it is the view's turn."""
+def changed(module: Module, delta: Delta, adding: bool, row_: Expression) -> Do:
+    """Adds or removes a derivation of a row, now or when it is the view's turn."""
     if delta.queued:
-        return f"{module.name(Held('queue', delta.name))}(({row_}, {adding}))"
-    return f"{module.name(Held(SINKS[adding], delta.name))}({row_})"
+        return Do(call(module.name(Held("queue", delta.name)), Tuple((row_, Constant(adding)))))
+    return Do(call(module.name(Held(SINKS[adding], delta.name)), row_))
 
 
 class DeltaTranslation(Translation):
-    """Turns the plan of a body into lines, with the relation of a changed tuple seen as each place has to.
+    """Turns the plan of a body into code, with the relation of a changed tuple seen as each place has to.
 
     Args:
         planner: tells about views.
         module: receives symbols and functions.
-        block: where the lines go.
+        block: where the code goes.
         delta: the body, and where the tuple stands.
-        tuple_: source of the tuple's values.
+        tuple_: the tuple's values.
     """
 
     _shares = False
 
     def __init__(
-        self, planner: ViewPlanner, module: Module, block: Block, delta: Delta, tuple_: Sequence[str]
+        self, planner: ViewPlanner, module: Module, block: Block, delta: Delta, tuple_: Sequence[Local]
     ) -> None:
         super().__init__(planner, module, delta.conjunction, block, {})  # type: ignore[arg-type]
         self._held = planner.held
         self._delta = delta
-        self._tuple = list(tuple_)
+        self._tuple = self._carried = list(tuple_)
+        self._numbers: dict[int, int] = {}
         goals = delta.conjunction.goals
         self._later = {id(goals[each.goal]): each for each in delta.later}
 
-    def run(self, plan: Plan, sink: Sink, given: dict[int, str], condition: str = "") -> None:
+    def run(self, plan: Plan, sink: Sink, given: Mapping[int, Expression]) -> None:
         """Write everything.
 
         Args:
             plan: the other goals.
             sink: what is done with a derivation.
-            given: further variables with their source.
-            condition: of the whole.
+            given: further variables with their values.
         """
         block = self._block
-        depth, loops = block.depth, block.loops
-        if condition:
-            block.test(condition)
+        place = block.place
         named = list(zip(self._delta.occurrence.columns, self._tuple, strict=True))
-        for variable, source in [*named, *given.items()]:
+        for variable, each in [*named, *given.items()]:
             if variable is None:
                 continue
             if self._known(variable):
-                block.test(f"{self._source(variable)} == {source}")
-            elif source.isidentifier():
-                self._names[variable] = source
+                block.test(equal(self._source(variable), each))
+            elif isinstance(each, Local):
+                self._names[variable] = each
             else:
-                block.line(f"v{variable} = {source}")
-                self._names[variable] = f"v{variable}"
+                self._names[variable] = kept = self._local(variable)
+                block.add(Assign(kept, each))
         self._steps(plan.steps, sink)
-        block.flush()
-        block.depth, block.loops = depth, loops
+        block.back_to(place)
 
-    def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
-        self._block.flush()
-        return super()._inputs(steps, sink)
-
-    def _function(self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False) -> str:
-        """As in `Translation`; the tuple goes along."""
-        inputs_ = self._inputs(steps, sink)
-        inner = self._inner(Block(), continuation)
-        inner._names = {v: f"v{v}" for v in inputs_}
-        inner._continues = continuation
-        inner.bounded = self.bounded if continuation else None
-        shared = sink.shared if continuation else ()
-        inner._block.raw(() if shared else sink.head)
-        inner._steps(steps, sink)
-        inner._block.raw(() if shared and not sink.relay else sink.tail)
-        name = self._module.fresh(prefix)
-        passed = [*shared, *self._tuple]
-        self._module.function(name, [*passed, *(f"v{v}" for v in inputs_)], inner._block)
-        return f"{name}({', '.join([*passed, *(self._source(v) for v in inputs_)])})"
-
-    def _size(self, sink: Sink) -> str:
+    def _size(self, sink: Sink) -> Expression:
         """As in `Translation`; what a delta adds to is the view."""
-        return f"{self._module.name(Held('size', self._delta.name))}()" if sink.size == HELD else sink.size
+        return call(self._module.name(Held("size", self._delta.name))) if sink.size == _WAITING else sink.size
 
-    def _inner(self, block: Block, continuation: bool) -> DeltaTranslation:
-        """Hook: the translation of a function inside this one, or of the rest of this one."""
-        kind = type(self) if continuation else DeltaTranslation
-        return kind(self._planner, self._module, block, self._delta, self._tuple)  # type: ignore[arg-type]
+    def _fork(self, block: Block, continuation: bool) -> Translation:
+        return DeltaTranslation(self._planner, self._module, block, self._delta, self._tuple)  # type: ignore[arg-type]
+
+    def _local(self, variable: int, prefix: str = "v") -> Local:
+        """As in `Translation`, but numbered as they get values, so that code that does the same is equal."""
+        number = self._numbers.setdefault(variable, len(self._numbers))
+        return local(prefix, number, self._conjunction.types[variable] if prefix == "v" else None)
 
     # --- the relation without the tuple
 
-    def _here(self, columns: Sequence[int | None]) -> str:
+    def _here(self, columns: Sequence[int | None]) -> Expression:
         """Whether the tuple agrees with what a place asks for; columns without a value agree with everything."""
         straight = self._agrees(columns, self._tuple)
         if not self._delta.symmetric:
             return straight
         crossed = self._agrees(columns, self._tuple[::-1])
-        return straight if straight == crossed else f"({straight} or {crossed})"
+        return straight if straight == crossed else Operation("or", (straight, crossed))
 
-    def _agrees(self, columns: Sequence[int | None], tuple_: Sequence[str]) -> str:
-        tests = []
-        for variable, source in zip(columns, tuple_, strict=True):
-            if variable is not None:
-                own = self._source(variable)
-                if own != source:
-                    tests.append(f"{own} == {source}")
-        return f"({' and '.join(tests)})" if tests else "True"
+    def _agrees(self, columns: Sequence[int | None], tuple_: Sequence[Local]) -> Expression:
+        asked = ((self._source(v), each) for v, each in zip(columns, tuple_, strict=True) if v is not None)
+        return joined("and", [equal(own, each) for own, each in asked if own != each], True)
 
     def _loop(self, step: Step) -> None:
         goal = step.goal
@@ -404,13 +387,12 @@ class DeltaTranslation(Translation):
     def _exclude(self, goal: Goal) -> None:
         """The tuple itself is not what this place may find."""
         place = self._later.get(id(goal))
-        if place is not None and place.role is Role.EACH:
-            here = self._here(place.columns)
-            self._block.test("False" if here == "True" else f"not {here}")
-        elif place is not None and place.role is Role.SOME and isinstance(goal, AttributeAtom):
-            self._block.test(f"not {self._here(place.columns)}")
+        if place is None:
+            return
+        if place.role is Role.EACH or (place.role is Role.SOME and isinstance(goal, AttributeAtom)):
+            self._block.test(inverse(self._here(place.columns)))
 
-    def _test(self, step: Step) -> str:
+    def _test(self, step: Step) -> Expression:
         goal = step.goal
         assert step.kind is Kind.TEST
         place = self._later.get(id(goal))
@@ -418,112 +400,109 @@ class DeltaTranslation(Translation):
             case Absence():
                 return self._absent(goal, place)
             case LinkAtom() if not (self._known(goal.source) and self._known(goal.target)):
-                return self._number_of(goal) if place is None else f"{self._number_without(goal, place)} > 0"
+                return self._ends(goal) if place is None else _more(self._number_without(goal, place))
             case CallAtom():
                 found = self._has(goal)
             case AttributeAtom() if not self._known(goal.value):
-                found = f"{self._value(step)} is not None"
+                found = some(self._value(step))
             case _:
                 found = super()._test(step)
         if place is None or place.role is Role.NUMBER:
             return found
         here = self._here(place.columns)
-        return "False" if here == "True" else f"{found} and not {here}"
+        return FALSE if here == TRUE else Operation("and", (found, inverse(here)))
 
-    def _number_of(self, goal: LinkAtom) -> str:
-        return self._ends(goal)
-
-    def _number_without(self, goal: LinkAtom, place: Occurrence) -> str:
+    def _number_without(self, goal: LinkAtom, place: Occurrence) -> Expression:
         here = self._here(place.columns)
-        return f"len({self._ends(goal)}) - {'1' if here == 'True' else here}"
+        return Operation("-", (length(self._ends(goal)), Constant(1) if here == TRUE else here))
 
-    def _absent(self, goal: Absence, place: Occurrence | None) -> str:
+    def _absent(self, goal: Absence, place: Occurrence | None) -> Expression:
         relation = negated(goal)
         if isinstance(relation, LinkAtom) and free_inside(goal):
             if place is None:
-                return f"not {self._ends(relation)}"
-            return f"{self._number_without(relation, place)} == 0"
-        found = self._holds(relation)
+                return inverse(self._ends(relation))
+            return equal(self._number_without(relation, place), Constant(0))
+        found = inverse(self._holds(relation))
         if place is None:
-            return f"not {found}"
+            return found
         here = self._here(place.columns)
-        return "True" if here == "True" else f"(not {found} or {here})"
+        return TRUE if here == TRUE else Operation("or", (found, here))
 
-    def _holds(self, relation: Relation) -> str:
+    def _holds(self, relation: Relation) -> Expression:
         """Whether a relation has a tuple."""
         match relation:
             case InstanceAtom():
-                return f"({self._is_instance(relation)})"
+                return self._is_instance(relation)
             case AttributeAtom(attribute, owner, held):
-                column = f"{self._module.name(Values(attribute.index))}[{self._source(owner)}]"
-                if self._known(held):
-                    return f"({column} == {self._source(held)})"
-                return f"({column} is not None)"
+                found = Index(self._module.name(Values(attribute.index)), self._source(owner))
+                return equal(found, self._source(held)) if self._known(held) else some(found)
             case LinkAtom():
-                return f"({self._is_linked(relation)})"
+                return self._is_linked(relation)
             case CallAtom():
-                return f"({self._has(relation)})"
+                return self._has(relation)
             case ClosureAtom():
-                return f"({self._closure(relation)})"
+                return self._closure(relation)
 
-    def alone(self, occurrence: Occurrence, names: Sequence[str]) -> str:
-        """Whether the tuple is the only one of its group; nothing for a group of one."""
-        relation = occurrence.relation
-        if isinstance(relation, LinkAtom) and None in occurrence.columns:
-            return f"len({self._group(occurrence, names)}) == 1"
-        return ""
+    def alone(self, occurrence: Occurrence, names: Sequence[Local]) -> None:
+        """What follows is for a tuple that is the only one of its group, if there are groups."""
+        if isinstance(occurrence.relation, LinkAtom) and None in occurrence.columns:
+            self._block.test(equal(self.number(occurrence, names, 0), Constant(1)))
 
-    def number(self, occurrence: Occurrence, names: Sequence[str], less: int) -> str:
+    def number(self, occurrence: Occurrence, names: Sequence[Local], less: int) -> Expression:
         """How many tuples the group of the tuple has, with it or without."""
-        size = f"len({self._group(occurrence, names)})"
-        return f"{size} - 1" if less else size
+        size = length(self._group(occurrence, names))
+        return Operation("-", (size, Constant(1))) if less else size
 
-    def _group(self, occurrence: Occurrence, names: Sequence[str]) -> str:
+    def _group(self, occurrence: Occurrence, names: Sequence[Local]) -> Expression:
         relation = occurrence.relation
         assert isinstance(relation, LinkAtom)
         if occurrence.columns[0] is not None:
-            return f"{self._module.name(forward_column(relation.reference))}[{names[0]}]"
-        return f"{self._module.name(Backward(relation.reference.index))}[{names[1]}]"
+            return Index(self._module.name(forward_column(relation.reference)), names[0])
+        return Index(self._module.name(Backward(relation.reference.index)), names[1])
 
     # --- views
 
-    def _has(self, goal: CallAtom) -> str:
+    def _has(self, goal: CallAtom) -> Expression:
         """Whether a view has a row, all of which is known."""
         rows = self._module.name(Held("position", goal.pattern))
-        return f"{row(goal.arguments, self._source)} in {rows}"
+        return Operation("in", (row(goal.arguments, self._source), rows))
 
     def _loop_view(self, goal: CallAtom) -> None:
         given = tuple(p for p, v in enumerate(goal.arguments) if self._known(v))
+        iterable: Expression
         if given:
             table = self._module.name(Held("group", goal.pattern, given))
-            key = value([goal.arguments[p] for p in given], self._source)
-            iterable = f"{table}({key}, ())"
+            iterable = call(table, value([goal.arguments[p] for p in given], self._source), Tuple(()))
         else:
             iterable = self._module.name(Held("rows", goal.pattern))
         columns = [None if p in given else v for p, v in enumerate(goal.arguments)]
         self._each(columns, iterable, tuples=True)
 
-    def _value(self, step: Step) -> str:
+    def _value(self, step: Step) -> Expression:
         goal = step.goal
         if not isinstance(goal, AggregateAtom):
             return super()._value(step)
         if isinstance(goal.relation, LinkAtom):
             place = self._later.get(id(goal))
             if place is None:
-                return f"len({self._ends(goal.relation)})"
-            return f"({self._number_without(goal.relation, place)})"
+                return length(self._ends(goal.relation))
+            return self._number_without(goal.relation, place)
         table = self._module.name(Held("fold", fold_of(goal)))
-        return f"{table}({row(group_of(goal), self._source)})"
+        return call(table, row(group_of(goal), self._source))
 
     # --- closures
 
-    def _closure(self, goal: ClosureAtom) -> str:
+    def _closure(self, goal: ClosureAtom) -> Expression:
         forward, _, _ = self._held.reached(goal.step)
         table = self._module.name(Held("reach", goal.step))
         start, other = (goal.source, goal.target) if forward else (goal.target, goal.source)
-        if self._known(start) and self._known(other):
-            return f"{self._source(other)} in {table}({self._source(start)}, ())"
         if self._known(start):
-            return f"{table}({self._source(start)}, ())"
+            found = call(table, self._source(start), Tuple(()))
+            return Operation("in", (self._source(other), found)) if self._known(other) else found
         pairs = self._module.name(Held("starts" if self._known(other) else "pairs", goal.step))
-        return f"{pairs}({self._source(other)})" if self._known(other) else f"{pairs}()"
+        return call(pairs, *([self._source(other)] if self._known(other) else []))
+
+
+def _more(number: Expression) -> Operation:
+    """Whether a number is more than none."""
+    return Operation(">", (number, Constant(0)))

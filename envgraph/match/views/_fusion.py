@@ -5,14 +5,13 @@ What two of them begin with alike is done once: the six places of one relation i
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
-from envgraph.code import dataclass
+from envgraph.code import Assign, Block, Body, For, If, Name, Statement, dataclass
 from envgraph.match.generate._symbols import Literal, Source
-from envgraph.match.generate._write import Block, Module
-from envgraph.match.views._delta import Delta, Role, write_delta
+from envgraph.match.generate._write import Module
+from envgraph.match.views._delta import Delta, Role, tuple_names, write_delta
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.metamodel import Value
 
@@ -22,28 +21,28 @@ Change = tuple[str, bool]
 
 @dataclass(slots=True)
 class Group:
-    """Statements that stand behind the same assignments, in order.
+    """Branches that stand behind the same assignments, in order.
 
     Attributes:
-        assignments: lines that give names values.
-        statements: what is done with them.
+        assignments: give variables values.
+        branches: what is done with them.
     """
 
-    assignments: tuple[str, ...]
-    statements: list[Statement] = field(default_factory=list)
+    assignments: Body
+    branches: list[Branch] = field(default_factory=list)
 
 
 @dataclass(slots=True)
-class Statement:
-    """A line, and what stands under it if it ends with a colon.
+class Branch:
+    """A statement, and what follows only where it has led.
 
     Attributes:
-        line: with the indentation of its place.
-        inside: what stands under it.
+        heads: the statement, without what stands inside it; tests that stand directly inside each other are one.
+        inside: what follows.
         changes: which views it changes, and whether it adds derivations to them.
     """
 
-    line: str
+    heads: Body
     inside: list[Group] = field(default_factory=list)
     changes: set[Change] = field(default_factory=set)
 
@@ -53,9 +52,9 @@ class FusedModule(Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self._literals: dict[tuple[type, str], str] = {}
+        self._literals: dict[tuple[type, str], Name] = {}
 
-    def literal(self, value: Value) -> str:
+    def literal(self, value: Value) -> Name:
         key = (type(value), repr(value))
         if key not in self._literals:
             self._literals[key] = self.name(Literal(value))
@@ -79,21 +78,18 @@ def fused_source(planner: ViewPlanner, deltas: Sequence[Delta], coming: bool) ->
         Unplannable: some variables cannot be enumerated.
     """
     module, groups = FusedModule(), list[Group]()
-    lines: list[str] = []
+    whole: list[Statement] = []
     for delta in deltas:
         block = Block()
         write_delta(planner, module, block, delta, coming)
         if _is_nest(delta):
             adding = coming != (delta.occurrence.role is Role.NONE)
-            _insert(groups, _renamed(block.lines), (delta.name, adding))
+            insert(groups, block.body(), (delta.name, adding))
         else:
-            lines.extend([*_flat(groups), *block.lines])
+            whole += [*merged(groups), *block.body()]
             groups = []
-    whole = Block()
-    whole.lines = [*lines, *_flat(groups)]
-    names = [f"a{position}" for position in range(len(deltas[0].occurrence.columns))]
-    module.function("delta", names, whole)
-    return module.source("delta")
+    whole += merged(groups)
+    return module.source(module.function("delta", tuple_names(deltas[0].occurrence), tuple(whole)))
 
 
 def _is_nest(delta: Delta) -> bool:
@@ -101,52 +97,69 @@ def _is_nest(delta: Delta) -> bool:
     return delta.occurrence.role is not Role.NUMBER and delta.own is None
 
 
-def _renamed(lines: Sequence[str]) -> list[str]:
-    """Variables numbered in the order in which they get their values, so that nests that do the same say the same."""
-    numbers: dict[str, int] = {}
-
-    def number(match: re.Match[str]) -> str:
-        return f"{match[1]}{numbers.setdefault(match[2], len(numbers))}"
-
-    return [re.sub(r"\b([vt])(\d+)\b", number, line) for line in lines]
-
-
-def _insert(groups: list[Group], nest: Sequence[str], change: Change) -> None:
+def insert(groups: list[Group], nest: Body, change: Change) -> None:
     """Add a nest inside what it has in common with one that is there, behind everything that changes its view."""
-    count = next(index for index, line in enumerate(nest) if not re.match(r" *v\d+(,| =)", line))
-    assignments, (first, *rest) = tuple(nest[:count]), nest[count:]
-    statement = _alike(groups, assignments, first, change) if rest else None
-    if statement is None:
+    count = next(index for index, statement in enumerate(nest) if not isinstance(statement, Assign))
+    assignments, (first, *behind) = nest[:count], nest[count:]
+    heads, inside = _opened(first)
+    rest = (*inside, *behind)
+    branch = _alike(groups, assignments, heads, change) if rest else None
+    if branch is None:
         if not groups or groups[-1].assignments != assignments:
             groups.append(Group(assignments))
-        statement = Statement(first)
-        groups[-1].statements.append(statement)
-    statement.changes.add(change)
+        branch = Branch(heads)
+        groups[-1].branches.append(branch)
+    branch.changes.add(change)
     if rest:
-        _insert(statement.inside, rest, change)
+        insert(branch.inside, rest, change)
 
 
-def _alike(
-    groups: Sequence[Group], assignments: tuple[str, ...], line: str, change: Change
-) -> Statement | None:
-    """The last statement of this text, if it does not change the view the other way, nor anything behind it at all."""
+def _opened(statement: Statement) -> tuple[Body, Body]:
+    """What a statement begins with, and what stands inside it."""
+    match statement:
+        case For():
+            return (replace(statement, body=()),), statement.body
+        case If(test, (If() as inner,)):
+            heads, inside = _opened(inner)
+            return (If(test, ()), *heads), inside
+        case If(test, inside):
+            return (If(test, ()),), inside
+        case _:
+            return (statement,), ()
+
+
+def _alike(groups: Sequence[Group], assignments: Body, heads: Body, change: Change) -> Branch | None:
+    """The last branch with this head, if it does not change the view the other way, nor anything behind it at all."""
     view, adding = change
     for group in reversed(groups):
-        for statement in reversed(group.statements):
-            if (view, not adding) in statement.changes:
+        for branch in reversed(group.branches):
+            if (view, not adding) in branch.changes:
                 return None
-            if statement.line == line and group.assignments == assignments:
-                return statement
-            if change in statement.changes:
+            if branch.heads == heads and group.assignments == assignments:
+                return branch
+            if change in branch.changes:
                 return None
     return None
 
 
-def _flat(groups: Sequence[Group]) -> list[str]:
-    """The lines in order; each has the indentation of its place already."""
-    found: list[str] = []
+def merged(groups: Sequence[Group]) -> Body:
+    """The statements in order."""
+    found: list[Statement] = []
     for group in groups:
-        found.extend(group.assignments)
-        for statement in group.statements:
-            found.extend([statement.line, *_flat(statement.inside)])
-    return found
+        found += group.assignments
+        for branch in group.branches:
+            found += _closed(branch.heads, merged(branch.inside))
+    return tuple(found)
+
+
+def _closed(heads: Body, inside: Body) -> Body:
+    """The statements of which these are the heads, with something inside, or behind."""
+    for head in reversed(heads):
+        match head:
+            case For():
+                inside = (replace(head, body=inside),)
+            case If(test):
+                inside = (If(test, inside),)
+            case _:
+                inside = (head, *inside)
+    return inside

@@ -12,6 +12,7 @@ from dataclasses import replace
 from sys import maxsize
 from typing import Any, Final, NamedTuple
 
+from envgraph.code import Name, Text
 from envgraph.errors import EvaluationError, RuleError, with_article
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Reference, Value, Values
@@ -352,7 +353,10 @@ class Writer:
         """The source of an expression without paths."""
         base = len(self.namespace)
         known = {name: type_ for name, type_ in types.items() if type_ is not None}
-        compiled = compile_expression(expression, names, known, constant=lambda number: f"c{base}_{number}")
+        sources = {name: Text(source) for name, source in names.items()}
+        compiled = compile_expression(
+            expression, sources, known, constant=lambda number: Name(f"c{base}_{number}")
+        )
         for number, literal in enumerate(compiled.constants):
             self.namespace[f"c{base}_{number}"] = literal
         return compiled.source

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import chain, pairwise
 
+from envgraph.code import (
+    Assign,
+    Body,
+    Call,
+    Constant,
+    Do,
+    For,
+    If,
+    Index,
+    Local,
+    Name,
+    Operation,
+    Tuple,
+    printed,
+)
 from envgraph.graph import Model
 from envgraph.match import FREE
-from envgraph.match.views._fusion import Group, _flat, _insert, fused_source
+from envgraph.match.views._fusion import Group, fused_source, insert, merged
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library, LinkAtom
 from tests.unit.match.kinds import watched
@@ -136,37 +151,63 @@ def test_explain_tells_what_a_function_does_for_the_tuples_that_there_are() -> N
     assert "when find far(" in views.explain("far")  # recursive patterns, too
 
 
-def nest(*lines: str) -> list[str]:
-    """Lines, each under the one before if that ends with a colon."""
-    found, depth = [], 0
-    for line in lines:
-        found.append("    " * depth + line)
-        depth += line.endswith(":")
-    return found
+V0, V1, T0, U0 = map(Local, ("v0", "v1", "t0", "u0"))
 
 
-def fused(*nests: tuple[tuple[str, bool], list[str]]) -> str:
+def first_and_then(table: Local, name: str) -> Body:
+    """The first of a tuple, and what a function does with all that a table has for it."""
+    found = For(V1, Index(Name("F"), V0), (Do(Call(Name(name), (V1,))),))
+    return (If(T0, (Assign(Tuple((V0,)), table), found)),)
+
+
+def each(name: str) -> Body:
+    """A function of all elements."""
+    return (For(V0, Name("F"), (Do(Call(Name(name), (V0,))),)),)
+
+
+def fused(*nests: tuple[tuple[str, bool], Body]) -> str:
     groups: list[Group] = []
-    for change, lines in nests:
-        _insert(groups, lines, change)
-    return "\n".join(_flat(groups))
+    for change, nest in nests:
+        insert(groups, nest, change)
+    return printed(merged(groups)).text
+
+
+def text(*parts: Body) -> str:
+    return printed(tuple(chain.from_iterable(parts))).text
 
 
 def test_loops_over_names_that_stand_for_different_things_are_not_one() -> None:
-    one = nest("if t0:", "v0, = t0", "for v1 in F[v0]:", "f(v1)")
-    other = nest("if t0:", "v0, = u0", "for v1 in F[v0]:", "g(v1)")
-    assert fused((("p", True), one), (("q", True), other)) == "\n".join([*one, *other[1:]])
-    again = nest("if t0:", "v0, = t0", "for v1 in F[v0]:", "g(v1)")
-    assert fused((("p", True), one), (("q", True), again)) == "\n".join([*one, again[-1]])
+    one, other = first_and_then(T0, "f"), first_and_then(U0, "g")
+    assert fused((("p", True), one), (("q", True), other)) == text(one) + text(other).split("\n", 1)[1]
+    again = first_and_then(T0, "g")
+    assert fused((("p", True), one), (("q", True), again)) == text(one) + "        g(v1)\n"
 
 
 def test_gains_and_losses_of_a_view_stay_apart_and_in_order() -> None:
-    gain, lose = nest("for v0 in F:", "add(v0)"), nest("for v0 in F:", "drop(v0)")
-    assert fused((("p", True), gain), (("p", False), lose)) == "\n".join([*gain, *lose])
-    assert fused((("p", True), gain), (("q", False), lose)) == "\n".join([*gain, lose[-1]])
-    between = nest("if c:", "drop(a0)")
+    gain, lose = each("add"), each("drop")
+    assert fused((("p", True), gain), (("p", False), lose)) == text(gain, lose)
+    assert fused((("p", True), gain), (("q", False), lose)) == text(gain) + "    drop(v0)\n"
+    between = (If(Name("c"), (Do(Call(Name("drop"), (Local("a0"),))),)),)
     whole = fused((("p", True), gain), (("p", False), between), (("p", True), gain))
-    assert whole == "\n".join([*gain, *between, *gain])
+    assert whole == text(gain, between, gain)
+
+
+def test_what_only_some_need_stands_inside_what_all_need() -> None:
+    tests = [Operation("==", (V0, Constant(n))) for n in range(3)]
+
+    def nest(which: int, name: str) -> Body:
+        return (For(V0, Name("F"), (If(tests[0], (If(tests[which], (Do(Call(Name(name), (V0,))),)),)),)),)
+
+    one, other, again = nest(1, "f"), nest(2, "g"), nest(1, "h")
+    lines = fused((("p", True), one), (("q", True), other), (("r", True), again)).splitlines()
+    assert lines == [
+        "for v0 in F:",
+        "    if v0 == 0 and v0 == 1:",
+        "        f(v0)",
+        "        h(v0)",
+        "    if v0 == 0 and v0 == 2:",
+        "        g(v0)",
+    ]
 
 
 def test_what_has_two_halves_is_no_nest() -> None:

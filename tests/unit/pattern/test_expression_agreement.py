@@ -7,6 +7,7 @@ from functools import cache
 import hypothesis.strategies as st
 from hypothesis import given
 
+from envgraph.code import Name
 from envgraph.errors import EvaluationError
 from envgraph.metamodel import EnumType, Scalar, accepts
 from envgraph.pattern import (
@@ -153,7 +154,7 @@ def outcome(call):
 def test_evaluator_and_generated_code_agree(typed, values):
     type_, expression = typed
     assert check_expression(expression, SCOPE, METAMODEL) == (type_, [])
-    names = {name: f"v_{name}" for name in SCOPE}
+    names = {name: Name(f"v_{name}") for name in SCOPE}
     expected = outcome(lambda: evaluate(expression, values))
     for types in (SCOPE, None):
         compiled = compile_expression(expression, names, types)

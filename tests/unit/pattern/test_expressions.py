@@ -2,6 +2,7 @@
 
 import pytest
 
+from envgraph.code import Name
 from envgraph.errors import EvaluationError, InvalidArgument, spelling
 from envgraph.metamodel import Scalar
 from envgraph.pattern import (
@@ -192,7 +193,7 @@ def deepest(length):
 def test_the_deepest_expression_still_compiles(length):
     expression = deepest(length)
     assert checked(expression) == (FLOAT, [])
-    compiled = compile_expression(expression, {"f": "f"}, SCOPE)
+    compiled = compile_expression(expression, {"f": Name("f")}, SCOPE)
     value = eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, "f": 2.5})
     assert value == evaluate(expression, {"f": 2.5}) > 2.5 or length == 1
 
@@ -214,7 +215,7 @@ def test_a_flat_expression_may_be_long(expression, values, value):
     assert checked(expression)[1] == []
     assert evaluate(expression, values) == value
     for types in (SCOPE, {}):
-        compiled = compile_expression(expression, {name: name for name in values}, types)
+        compiled = compile_expression(expression, {name: Name(name) for name in values}, types)
         assert eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, **values}) == value
 
 
@@ -225,7 +226,7 @@ def test_a_flat_condition_may_be_long(operator, value):
         expression = op(expression, operator, "b")
     assert checked(expression) == (BOOL, [])
     values = {"b": not value, "n": int(value)}
-    compiled = compile_expression(expression, {"b": "b", "n": "n"}, SCOPE)
+    compiled = compile_expression(expression, {"b": Name("b"), "n": Name("n")}, SCOPE)
     assert evaluate(expression, values) is value
     assert eval(compiled.source, {**EXPRESSION_NAMESPACE, "k": compiled.constants, **values}) is value
 
@@ -384,20 +385,20 @@ def test_missing_variables_and_models_are_invalid_arguments():
     with pytest.raises(InvalidArgument):
         compile_expression(Variable("x"), {})
     with pytest.raises(InvalidArgument):
-        compile_expression(expr("a.x"), {"a": "a"})
+        compile_expression(expr("a.x"), {"a": Name("a")})
 
 
 def test_generated_source_holds_no_text_of_the_user():
     evil = "__import__('os')"
-    compiled = compile_expression(op(Constant(evil), "==", Variable(evil)), {evil: "v0"})
+    compiled = compile_expression(op(Constant(evil), "==", Variable(evil)), {evil: Name("v0")})
     assert compiled.source == "(k[0] == v0)"
     assert compiled.constants == (evil,)
 
 
 def test_typed_code_uses_plain_operators():
     expression = op(op("n", "*", 2), ">", op("n", "-", 1))
-    compiled = compile_expression(expression, {"n": "v"}, SCOPE, constant="c{}".format)
-    assert (compiled.source, compiled.fallible) == ("((v * c0) > (v - c1))", False)
+    compiled = compile_expression(expression, {"n": Name("v")}, SCOPE, constant=lambda i: Name(f"c{i}"))
+    assert (compiled.source, compiled.fallible) == ("(v * c0 > v - c1)", False)
 
 
 def test_every_function_has_a_reference_line_and_a_source_name():

@@ -1,0 +1,97 @@
+"""Bodies of functions that are built from the outside in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+from envgraph.code._tree import Body, Expression, For, If, Local, Statement, Tuple
+
+MOST_LOOPS: Final = 12
+"""Loops of one function, of the 20 that CPython allows."""
+MOST_LEVELS: Final = 38
+"""Levels of indentation inside one function, of the 100 that CPython allows."""
+
+
+class Place(NamedTuple):
+    """How much of a block is open."""
+
+    heads: int
+    loops: int
+    levels: int
+
+
+class Block:
+    """A body in the making. Tests are collected until something stands under them.
+
+    Attributes:
+        loops: loops that are open.
+        tests: those under which nothing stands yet.
+    """
+
+    def __init__(self) -> None:
+        self.loops = 0
+        self.tests: list[If] = []
+        self._levels = 0
+        self._heads: list[For | If] = []
+        self._bodies: list[list[Statement]] = [[]]
+
+    def add(self, *statements: Statement) -> None:
+        """Add statements here, under the tests so far."""
+        self._enter()
+        self._bodies[-1].extend(statements)
+
+    def test(self, test: Expression) -> None:
+        """What follows holds only if a test does."""
+        self.tests.append(If(test, ()))
+
+    def loop(self, target: Local | Tuple, iterable: Expression) -> None:
+        """What follows is done for each element."""
+        self._enter()
+        self._open(For(target, iterable, ()))
+        self.loops += 1
+        self._levels += 1
+
+    def come_from(self, origin: object) -> None:
+        """Say where the last test, loop or statement comes from."""
+        if self.tests:
+            self.tests[-1] = If(self.tests[-1].test, (), (), origin)
+        elif self._bodies[-1]:
+            self._bodies[-1][-1] = replace(self._bodies[-1][-1], origin=origin)
+        else:
+            self._heads[-1] = replace(self._heads[-1], origin=origin)
+
+    @property
+    def place(self) -> Place:
+        """Where the block is."""
+        return Place(len(self._heads), self.loops, self._levels)
+
+    def back_to(self, place: Place) -> None:
+        """Close the loops and tests that were opened since the block was at a place."""
+        self.tests.clear()
+        while len(self._heads) > place.heads:
+            head, body = self._heads.pop(), tuple(self._bodies.pop())
+            done = If(head.test, body, (), head.origin) if isinstance(head, If) else replace(head, body=body)
+            self._bodies[-1].append(done)
+        self.loops, self._levels = place.loops, place.levels
+
+    def body(self) -> Body:
+        """Everything, with all loops and tests closed."""
+        self.back_to(Place(0, 0, 0))
+        return tuple(self._bodies[0])
+
+    @property
+    def full(self) -> bool:
+        """Whether anything more should go into a function of its own."""
+        return self.loops >= MOST_LOOPS or self._levels >= MOST_LEVELS
+
+    def _enter(self) -> None:
+        """Go inside the tests so far."""
+        for test in self.tests:
+            self._open(test)
+        self._levels += bool(self.tests)
+        self.tests = []
+
+    def _open(self, head: For | If) -> None:
+        self._heads.append(head)
+        self._bodies.append([])

@@ -1,0 +1,197 @@
+"""Trees as Python text, with a table of where each line comes from."""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple, assert_never
+
+from envgraph.code._tree import (
+    Assign,
+    Body,
+    Call,
+    Choice,
+    Constant,
+    Do,
+    Expression,
+    For,
+    Function,
+    If,
+    Index,
+    Leave,
+    Let,
+    Local,
+    Member,
+    Name,
+    Operation,
+    Return,
+    Statement,
+    Text,
+    Try,
+    Tuple,
+    While,
+    Yield,
+)
+
+INDENT: Final = "    "
+MOST_COLUMNS: Final = 100
+"""Longer conditions are broken into lines."""
+
+_CHOICE, _OR, _AND, _NOT, _COMPARISON, _SUM, _PRODUCT, _MINUS, ATOM = range(9)
+"""How tightly operators hold their operands."""
+_LEVELS: Final = {
+    **{
+        "or": _OR,
+        "and": _AND,
+        "not": _NOT,
+        "+": _SUM,
+        "-": _SUM,
+        "*": _PRODUCT,
+        "/": _PRODUCT,
+        "%": _PRODUCT,
+    },
+    **dict.fromkeys(("==", "!=", "<", "<=", ">", ">=", "in", "not in", "is", "is not"), _COMPARISON),
+}
+
+
+class Printed(NamedTuple):
+    """Source text.
+
+    Attributes:
+        text: ends with a line break.
+        origins: of each line, where it comes from.
+    """
+
+    text: str
+    origins: tuple[object, ...]
+
+
+def printed(definitions: Body) -> Printed:
+    """The text of some statements."""
+    printer = _Printer()
+    printer.body(definitions, "", None)
+    return Printed("\n".join([*printer.lines, ""]), tuple(printer.origins))
+
+
+class _Printer:
+    """Collects lines."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.origins: list[object] = []
+
+    def line(self, text: str, origin: object) -> None:
+        self.lines.append(text)
+        self.origins.append(origin)
+
+    def body(self, statements: Body, pad: str, origin: object) -> None:
+        for statement in statements:
+            self.statement(statement, pad, origin if statement.origin is None else statement.origin)
+
+    def inside(self, head: str, statements: Body, pad: str, origin: object) -> None:
+        """What stands under a line."""
+        self.line(f"{pad}{head}:", origin)
+        if statements:
+            self.body(statements, pad + INDENT, origin)
+        else:
+            self.line(f"{pad}{INDENT}pass", origin)
+
+    def statement(self, node: Statement, pad: str, origin: object) -> None:
+        match node:
+            case Assign(target, value, operator):
+                self.line(f"{pad}{_target(target)} {operator} {expression_text(value)}", origin)
+            case Do(value):
+                self.line(f"{pad}{expression_text(value)}", origin)
+            case If():
+                self.condition(node, pad, origin)
+            case For(target, iterable, body):
+                self.inside(f"for {_target(target)} in {expression_text(iterable)}", body, pad, origin)
+            case Return(value):
+                self.line(f"{pad}return {expression_text(value)}" if value else f"{pad}return", origin)
+            case Yield(value, each):
+                self.line(f"{pad}yield {'from ' if each else ''}{expression_text(value)}", origin)
+            case Function(name, parameters, body):
+                self.inside(f"def {name}({_listed(parameters)})", body, pad, origin)
+            case While(test, body):
+                self.inside(f"while {expression_text(test)}", body, pad, origin)
+            case Leave(how):
+                self.line(f"{pad}{how}", origin)
+            case Try(body, error, handler):
+                self.inside("try", body, pad, origin)
+                self.inside(f"except {error.name}", handler, pad, origin)
+            case _:
+                assert_never(node)
+
+    def condition(self, node: If, pad: str, origin: object) -> None:
+        """A test, together with those that stand directly inside it."""
+        tests = [node.test]
+        while not node.otherwise and len(node.then) == 1:
+            inner = node.then[0]
+            if not isinstance(inner, If) or inner.otherwise:
+                break
+            node = inner
+            tests.append(node.test)
+        texts = [expression_text(test, _AND if len(tests) > 1 else _CHOICE) for test in tests]
+        if sum(map(len, texts)) + 5 * len(texts) < MOST_COLUMNS - len(pad):
+            head = f"if {' and '.join(texts)}"
+        else:
+            self.line(f"{pad}if (", origin)
+            for number, text in enumerate(texts):
+                self.line(f"{pad}{INDENT}{'and ' if number else ''}{text}", origin)
+            head = ")"
+        self.inside(head, node.then, pad, origin)
+        if node.otherwise:
+            self.inside("else", node.otherwise, pad, origin)
+
+
+def _target(node: Local | Name | Index | Tuple) -> str:
+    if isinstance(node, Tuple):
+        return f"{_listed(node.items)}{',' * (len(node.items) == 1)}"
+    return expression_text(node)
+
+
+def _listed(nodes: tuple[Expression, ...]) -> str:
+    return ", ".join([expression_text(node) for node in nodes])
+
+
+def expression_text(node: Expression, level: int = _CHOICE) -> str:
+    """The text of an expression.
+
+    Args:
+        node: the expression.
+        level: how tightly what stands around it holds its operands; where it holds less tightly itself, it stands in
+            parentheses.
+    """
+    text, own = _TEXTS[type(node)](node)
+    return f"({text})" if own < level else text
+
+
+def _operation(node: Operation) -> tuple[str, int]:
+    operator, operands = node.operator, node.operands
+    own = _LEVELS[operator]
+    if len(operands) == 1:
+        own, sign = (_NOT, "not ") if operator == "not" else (_MINUS, operator)
+        return sign + expression_text(operands[0], own), own
+    first, *others = operands
+    left = own + (own == _COMPARISON)
+    right = own + (own >= _COMPARISON)
+    texts = [expression_text(first, left), *(expression_text(other, right) for other in others)]
+    return f" {operator} ".join(texts), own
+
+
+def _choice(node: Choice) -> tuple[str, int]:
+    then, test = expression_text(node.then, _OR), expression_text(node.test, _OR)
+    return f"{then} if {test} else {expression_text(node.otherwise)}", _CHOICE
+
+
+_TEXTS: Final[dict[type, Any]] = {
+    Name: lambda node: (node.name, ATOM),
+    Local: lambda node: (node.name, ATOM),
+    Text: lambda node: (node.text, ATOM),
+    Constant: lambda node: (repr(node.value), ATOM),
+    Call: lambda node: (f"{expression_text(node.function, ATOM)}({_listed(node.arguments)})", ATOM),
+    Index: lambda node: (f"{expression_text(node.collection, ATOM)}[{expression_text(node.key)}]", ATOM),
+    Member: lambda node: (f"{expression_text(node.object, ATOM)}.{node.name}", ATOM),
+    Tuple: lambda node: (f"({_target(node)})", ATOM),
+    Operation: _operation,
+    Choice: _choice,
+    Let: lambda node: (f"({node.local.name} := {expression_text(node.value)})", ATOM),
+}
