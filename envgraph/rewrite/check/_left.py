@@ -29,6 +29,7 @@ from envgraph.pattern import (
     LeftSide,
     Library,
     Negation,
+    Node,
     ObjectType,
     Parameter,
     PathConstraint,
@@ -148,7 +149,7 @@ class LeftLowering:
                 self._untyped(parameter.name, parameter.span)
                 continue
             if isinstance(types[parameter.name], ObjectType):
-                found.append(TypeConstraint(parameter.type, variable, span=parameter.span))
+                found.append(TypeConstraint(parameter.type, variable, span=_declaration(parameter)))
             else:
                 found.append(Check(Binary("==", variable, variable)))
         return found
@@ -228,7 +229,10 @@ class LeftLowering:
         for node in left.nodes:
             if node.type:
                 yield TypeConstraint(
-                    node.type, Variable(node.name, node.span), span=node.span, type_span=node.type_span
+                    node.type,
+                    Variable(node.name, node.span),
+                    span=_declaration(node),
+                    type_span=node.type_span,
                 )
 
     def _edges(self, left: LeftSide, types: Types) -> Iterator[Constraint]:
@@ -366,3 +370,9 @@ def _call(lowered: LoweredBlock, span_of: Block) -> PatternCall:
 
 
 __all__ = ["LeftLowering", "LoweredBlock", "is_named", "own_variables"]
+
+
+def _declaration(declared: Node | Parameter) -> Span | None:
+    """Where `x : Class` stands."""
+    span, type_span = declared.span, declared.type_span
+    return span.to(type_span) if span and type_span else span

@@ -184,3 +184,17 @@ def test_a_wrong_name_is_an_error(
         monkeypatch.setattr(sys, "argv", ["envgraph", command, *FILES, "lifft"])
         assert main() == 1
         assert "did you mean `lift`?" in capsys.readouterr().err
+
+
+def test_a_declared_object_is_shown_with_its_class() -> None:
+    text = """
+        package hall
+        import "warehouse.query"
+        rule enter(robot : Robot) {
+            lhs { robot -at-> here : Cell; find step(here, ::east, there); there : Shelf; }
+            modify { set robot.at = there; }
+        }
+    """
+    engine = hall_with("enter.rules", text)
+    failures = engine.why_not("enter", robot=engine.model.find_object("left")).failures
+    assert [failure.constraint for failure in failures] == ["there : Shelf"]
