@@ -35,7 +35,7 @@ from envgraph.behaviour import (
     check_behaviour,
 )
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
-from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv
+from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
@@ -98,6 +98,7 @@ __all__ = [
     "VectorEnvironment",
     "can_end",
     "check_behaviour",
+    "check_render_mode",
     "enumerate_states",
     "environment_spec",
     "explore",

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence
 from numbers import Integral
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import gymnasium
 import numpy as np
@@ -27,6 +27,9 @@ ObservationKind = Literal["index", "multi"]
 Observed = np.int64 | NDArray[np.int64]
 """An index, or the components of an observation."""
 
+RENDER_MODES: Final = ("ansi", "rgb_array")
+"""Text, and pixels."""
+
 SUCCESS = 1
 
 
@@ -43,6 +46,24 @@ def observation_space(
     if kind == "multi":
         return spaces.MultiDiscrete(list(shape) or [1])
     raise InvalidArgument(f'`observation` is "index" or "multi", not {kind!r}')
+
+
+def check_render_mode(render_mode: str | None, modes: Sequence[str] = RENDER_MODES, *, drawn: bool) -> None:
+    """See that there is such a way to render.
+
+    Args:
+        render_mode: None, or one of the modes.
+        modes: those that there are.
+        drawn: whether the behaviour says how to draw.
+
+    Raises:
+        InvalidArgument: there is none.
+    """
+    if render_mode is not None and render_mode not in modes:
+        known = " and ".join(f"`{mode}`" for mode in modes)
+        raise InvalidArgument(f"unknown render mode {render_mode!r}: there is {known}")
+    if render_mode is not None and not drawn:
+        raise InvalidArgument(f"this environment has no pictures: its behaviour has no `draw`; {DRAW_HINT}")
 
 
 def components(observation: NDArray[np.int64] | int, shape: Sequence[int]) -> NDArray[np.int64]:
@@ -68,7 +89,7 @@ def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> 
 class _Environment(gymnasium.Env[Any, Any]):
     """What environments over a table and over a live engine share."""
 
-    metadata: dict[str, Any] = {"render_modes": ["ansi", "rgb_array"], "render_fps": 4}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES], "render_fps": 4}  # noqa: RUF012
 
     def __init__(
         self,
@@ -79,9 +100,6 @@ class _Environment(gymnasium.Env[Any, Any]):
         observation: ObservationKind,
         cell: int,
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            modes = ", ".join(f"`{mode}`" for mode in self.metadata["render_modes"])
-            raise InvalidArgument(f"unknown render mode {render_mode!r}: there are {modes}")
         self.render_mode = render_mode
         self.action_names = tuple(action_names)
         self.action_space = spaces.Discrete(len(self.action_names))
@@ -149,6 +167,7 @@ class EnvgraphEnv(_Environment):
         observation: ObservationKind = "index",
         cell: int = 32,
     ) -> None:
+        check_render_mode(render_mode, drawn=len(pictures) == tabular.n_states)
         super().__init__(
             tabular.action_names,
             tabular.n_observations,
@@ -157,10 +176,6 @@ class EnvgraphEnv(_Environment):
             observation,
             cell,
         )
-        if render_mode is not None and len(pictures) != tabular.n_states:
-            raise InvalidArgument(
-                f"this environment has no pictures: its behaviour has no `draw`; {DRAW_HINT}"
-            )
         self.tabular = tabular
         self._pictures = pictures
         self._state = 0
@@ -256,6 +271,7 @@ class EnvgraphLiveEnv(_Environment):
         observation: ObservationKind = "index",
         cell: int = 32,
     ) -> None:
+        check_render_mode(render_mode, drawn=True)
         shape = simulator.observation_shape
         super().__init__(
             simulator.action_names, simulator.n_observations, shape, render_mode, observation, cell

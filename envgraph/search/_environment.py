@@ -15,6 +15,7 @@ from envgraph.env import (
     EnvSpec,
     Simulator,
     VectorEnvironment,
+    check_render_mode,
     environment_spec,
     make_vec_spec,
 )
@@ -125,6 +126,7 @@ def make_environment(
         EvaluationError: too many states to visit.
     """
     opened = _opened(domain, family, () if variant is None else (variant,))
+    check_render_mode(render_mode, drawn=opened.behaviour.draw is not None)  # before all states are visited
     member = opened.member(variant)
     shown: dict[str, Any] = {"render_mode": render_mode, "observation": observation, "cell": cell}
     environment: EnvgraphEnv | EnvgraphLiveEnv
@@ -157,6 +159,7 @@ def make_vector_environment(
     """
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
     opened = _opened(domain, family, variants)
+    check_render_mode(render_mode, ("rgb_array",), drawn=opened.behaviour.draw is not None)
     members = [opened.member(one) for one in variants or (None,)]
     found = [opened.explored(member, pictures=render_mode is not None) for member in members]
     return EnvgraphVectorEnv(

@@ -239,3 +239,18 @@ def test_pictures_show_the_map(family_file: Path) -> None:
     picture = env.render()
     assert isinstance(picture, np.ndarray) and picture.dtype == np.uint8 and picture.ndim == 3
     assert picture.shape[0] == picture.shape[1] and len(np.unique(picture.reshape(-1, 3), axis=0)) > 5
+
+
+def test_how_to_render_is_checked_before_the_states_are_visited(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Family, "explored", lambda *_, **__: pytest.fail("the states are visited"))
+    for path in bundled_domain("keydoor").iterdir():
+        text = path.read_text(encoding="utf-8")
+        kept = [line for line in text.splitlines() if not line.strip().startswith("draw ")]
+        (tmp_path / path.name).write_text("\n".join(kept), encoding="utf-8")
+    for make in (envgraph.make, envgraph.make_vec):
+        with pytest.raises(InvalidArgument, match="its behaviour has no `draw`; write a clause"):
+            make(domain=str(tmp_path), render_mode="rgb_array")
+        with pytest.raises(InvalidArgument, match=r"unknown render mode 'text': there is .*`rgb_array`"):
+            make(domain=str(tmp_path), render_mode="text")
