@@ -1,4 +1,4 @@
-"""From a body as it is written to the atoms that matchers compile."""
+"""From a body as it is written to the goals that matchers compile."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from envgraph.pattern._evaluate import holds, value_of
 from envgraph.pattern._expressions import ExpressionChecker
 from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import (
+    Absence,
     AggregateAtom,
-    Atom,
     AttributeAtom,
     CallAtom,
-    CheckAtom,
     ClosureAtom,
-    EvaluationAtom,
+    Condition,
+    Goal,
     InstanceAtom,
     LinkAtom,
-    NegationAtom,
     ObjectType,
     RelationAtom,
     StaticType,
     UnequalAtom,
+    Valuation,
+    arguments,
 )
 from envgraph.pattern._paths import ResolvedPath, resolve_path
 from envgraph.pattern._queries import (
@@ -60,14 +61,14 @@ Generate = Callable[[ResolvedPath | AttributeType], str]
 
 
 class BodyLowering:
-    """Turns the constraints of one checked body into atoms over slots.
+    """Turns the constraints of one checked body into goals over slots.
 
     Checks and evals come after all other constraints, because a path in them uses the variable that a path constraint
-    has already given to the same feature; the atoms still end up in the order of the text.
+    has already given to the same feature; the goals still end up in the order of the text.
 
     Attributes:
         slots: the variables.
-        atoms: over slot numbers, each with the span of its constraint; expressions name a slot by its number.
+        goals: over slot numbers, each with the span of its constraint; expressions name a slot by its number.
     """
 
     def __init__(self, parameters: Sequence[Parameter], body_types: BodyTypes, generate: Generate) -> None:
@@ -79,16 +80,16 @@ class BodyLowering:
         self.slots = Slots(self._metamodel)
         for parameter in parameters:
             self.slots.fresh(body_types.of(parameter.name), parameter.name)
-        self.atoms = self._lower(body_types.reading.body.constraints)
+        self.goals = self._lower(body_types.reading.body.constraints)
         for name, type_ in bound_by_type(body_types, parameters):
-            self.atoms.append((CallAtom(generate(type_), (self.slots.named(name, type_),)), None))
+            self.goals.append((CallAtom(generate(type_), (self.slots.named(name, type_),)), None))
 
-    def _lower(self, constraints: Sequence[Constraint]) -> list[tuple[Atom, Span | None]]:
-        buckets: list[list[Atom]] = []
-        later: list[tuple[list[Atom], Evaluation | Check, int]] = []
+    def _lower(self, constraints: Sequence[Constraint]) -> list[tuple[Goal, Span | None]]:
+        buckets: list[list[Goal]] = []
+        later: list[tuple[list[Goal], Evaluation | Check, int]] = []
         self._later = later
         for constraint in constraints:
-            self._bucket: list[Atom] = []
+            self._bucket: list[Goal] = []
             buckets.append(self._bucket)
             self._constraint(constraint)
         self._index_functions(buckets)
@@ -204,7 +205,7 @@ class BodyLowering:
         assert signature is not None
         return signature.pattern.qualified_name
 
-    def _steps(self, path: ResolvedPath, source: int, target: int) -> Iterator[Atom]:
+    def _steps(self, path: ResolvedPath, source: int, target: int) -> Iterator[Goal]:
         """One atom a step, with new variables between them, and the class of the source if no step implies it."""
         if not self._metamodel.is_a(path.steps[0].owner, path.cls):
             yield InstanceAtom(path.cls, source)
@@ -225,7 +226,7 @@ class BodyLowering:
         grouped = self._group(relation)
         if grouped is not None:
             atom, local, _ = grouped
-            self._bucket.append(NegationAtom(atom, local))
+            self._bucket.append(_absence(atom, local))
 
     def _aggregate(self, aggregate: Aggregate, result: int) -> None:
         grouped = self._group(aggregate.over)
@@ -287,7 +288,7 @@ class BodyLowering:
 
     # --- expressions
 
-    def _index_functions(self, buckets: Sequence[Sequence[Atom]]) -> None:
+    def _index_functions(self, buckets: Sequence[Sequence[Goal]]) -> None:
         """Remember which variable holds a single-valued feature of which object."""
         for bucket in buckets:
             for atom in bucket:
@@ -307,12 +308,12 @@ class BodyLowering:
             self._none_constraint(tested, expression.operator == "==")
             return
         lifted = self._lift(expression)
-        variables = slots_in(lifted)
-        if not variables:
+        reads = reads_of(lifted)
+        if not reads:
             if not holds(lifted, {}):
                 raise Unsatisfiable
         elif not self._as_equation(lifted):
-            self._bucket.append(CheckAtom(lifted, variables))
+            self._bucket.append(Condition(lifted, reads))
 
     def _as_equation(self, expression: Expression) -> bool:
         """Turn `a == b` over values of one type into a union, which a plan can use as a join or an index key."""
@@ -342,9 +343,9 @@ class BodyLowering:
         if isinstance(lifted, Variable):
             self.slots.unite(result, int(lifted.name))
             return
-        variables = slots_in(lifted)
-        if variables:
-            self._bucket.append(EvaluationAtom(lifted, variables, result))
+        reads = reads_of(lifted)
+        if reads:
+            self._bucket.append(Valuation(lifted, reads, result))
             return
         value = value_of(lifted, {})
         if value is None:
@@ -412,7 +413,7 @@ class BodyLowering:
     def _none_constraint(self, navigation: Navigation, absent: bool) -> None:
         if absent:
             atom, target = self._tested_path(navigation)
-            self._bucket.append(NegationAtom(atom, frozenset((target,))))
+            self._bucket.append(_absence(atom, frozenset((target,))))
         else:
             self._follow(navigation)
 
@@ -430,8 +431,12 @@ def _feature_atom(feature: Feature, source: int, target: int) -> AttributeAtom |
     return LinkAtom(feature, source, target)
 
 
-def slots_in(expression: Expression) -> tuple[int, ...]:
-    """The slots that a lifted expression reads, in the order of the text, each once."""
+def _absence(relation: RelationAtom, local: frozenset[int]) -> Absence:
+    return Absence(((relation,),), tuple(dict.fromkeys(v for v in arguments(relation) if v not in local)))
+
+
+def reads_of(expression: Expression) -> tuple[tuple[str, int], ...]:
+    """The slots that a lifted expression reads, each once with its name, in the order of the text."""
     if isinstance(expression, Variable):
-        return (int(expression.name),)
-    return tuple(dict.fromkeys(slot for child in children(expression) for slot in slots_in(child)))
+        return ((expression.name, int(expression.name)),)
+    return tuple(dict.fromkeys(read for child in children(expression) for read in reads_of(child)))

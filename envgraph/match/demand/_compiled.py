@@ -44,7 +44,7 @@ from envgraph.match.generate._symbols import (
     Values,
     View,
 )
-from envgraph.match.plan._calls import CallGraph, check_nesting
+from envgraph.match.passes._calls import CallGraph, check_nesting
 from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._live import LiveSizes
 from envgraph.match.plan._options import OPAQUE_COST, Unplannable

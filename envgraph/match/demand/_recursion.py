@@ -17,7 +17,7 @@ from typing import Any, Final
 from envgraph.errors import RAISE_LIMIT, EvaluationError, limit
 from envgraph.graph import Model
 from envgraph.match._matcher import Row
-from envgraph.match.plan._calls import CallGraph
+from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._options import Unplannable
 from envgraph.pattern import Library, ObjectType
 

@@ -9,34 +9,28 @@ from envgraph.draw import markup
 from envgraph.match.explain._trace import Trace
 from envgraph.match.generate._generate import view_source
 from envgraph.match.generate._symbols import Mode
-from envgraph.match.plan._plan import (
-    Absence,
-    BodyPlan,
-    Condition,
-    Conjunction,
-    Goal,
-    Kind,
-    Plan,
-    Step,
-    Valuation,
-    ViewKey,
-    arguments,
-)
+from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey
 from envgraph.match.plan._planner import Planner
 from envgraph.pattern import (
     PATHS,
     VALUES,
+    Absence,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
     Closure,
     ClosureAtom,
+    Condition,
+    Conjunction,
     Expression,
+    Goal,
     InstanceAtom,
     Library,
     LinkAtom,
     RelationAtom,
     UnequalAtom,
+    Valuation,
+    arguments,
 )
 
 Actual = Callable[[BodyPlan], Trace]

@@ -16,17 +16,20 @@ from envgraph.draw import markup
 from envgraph.errors import EnvgraphError, Span
 from envgraph.match.explain._explain import Names, goal_text
 from envgraph.match.explain._trace import Build, trace
-from envgraph.match.plan._plan import BodyPlan, Conjunction, Goal, Step, arguments, variables
+from envgraph.match.plan._plan import BodyPlan, Step
 from envgraph.match.plan._planner import Planner
-from envgraph.match.plan._simplify import as_written
 from envgraph.metamodel import Reference, Value
 from envgraph.pattern import (
     VALUES,
+    Absence,
     CallAtom,
+    Conjunction,
+    Goal,
     LinkAtom,
-    LoweredBody,
-    NegationAtom,
     ObjectType,
+    arguments,
+    is_relation,
+    variables,
 )
 
 MOST_LEVELS = 6
@@ -203,15 +206,14 @@ def _failure(
     first: Callable[[str, dict[int, Value]], tuple[Value, ...] | None],
     pattern: str,
     number: int,
-    lowered: LoweredBody,
+    conjunction: Conjunction,
     given: dict[int, Value],
     asked: Asked,
 ) -> tuple[int, Failure]:
     """How many steps a body takes, and what it fails then.
 
-    Each atom is a step of its own: what it comes from is what was written, though a plan for matching inlines it.
+    Each goal is a step of its own: what it comes from is what was written, though a plan for matching inlines it.
     """
-    conjunction = as_written(lowered, len(planner.library.get(pattern).parameters))
     if _contradicted(conjunction, given):
         return 0, Failure(number + 1, {}, "")
     body = BodyPlan(conjunction, planner.whole(conjunction, tuple(sorted(given))), True)
@@ -222,24 +224,24 @@ def _failure(
     start = {conjunction.parameters[position]: value for position, value in given.items()}
     partial = (run.first[depth - 1] or {}) if depth else start
     shown = {names(variable): value for variable, value in partial.items() if names.spoken(variable)}
-    types = lowered.types
+    types = conjunction.types
     objects = tuple(names(variable) for variable in partial if isinstance(types[variable], ObjectType))
     if depth == len(run.counts):
         return depth, Failure(number + 1, shown, "", objects)
     step = body.plan.steps[depth]
     position = _goal_of(step, conjunction)
-    atom, span = lowered.atoms[position], lowered.spans[position]
-    relation = atom.relation if isinstance(atom, NegationAtom) else atom
+    goal, span = conjunction.goals[position], conjunction.spans[position]
+    relation = goal.alternatives[0][0] if isinstance(goal, Absence) else goal
     constraint = _block(relation.pattern) if isinstance(relation, CallAtom) else None
-    constraint = constraint or (_written(span, lowered, step.goal) if span else goal_text(step, names))
-    values: dict[int, Any] = {**dict(lowered.constants), **partial}
+    constraint = constraint or (_written(span, conjunction, step.goal) if span else goal_text(step, names))
+    values: dict[int, Any] = {**dict(conjunction.constants), **partial}
     inner = witness = None
-    if isinstance(atom, NegationAtom):
-        witness = _witness(planner, build, names, lowered, atom, values)
-    elif isinstance(atom, CallAtom) and _has_text(atom.pattern) and len(asked) <= MOST_LEVELS:
-        known = {p: values[v] for p, v in enumerate(atom.arguments) if v in values}
-        if (atom.pattern, known) not in asked:
-            inner = why_not(planner, build, first, atom.pattern, known, asked)
+    if isinstance(goal, Absence):
+        witness = _witness(planner, build, names, conjunction, goal, values)
+    elif isinstance(goal, CallAtom) and _has_text(goal.pattern) and len(asked) <= MOST_LEVELS:
+        known = {p: values[v] for p, v in enumerate(goal.arguments) if v in values}
+        if (goal.pattern, known) not in asked:
+            inner = why_not(planner, build, first, goal.pattern, known, asked)
     return depth, Failure(number + 1, shown, constraint, objects, inner, witness, span)
 
 
@@ -254,21 +256,22 @@ def _witness(
     planner: Planner,
     build: Build,
     names: Names,
-    lowered: LoweredBody,
-    atom: NegationAtom,
+    conjunction: Conjunction,
+    goal: Absence,
     values: Mapping[int, Any],
 ) -> Witness:
     """What a `neg` or `not` that fails finds."""
-    relation = atom.relation
-    outer = tuple(sorted({v for v in arguments(relation) if v not in atom.local}))
-    body = Conjunction(lowered.types, (), outer, (relation,))
+    ((relation,),) = goal.alternatives
+    assert is_relation(relation)
+    outer = tuple(sorted(goal.outer))
+    body = Conjunction(conjunction.types, (), outer, (relation,))
     found = _solution(planner, build, body, {p: values[v] for p, v in enumerate(outer)})
     assert found is not None, "it has failed because of this"
     if isinstance(relation, CallAtom):
         given = {position: found[variable] for position, variable in enumerate(relation.arguments)}
         return _inside(planner, build, relation.pattern, given)
     spoken = [variable for variable in arguments(relation) if names.spoken(variable)]
-    objects = tuple(names(v) for v in spoken if isinstance(lowered.types[v], ObjectType))
+    objects = tuple(names(v) for v in spoken if isinstance(conjunction.types[v], ObjectType))
     named = {names(variable): found[variable] for variable in spoken}
     return Witness(named, tuple(_links((relation,), found)), objects)
 
@@ -284,8 +287,7 @@ def _solution(
 
 def _inside(planner: Planner, build: Build, pattern: str, given: dict[int, Value]) -> Witness:
     """What a pattern that matches finds inside."""
-    for number, lowered in enumerate(planner.library.lowered(pattern).bodies):
-        body = as_written(lowered, len(planner.library.get(pattern).parameters))
+    for number, body in enumerate(planner.library.lowered(pattern).bodies):
         if _contradicted(body, given):
             continue
         found = _solution(planner, build, body, given)
@@ -311,10 +313,10 @@ def _place(span: Span) -> str:
     return PurePath(str(span)).name
 
 
-def _written(span: Span, lowered: LoweredBody, goal: Goal) -> str:
+def _written(span: Span, body: Conjunction, goal: Goal) -> str:
     """A constraint as it is written, with the values that other constraints, `x == 0`, give its variables."""
-    fixed = {v: value for v, value in lowered.constants if not lowered.names[v].startswith("#")}
-    equal = [f"{lowered.names[v]} == {fixed[v]!r}" for v in dict.fromkeys(variables(goal)) if v in fixed]
+    fixed = {v: value for v, value in body.constants if not body.names[v].startswith("#")}
+    equal = [f"{body.names[v]} == {fixed[v]!r}" for v in dict.fromkeys(variables(goal)) if v in fixed]
     return " ".join(span.text.rstrip(";").split()) + (f" where {', '.join(equal)}" if equal else "")
 
 

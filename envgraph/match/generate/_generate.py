@@ -70,19 +70,7 @@ from envgraph.match.generate._symbols import (
 )
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._options import call_key
-from envgraph.match.plan._plan import (
-    Absence,
-    BodyPlan,
-    Condition,
-    Conjunction,
-    Kind,
-    Plan,
-    Step,
-    Valuation,
-    ViewKey,
-    arguments,
-    variables,
-)
+from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey
 from envgraph.match.plan._planner import Planner, determined
 from envgraph.match.plan._sharing import (
     Alike,
@@ -98,14 +86,20 @@ from envgraph.match.plan._sharing import (
 from envgraph.match.plan._sieves import OUTSIDE, Sieve, sieves
 from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import (
+    Absence,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
     Closure,
     ClosureAtom,
+    Condition,
+    Conjunction,
     InstanceAtom,
     LinkAtom,
     UnequalAtom,
+    Valuation,
+    arguments,
+    variables,
 )
 from envgraph.pattern import Expression as Term
 

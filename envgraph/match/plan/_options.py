@@ -8,33 +8,28 @@ from math import fsum, inf
 from typing import Final, Protocol
 
 from envgraph.code import dataclass
-from envgraph.match.plan._calls import CallGraph
+from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._estimate import Sizes
-from envgraph.match.plan._plan import (
-    Absence,
-    Condition,
-    Conjunction,
-    Goal,
-    Kind,
-    Plan,
-    Valuation,
-    ViewKey,
-    ViewPlan,
-    arguments,
-    inputs,
-    variables,
-)
+from envgraph.match.plan._plan import Kind, Plan, ViewKey, ViewPlan
 from envgraph.pattern import (
+    Absence,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
     Closure,
     ClosureAtom,
+    Condition,
+    Conjunction,
+    Goal,
     InstanceAtom,
     Library,
     LinkAtom,
     ObjectType,
     UnequalAtom,
+    Valuation,
+    arguments,
+    inputs,
+    variables,
 )
 
 ACCESS: Final = 1.0

@@ -13,8 +13,8 @@ from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.match.plan._options import ACCESS, Option, Options, Unplannable, Views
-from envgraph.match.plan._plan import Conjunction, Goal, Kind, Plan, Step, variables
-from envgraph.pattern import CallAtom, ClosureAtom, InstanceAtom
+from envgraph.match.plan._plan import Kind, Plan, Step
+from envgraph.pattern import CallAtom, ClosureAtom, Conjunction, Goal, InstanceAtom, variables
 
 MOST_BRANCHES: Final = 4
 """Loops that are tried at one place; the cheapest complete plan wins."""

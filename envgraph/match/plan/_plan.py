@@ -6,78 +6,8 @@ from collections.abc import Iterator
 from enum import Enum
 
 from envgraph.code import dataclass
-from envgraph.metamodel import Attribute, Value
-from envgraph.pattern import (
-    AggregateAtom,
-    AttributeAtom,
-    CallAtom,
-    ClosureAtom,
-    Expression,
-    InstanceAtom,
-    LinkAtom,
-    RelationAtom,
-    StaticType,
-    UnequalAtom,
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """An expression is true; `reads` gives the number of the variable that each name in it stands for."""
-
-    expression: Expression
-    reads: tuple[tuple[str, int], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Valuation:
-    """`result` has the value of an expression (as in `Condition`)."""
-
-    expression: Expression
-    reads: tuple[tuple[str, int], ...]
-    result: int
-
-
-@dataclass(frozen=True, slots=True)
-class Absence:
-    """None of the alternatives has a solution; variables that stand nowhere else are free inside."""
-
-    alternatives: tuple[tuple[Goal, ...], ...]
-    outer: tuple[int, ...]
-
-
-Goal = RelationAtom | UnequalAtom | Condition | Valuation | AggregateAtom | Absence
-"""One constraint of a conjunction."""
-
-
-@dataclass(frozen=True, slots=True)
-class Conjunction:
-    """One body, ready to be planned.
-
-    Attributes:
-        types: static type of every variable.
-        constants: values of variables that are fixed.
-        parameters: number of the variable that stands for each parameter.
-        goals: what must hold.
-    """
-
-    types: tuple[StaticType, ...]
-    constants: tuple[tuple[int, Value], ...]
-    parameters: tuple[int, ...]
-    goals: tuple[Goal, ...]
-
-
-def arguments(relation: RelationAtom) -> tuple[int, ...]:
-    """The variables of a relation, in the order of its columns."""
-    match relation:
-        case InstanceAtom(_, variable):
-            return (variable,)
-        case AttributeAtom(_, owner, value):
-            return (owner, value)
-        case LinkAtom(_, source, target) | ClosureAtom(_, _, source, target):
-            return (source, target)
-        case CallAtom(_, variables):
-            return variables
+from envgraph.metamodel import Attribute
+from envgraph.pattern import AttributeAtom, Conjunction, Goal, LinkAtom
 
 
 def held_value(goal: Goal) -> tuple[Attribute, int, int] | None:
@@ -86,37 +16,6 @@ def held_value(goal: Goal) -> tuple[Attribute, int, int] | None:
         case AttributeAtom(attribute, owner, value) | LinkAtom(Attribute() as attribute, owner, value):
             return attribute, owner, value
     return None
-
-
-def inputs(goal: Goal) -> tuple[int, ...]:
-    """The variables that must have a value before the goal can be met; relations need none."""
-    match goal:
-        case Condition(_, reads) | Valuation(_, reads):
-            return tuple(variable for _, variable in reads)
-        case AggregateAtom():
-            return tuple(v for v in arguments(goal.relation) if v not in goal.local)
-        case Absence(_, outer):
-            return outer
-        case UnequalAtom(left, right):
-            return (left, right)
-        case _:
-            return ()
-
-
-def outputs(goal: Goal) -> tuple[int, ...]:
-    """The variables that the goal can give a value."""
-    match goal:
-        case Valuation() | AggregateAtom():
-            return (goal.result,)
-        case Condition() | Absence() | UnequalAtom():
-            return ()
-        case _:
-            return arguments(goal)
-
-
-def variables(goal: Goal) -> tuple[int, ...]:
-    """All variables of a goal that its surroundings can see; some may stand twice."""
-    return (*inputs(goal), *outputs(goal))
 
 
 class Kind(Enum):

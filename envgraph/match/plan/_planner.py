@@ -5,24 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import fsum
 
-from envgraph.match.plan._calls import CallGraph
+from envgraph.match.passes import ON_DEMAND, Bodies, expanded
+from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._options import Unplannable
 from envgraph.match.plan._order import Search
-from envgraph.match.plan._plan import (
-    BodyPlan,
+from envgraph.match.plan._plan import BodyPlan, Kind, Plan, ViewKey, ViewPlan
+from envgraph.pattern import (
+    AggregateAtom,
+    AttributeAtom,
     Conjunction,
     Goal,
-    Kind,
-    Plan,
+    Library,
+    LinkAtom,
     Valuation,
-    ViewKey,
-    ViewPlan,
     inputs,
     variables,
 )
-from envgraph.match.plan._simplify import Simplifier
-from envgraph.pattern import AggregateAtom, AttributeAtom, Library, LinkAtom
 
 
 class Planner:
@@ -38,7 +37,7 @@ class Planner:
         self.library = library
         self.calls = calls
         self.sizes = sizes or Sizes(library.metamodel)
-        self._simplifier = Simplifier(library, calls)
+        self._bodies = Bodies(library, calls, ON_DEMAND)
         self._views: dict[ViewKey, ViewPlan | Unplannable] = {}
 
     def view(self, key: ViewKey) -> ViewPlan:
@@ -49,7 +48,7 @@ class Planner:
         """
         if key not in self._views:
             try:
-                self._views[key] = self._plan_view(key, self._simplifier.conjunctions(key.pattern))
+                self._views[key] = self._plan_view(key, self._bodies.of(key.pattern))
             except Unplannable as reason:
                 self._views[key] = reason
         found = self._views[key]
@@ -63,7 +62,7 @@ class Planner:
         Raises:
             Unplannable: a parameter that is free cannot be enumerated.
         """
-        return self._plan_view(key, self._simplifier.expanded(key.pattern))
+        return self._plan_view(key, expanded(self._bodies, key.pattern))
 
     def whole(self, conjunction: Conjunction, bound: tuple[int, ...]) -> Plan:
         """A plan that gives every variable a value, for values at the bound positions.

@@ -10,20 +10,19 @@ from envgraph.code import dataclass
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.plan._options import Unplannable, call_key
 from envgraph.match.plan._order import Search
-from envgraph.match.plan._plan import (
+from envgraph.match.plan._plan import Kind, Plan, Step, ViewKey, ViewPlan
+from envgraph.match.plan._planner import Planner
+from envgraph.pattern import (
     Absence,
+    AggregateAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
     Conjunction,
     Goal,
-    Kind,
-    Plan,
-    Step,
-    ViewKey,
-    ViewPlan,
     arguments,
     variables,
 )
-from envgraph.match.plan._planner import Planner
-from envgraph.pattern import AggregateAtom, CallAtom, Closure, ClosureAtom
 
 MOST_JOINED: Final = 24
 """Goals of a question of existence beyond which it is only answered directly: to plan it twice would take too long."""

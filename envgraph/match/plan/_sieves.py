@@ -13,8 +13,9 @@ from typing import Final
 from envgraph.code import dataclass
 from envgraph.match.plan._options import CALL
 from envgraph.match.plan._order import WIDEST
-from envgraph.match.plan._plan import Goal, Kind, Step
+from envgraph.match.plan._plan import Kind, Step
 from envgraph.match.plan._sharing import mentioned
+from envgraph.pattern import Goal
 
 FEW: Final = 50.0
 """Partial matches, as estimated, of which it is not worth while to find those that are alike before a loop."""

@@ -10,56 +10,21 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Final
 
 from envgraph.graph import Store
-from envgraph.match.plan._plan import Absence, Conjunction, Goal, arguments, inputs, variables
-from envgraph.match.plan._simplify import Simplifier
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
+    Absence,
     AggregateAtom,
     AttributeAtom,
-    CallAtom,
-    ClosureAtom,
-    InstanceAtom,
+    Conjunction,
+    Goal,
     LinkAtom,
     RelationAtom,
+    arguments,
+    inputs,
+    variables,
 )
-
-MOST_LOCAL: Final = 2
-"""Local variables of a called body that may be inlined: each can multiply the derivations of a match."""
-
-Relation = InstanceAtom | AttributeAtom | LinkAtom | CallAtom | ClosureAtom
-
-
-class ViewSimplifier(Simplifier):
-    """Inlines what keeps derivations few, and into a negation only what is a single relation."""
-
-    def _inlinable(self, pattern: str) -> tuple[Conjunction, ...] | None:
-        bodies = super()._inlinable(pattern)
-        if bodies is None or any(len(set(body.types)) and _locals(body) > MOST_LOCAL for body in bodies):
-            return None
-        return bodies
-
-    def _alternatives(self, relation: RelationAtom, draft: object) -> tuple[tuple[Goal, ...], ...]:
-        if isinstance(relation, CallAtom):
-            bodies = self._inlinable(relation.pattern)
-            if bodies is not None and all(_single(body) for body in bodies):
-                return super()._alternatives(relation, draft)  # type: ignore[arg-type]
-        return ((relation,),)
-
-    def _inside(self, alternative: tuple[Goal, ...], outside: object) -> tuple[Goal, ...]:
-        return alternative  # a relation whose meaning follows from elsewhere is still a relation
-
-
-def _locals(body: Conjunction) -> int:
-    fixed = {number for number, _ in body.constants}
-    used = {number for goal in body.goals for number in variables(goal)}
-    return len(used - fixed - set(body.parameters))
-
-
-def _single(body: Conjunction) -> bool:
-    return len(body.goals) == 1 and isinstance(body.goals[0], Relation)
 
 
 def canonical(goal: Goal, store: Store) -> Goal:
@@ -74,7 +39,7 @@ def canonical(goal: Goal, store: Store) -> Goal:
             )
         case AggregateAtom(_, relation):
             inner = canonical(relation, store)
-            assert isinstance(inner, Relation)
+            assert isinstance(inner, RelationAtom)
             return replace(goal, relation=inner)
         case _:
             return goal
@@ -85,17 +50,17 @@ def split_negations(goals: Iterable[Goal], fixed: Container[int]) -> Iterator[Go
     for goal in goals:
         if isinstance(goal, Absence):
             for (relation,) in goal.alternatives:
-                assert isinstance(relation, Relation)
+                assert isinstance(relation, RelationAtom)
                 called = dict.fromkeys(arguments(relation))
                 yield Absence(((relation,),), tuple(v for v in called if v in goal.outer or v in fixed))
         else:
             yield goal
 
 
-def negated(goal: Absence) -> Relation:
+def negated(goal: Absence) -> RelationAtom:
     """The one relation of a negation."""
     ((relation,),) = goal.alternatives
-    assert isinstance(relation, Relation)
+    assert isinstance(relation, RelationAtom)
     return relation
 
 

@@ -29,16 +29,22 @@ from envgraph.match.generate._generate import Translation, equal, forward_column
 from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, call, gathering, length, row, value
 from envgraph.match.generate._symbols import Backward, Bounded, Held, Source, Values
 from envgraph.match.generate._write import Module, local
-from envgraph.match.plan._plan import Absence, Conjunction, Goal, Kind, Plan, Step, arguments, inputs
-from envgraph.match.views._bodies import Relation, existential, free_inside, negated
+from envgraph.match.plan._plan import Kind, Plan, Step
+from envgraph.match.views._bodies import existential, free_inside, negated
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.pattern import (
+    Absence,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
     ClosureAtom,
+    Conjunction,
+    Goal,
     InstanceAtom,
     LinkAtom,
+    RelationAtom,
+    arguments,
+    inputs,
 )
 
 
@@ -67,7 +73,7 @@ class Occurrence:
     """
 
     goal: int
-    relation: Relation
+    relation: RelationAtom
     role: Role
     columns: tuple[int | None, ...]
 
@@ -428,7 +434,7 @@ class DeltaTranslation(Translation):
         here = self._here(place.columns)
         return TRUE if here == TRUE else Operation("or", (found, here))
 
-    def _holds(self, relation: Relation) -> Expression:
+    def _holds(self, relation: RelationAtom) -> Expression:
         """Whether a relation has a tuple."""
         match relation:
             case InstanceAtom():

@@ -9,13 +9,12 @@ from typing import Any, Final, TypeVar
 from envgraph.code import dataclass
 from envgraph.graph import Store
 from envgraph.match.generate._symbols import Source
-from envgraph.match.plan._calls import CallGraph
+from envgraph.match.passes import FOR_VIEWS, Bodies
+from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._options import Unplannable
-from envgraph.match.plan._plan import Absence, Conjunction, Goal, arguments, held_value, variables
+from envgraph.match.plan._plan import held_value
 from envgraph.match.plan._planner import determined, disjoint
 from envgraph.match.views._bodies import (
-    Relation,
-    ViewSimplifier,
     canonical,
     component,
     existential,
@@ -39,14 +38,20 @@ from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
 from envgraph.match.views._recursive import Component, Member
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
+    Absence,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
     Closure,
     ClosureAtom,
+    Conjunction,
+    Goal,
     InstanceAtom,
     LinkAtom,
     ObjectType,
+    RelationAtom,
+    arguments,
+    variables,
 )
 
 Build = Callable[[Source], Any]
@@ -106,7 +111,7 @@ class Growth:
         self._planner = planner
         self._build = build
         self._evaluate = evaluate
-        self._simplifier = ViewSimplifier(self.library, calls)
+        self._bodies = Bodies(self.library, calls, FOR_VIEWS)
         self._open: set[str] = set()
 
     def view(self, pattern: str) -> Rows:
@@ -122,7 +127,7 @@ class Growth:
                 raise NotIncremental
             if self.calls.recursive(pattern):
                 return self._recursive(pattern)
-            return self._define(pattern, self._simplifier.conjunctions(pattern))
+            return self._define(pattern, self._bodies.of(pattern))
         except NotIncremental:
             self._open = under_way
             for name in list(self.operators)[before:]:
@@ -171,8 +176,7 @@ class Growth:
         self._open |= component
         for name, member in members.items():
             bodies = tuple(
-                self._prepared(name, number, body)
-                for number, body in enumerate(self._simplifier.conjunctions(name))
+                self._prepared(name, number, body) for number, body in enumerate(self._bodies.of(name))
             )
             self.definitions[name] = Definition(member, bodies)
         self._open -= component
@@ -314,7 +318,9 @@ class Growth:
         projected = self._projected(body, relation, outer, place)
         return replace(goal, alternatives=((CallAtom(projected.name, outer),),), outer=outer)
 
-    def _projected(self, body: Conjunction, relation: Relation, heads: tuple[int, ...], place: str) -> View:
+    def _projected(
+        self, body: Conjunction, relation: RelationAtom, heads: tuple[int, ...], place: str
+    ) -> View:
         """A view of one relation with other columns."""
         fixed = dict(body.constants)
         kept = {v for v in arguments(relation) if v in fixed}
@@ -354,11 +360,11 @@ class Growth:
         self._enter(fold)
         return replace(goal, relation=CallAtom(fold.name, columns))
 
-    def _plain_closure(self, relation: Relation) -> ClosureAtom | None:
+    def _plain_closure(self, relation: RelationAtom) -> ClosureAtom | None:
         """The closure that a called pattern is, if it is nothing else."""
         if not isinstance(relation, CallAtom) or self.calls.recursive(relation.pattern):
             return None
-        bodies = self._simplifier.conjunctions(relation.pattern)
+        bodies = self._bodies.of(relation.pattern)
         if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
             return None
         (goal,) = bodies[0].goals
@@ -422,7 +428,7 @@ class Growth:
 
     def _link_of(self, step: str) -> tuple[int, bool] | None:
         """Index of the reference, and whether it is crossed, if a step is one link."""
-        bodies = self._simplifier.conjunctions(step)
+        bodies = self._bodies.of(step)
         if len(bodies) != 1 or len(bodies[0].goals) != 1 or bodies[0].constants:
             return None
         goal = canonical(bodies[0].goals[0], self.store)

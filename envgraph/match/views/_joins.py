@@ -7,7 +7,7 @@ from typing import Final
 
 from envgraph.graph import Store
 from envgraph.match.plan._options import Unplannable
-from envgraph.match.plan._plan import Condition, Conjunction, Goal, Kind, Plan, held_value, variables
+from envgraph.match.plan._plan import Kind, Plan, held_value
 from envgraph.match.views._delta import Role, occurrences
 from envgraph.match.views._planning import ViewPlanner
 from envgraph.metamodel import Attribute, Metamodel, Value, Values
@@ -15,10 +15,14 @@ from envgraph.pattern import (
     AggregateAtom,
     AttributeAtom,
     CallAtom,
+    Condition,
+    Conjunction,
+    Goal,
     LinkAtom,
     ObjectType,
     UnequalAtom,
     renumbered_relation,
+    variables,
 )
 
 MANY: Final = 100.0

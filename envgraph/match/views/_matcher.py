@@ -12,7 +12,7 @@ from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.explain._why import WhyNot
 from envgraph.match.generate._symbols import Source
-from envgraph.match.plan._calls import MOST_NESTED, check_nesting
+from envgraph.match.passes._calls import MOST_NESTED, check_nesting
 from envgraph.match.views._agreeing import Agreeing
 from envgraph.match.views._loops import Loops
 from envgraph.match.views._network import Network

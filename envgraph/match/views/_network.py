@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from envgraph.graph import Store
 from envgraph.match.generate._symbols import Held
-from envgraph.match.plan._calls import CallGraph
+from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._live import LiveSizes
 from envgraph.match.views._actual import Build as DeltaBuild
 from envgraph.match.views._actual import actual_rows, tuples_of

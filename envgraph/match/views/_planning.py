@@ -6,32 +6,26 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-from envgraph.match.plan._calls import CallGraph
+from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._estimate import Sizes
 from envgraph.match.plan._live import LiveSizes
 from envgraph.match.plan._options import ACCESS, EXPRESSION, Bound, Option, Options, PlanInside
 from envgraph.match.plan._order import Draft, Search
-from envgraph.match.plan._plan import (
-    Absence,
-    Conjunction,
-    Goal,
-    Kind,
-    Plan,
-    ViewKey,
-    ViewPlan,
-    held_value,
-    variables,
-)
+from envgraph.match.plan._plan import Kind, Plan, ViewKey, ViewPlan, held_value
 from envgraph.match.views._bodies import existential
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
+    Absence,
     AggregateAtom,
     AttributeAtom,
     CallAtom,
     ClosureAtom,
+    Conjunction,
+    Goal,
     InstanceAtom,
     Library,
     LinkAtom,
+    variables,
 )
 
 

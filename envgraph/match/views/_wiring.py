@@ -9,7 +9,6 @@ from itertools import groupby
 from envgraph.code import define
 from envgraph.graph import Store
 from envgraph.match.plan._options import Unplannable
-from envgraph.match.plan._plan import Conjunction
 from envgraph.match.views._delta import Delta, Occurrence, occurrences, own_positions
 from envgraph.match.views._folds import Fold
 from envgraph.match.views._fusion import fused_source
@@ -19,7 +18,7 @@ from envgraph.match.views._planning import ViewPlanner
 from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Member
 from envgraph.metamodel import Attribute
-from envgraph.pattern import AttributeAtom, CallAtom, ClosureAtom, InstanceAtom, LinkAtom
+from envgraph.pattern import AttributeAtom, CallAtom, ClosureAtom, Conjunction, InstanceAtom, LinkAtom
 
 Consumer = tuple[Hook, Hook]
 """What is called with a tuple that has come, and with one that is about to go."""

@@ -14,7 +14,7 @@ from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match.demand import _closures as closures
 from envgraph.match.demand import _compiled as compiled
 from envgraph.match.demand import _recursion as recursion
-from envgraph.match.plan import _calls as calls
+from envgraph.match.passes import _calls as calls
 from envgraph.match.views import _recursive as recursive_views
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Aggregate, Check, Constraint, Library, Pattern

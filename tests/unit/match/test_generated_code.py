@@ -13,7 +13,7 @@ from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher
 from envgraph.match.generate._generate import view_source
 from envgraph.match.generate._symbols import Mode
-from envgraph.match.plan._calls import CallGraph
+from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._options import Options
 from envgraph.match.plan._plan import ViewKey
 from envgraph.match.plan._planner import Planner

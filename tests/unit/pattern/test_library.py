@@ -7,13 +7,13 @@ import pytest
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import (
+    Absence,
     AggregateAtom,
     AttributeAtom,
-    CheckAtom,
+    Condition,
     InstanceAtom,
     Library,
     LinkAtom,
-    NegationAtom,
     ObjectType,
     _library,
     conformance_patterns,
@@ -88,7 +88,7 @@ def test_what_a_call_means_does_not_change_when_patterns_are_added():
     made = library(named("p", "one"), pattern("user", "a : Cell", [find("p", "a")], package="x"))
     made.add(named("p", "two"))
     assert made.callee("x.user", "p").package == "one"
-    assert made.lowered("x.user").bodies[0].atoms[0].pattern == "one.p"
+    assert made.lowered("x.user").bodies[0].goals[0].pattern == "one.p"
 
 
 def test_unknown_names_are_invalid_arguments_with_a_hint():
@@ -135,7 +135,7 @@ def test_mutual_recursion_is_added_together():
 def test_a_count_of_a_pattern_added_before():
     made = library(WALLS)
     made.add(pattern("n", "n : int", [eq("n", agg("count", find("walls", "_")))]))
-    [atom] = made.lowered("n").bodies[0].atoms
+    [atom] = made.lowered("n").bodies[0].goals
     assert isinstance(atom, AggregateAtom)
 
 
@@ -161,14 +161,14 @@ def test_conformance_patterns_have_no_diagnostics():
 def test_a_missing_value_a_missing_link_and_too_few_links_are_violations():
     made = library(*conformance_patterns(METAMODEL))
     x, hero, keys = (
-        made.lowered(f"conformance.{name}").bodies[0].atoms for name in ("Cell.x", "World.hero", "Hero.keys")
+        made.lowered(f"conformance.{name}").bodies[0].goals for name in ("Cell.x", "World.hero", "Hero.keys")
     )
     assert x[0] == InstanceAtom("Cell", 0)
-    assert isinstance(x[1], NegationAtom)
-    assert isinstance(x[1].relation, AttributeAtom)
-    assert isinstance(hero[1].relation, LinkAtom)
+    assert isinstance(x[1], Absence)
+    assert isinstance(x[1].alternatives[0][0], AttributeAtom)
+    assert isinstance(hero[1].alternatives[0][0], LinkAtom)
     assert isinstance(keys[1], AggregateAtom)
-    assert isinstance(keys[2], CheckAtom)
+    assert isinstance(keys[2], Condition)
 
 
 def test_classes_without_instances_cannot_violate():

@@ -8,12 +8,12 @@ from typing import Final
 from envgraph.errors import EvaluationError
 from envgraph.match._components import components
 from envgraph.pattern import (
+    Absence,
     AggregateAtom,
-    Atom,
     CallAtom,
     ClosureAtom,
+    Goal,
     Library,
-    NegationAtom,
 )
 
 MOST_NESTED: Final = 100
@@ -49,9 +49,9 @@ class CallGraph:
         """Whether the pattern, or one that it reaches by calls, has a closure or is recursive."""
         if pattern not in self._searches:
             for name in self.bottom_up(pattern):
-                atoms = [atom for body in self._library.lowered(name).bodies for atom in body.atoms]
-                below = any(self._searches.get(each, False) for atom in atoms for each in _names(atom))
-                closed = any(isinstance(atom, ClosureAtom) for atom in atoms)
+                goals = [goal for body in self._library.lowered(name).bodies for goal in body.goals]
+                below = any(self._searches.get(each, False) for goal in goals for each in _names(goal))
+                closed = any(isinstance(goal, ClosureAtom) for goal in goals)
                 self._searches[name] = closed or below or self.recursive(name)
         return self._searches[pattern]
 
@@ -63,8 +63,8 @@ class CallGraph:
             for names, exits in components([pattern], called):
                 if names[0] not in known:
                     below = max((known[each] for each in exits if each not in names), default=0)
-                    atoms = [a for name in names for body in library.lowered(name).bodies for a in body.atoms]
-                    one = self.recursive(names[0]) or any(isinstance(atom, ClosureAtom) for atom in atoms)
+                    goals = [a for name in names for body in library.lowered(name).bodies for a in body.goals]
+                    one = self.recursive(names[0]) or any(isinstance(goal, ClosureAtom) for goal in goals)
                     known.update(dict.fromkeys(names, below + one))
         return self._nesting[pattern]
 
@@ -72,7 +72,7 @@ class CallGraph:
         """Whether no body of the patterns that call each other with this one has two such calls."""
         component = self.component(pattern)
         bodies = (body for name in component for body in self._library.lowered(name).bodies)
-        return all(sum(name in component for a in body.atoms for name in _names(a)) < 2 for body in bodies)
+        return all(sum(name in component for a in body.goals for name in _names(a)) < 2 for body in bodies)
 
     def paths(self, pattern: str) -> int:
         """In how many ways one comes down from a pattern by calls; those of recursive patterns are not followed."""
@@ -132,17 +132,21 @@ def check_nesting(calls: CallGraph, pattern: str) -> None:
 
 def _called(library: Library, pattern: str) -> Iterator[str]:
     for body in library.lowered(pattern).bodies:
-        for atom in body.atoms:
-            yield from _names(atom)
+        for goal in body.goals:
+            yield from _names(goal)
 
 
-def _names(atom: Atom) -> Iterator[str]:
-    match atom:
+def _names(goal: Goal) -> Iterator[str]:
+    match goal:
         case CallAtom(name, _):
             yield name
         case ClosureAtom(step):
             yield step
-        case NegationAtom(relation) | AggregateAtom(_, relation):
+        case AggregateAtom(_, relation):
             yield from _names(relation)
+        case Absence(alternatives):
+            for alternative in alternatives:
+                for inner in alternative:
+                    yield from _names(inner)
         case _:
             pass

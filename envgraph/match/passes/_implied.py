@@ -1,0 +1,35 @@
+"""Class tests that other goals make anyway."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from envgraph.match.passes._bodies import Bodies
+from envgraph.pattern import Absence, Conjunction, Goal, implied_classes, is_implied
+
+
+def drop_implied(body: Conjunction, bodies: Bodies) -> Conjunction:
+    """A class test goes if another goal of the conjunction implies it."""
+    library = bodies.library
+    known = implied_classes(body.goals, library.metamodel, library.parameter_types)
+    kept = (goal for goal in body.goals if not is_implied(goal, body.goals, known, library.metamodel))
+    return replace(body, goals=tuple(kept))
+
+
+def drop_implied_inside(body: Conjunction, bodies: Bodies) -> Conjunction:
+    """The same inside negations, where what holds outside counts as well."""
+    library = bodies.library
+    outside = implied_classes(body.goals, library.metamodel, library.parameter_types)
+
+    def without(alternative: tuple[Goal, ...]) -> tuple[Goal, ...]:
+        inside = implied_classes(alternative, library.metamodel, library.parameter_types)
+        known = {v: inside.get(v, frozenset()) | outside.get(v, frozenset()) for v in (*inside, *outside)}
+        kept = (goal for goal in alternative if not is_implied(goal, alternative, known, library.metamodel))
+        return tuple(kept)
+
+    def simple(goal: Goal) -> Goal:
+        if isinstance(goal, Absence):
+            return replace(goal, alternatives=tuple(map(without, goal.alternatives)))
+        return goal
+
+    return replace(body, goals=tuple(map(simple, body.goals)))
