@@ -49,7 +49,7 @@ class _Checker(CallChecking, ViewChecking):
 
     def check(self, behaviour: Behaviour) -> None:
         """Collect everything."""
-        scope = self._parameters(behaviour.parameters)
+        scope: Scope = {**dict.fromkeys(behaviour.unread), **self._parameters(behaviour.parameters)}
         first: dict[str, Span | None] = {}
         self._owner(behaviour, scope, first)
         for reset in behaviour.resets:
@@ -57,7 +57,8 @@ class _Checker(CallChecking, ViewChecking):
         for agent in behaviour.agents:
             self._agent(agent, scope, first)
         self._apart(behaviour.agents)
-        self._whole(behaviour)
+        if not behaviour.unread:
+            self._whole(behaviour)
         if behaviour.draw is not None:
             self.draw(behaviour.draw, scope)
 
@@ -105,7 +106,7 @@ class _Checker(CallChecking, ViewChecking):
 
     def _agent(self, agent: Agent, outer: Scope, shared: Mapping[str, Span | None]) -> None:
         scope = dict(outer)
-        if agent.variable in scope:
+        if scope.get(agent.variable) is not None:
             self.report(
                 "duplicate-definition",
                 f"`{agent.variable}` is a parameter already",
@@ -167,7 +168,7 @@ class _Checker(CallChecking, ViewChecking):
         for (name, domain), span in zip(action.parameters, spans, strict=True):
             if name in seen:
                 self.twice("parameter", name, span, seen[name])
-            elif name in outer:
+            elif outer.get(name) is not None:
                 hint = "a parameter of an action needs another name"
                 self.report("duplicate-definition", f"`{name}` is a parameter of the environment", span, hint)
             seen.setdefault(name, span)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from envgraph.behaviour._clauses import Question
-from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, with_article
+from envgraph.errors import Diagnostic, Note, Severity, Span, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     Expression,
@@ -80,7 +80,7 @@ class Checking:
         """Report the errors of a helper pattern; its warnings are about a pattern that nobody wrote."""
         problems = self.library.check(question.pattern)
         self.problems.extend(problem for problem in problems if problem.severity is Severity.ERROR)
-        return not has_errors(problems)
+        return not self.library.unsound(question.pattern)
 
     def path(self, path: Expression, scope: Scope) -> StaticType | None:
         """The type of where a path leads; None if it has an error, which is reported."""

@@ -98,6 +98,8 @@ class CallChecking(Checking):
     def _unknown_rule(self, call: RuleCall) -> None:
         assert call.rule is not None
         span = call.rule_span or call.span
+        if call.rule in self.library.unknown:
+            return
         if self.library.resolve(call.rule) is not None:
             message = f"`{call.rule}` is a pattern, not a rule"
             self.report("unknown-rule", message, span, "patterns are asked with `on find` or `observe find`")
@@ -118,7 +120,7 @@ class CallChecking(Checking):
         for argument, slot in zip(call.arguments, signature.parameters, strict=True):
             if not slot.output:
                 self._argument(argument, slot.type, scope)
-            elif not isinstance(argument, Variable) or argument.name in scope or argument.name in outputs:
+            elif not isinstance(argument, Variable) or scope.get(argument.name) or argument.name in outputs:
                 message = f"`{slot.name}` is an output of `{call.rule}`: it needs a new name"
                 self.report("bound-output", message, argument.span, f"write `{slot.name}`")
             elif not argument.anonymous:

@@ -33,7 +33,7 @@ class ViewChecking(Checking):
         scope = dict(outer)
         if not isinstance(observation, ObserveFind) and observation.each is not None:
             each = observation.each
-            if each.name in outer:
+            if outer.get(each.name) is not None:
                 message = f"`{each.name}` is a parameter already"
                 self.report("duplicate-definition", message, each.span, "choose another name after `for`")
             scope[each.name] = self.class_of(each)

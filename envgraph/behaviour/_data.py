@@ -198,6 +198,9 @@ class Behaviour:
     """What a `.environment` file says: parameters, actions, effects, observations, limits, drawing.
 
     `effects` keeps `each step` and `on` clauses together in file order, because rewards are summed in that order.
+
+    Attributes:
+        unread: the names in those parts of the text that could not be read: what they stand for is unknown.
     """
 
     name: str
@@ -212,3 +215,4 @@ class Behaviour:
     annotations: tuple[Annotation, ...] = ()
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    unread: frozenset[str] = field(default=frozenset(), compare=False, repr=False)

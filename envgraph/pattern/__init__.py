@@ -1,6 +1,7 @@
 """Queries and rules as frozen data, independent of any text; their checks, their types and their normal form."""
 
 from envgraph.errors import shorten
+from envgraph.pattern._analysis import UnknownNames
 from envgraph.pattern._bodies import children, navigations, terms_in, terms_of, variables_in, with_children
 from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
@@ -183,6 +184,7 @@ __all__ = [
     "Unary",
     "UnequalAtom",
     "Unit",
+    "UnknownNames",
     "Valuation",
     "Variable",
     "arguments",

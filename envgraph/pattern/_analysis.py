@@ -48,6 +48,30 @@ def calls_of(body: Body) -> Iterator[CallSite]:
             yield CallSite(relation, aggregate.function if aggregate else "neg")
 
 
+@dataclass(frozen=True, slots=True)
+class UnknownNames:
+    """Names of definitions that could not be read or have errors: what they stand for is unknown.
+
+    A check that meets one of them is silent. The last part of a qualified name counts.
+
+    Attributes:
+        names: some of them.
+        all: whether any name may be one, for example because a file is missing.
+    """
+
+    names: frozenset[str] = frozenset()
+    all: bool = False
+
+    def __contains__(self, name: str) -> bool:
+        return self.all or name.rpartition(".")[2] in self.names
+
+    def __bool__(self) -> bool:
+        return self.all or bool(self.names)
+
+    def __or__(self, names: Iterable[str]) -> UnknownNames:
+        return UnknownNames(self.names.union(name.rpartition(".")[2] for name in names), self.all)
+
+
 class Names:
     """Finds patterns by the names that calls use.
 
@@ -128,12 +152,14 @@ class Analysis:
     """New patterns together with those of a library: resolved calls, types of parameters, inputs.
 
     Attributes:
+        unknown: names of other patterns, of which nothing is known.
         entries: by qualified name, the known ones and (after `solve`) the new ones.
     """
 
     metamodel: Metamodel
     known: Mapping[str, Entry]
     patterns: Sequence[Pattern]
+    unknown: UnknownNames = UnknownNames()
     names: Names = field(init=False)
     entries: dict[str, Entry] = field(init=False)
     _new: dict[str, Pattern] = field(init=False)
@@ -176,6 +202,23 @@ class Analysis:
             return self.entries[calls[name]].signature if name in calls else None
 
         return find
+
+    def callers(self, names: Iterable[str]) -> frozenset[str]:
+        """Patterns by qualified name, and those new ones that call one of them or something that is unknown."""
+        found = {
+            name
+            for name, pattern in self._new.items()
+            if any(
+                site.call.pattern not in self.entries[name].calls
+                for body in pattern.bodies
+                for site in calls_of(body)
+            )
+        }.union(names)
+        size = 0
+        while size < len(found):
+            size = len(found)
+            found |= {name for name in self._new if not found.isdisjoint(self.entries[name].calls.values())}
+        return frozenset(found)
 
     def body_types(self, pattern: Pattern, body: Body) -> BodyTypes:
         """The types of the variables of one body."""

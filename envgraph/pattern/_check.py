@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 from envgraph.errors import (
     Diagnostic,
@@ -34,7 +35,16 @@ from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import ObjectType, StaticType
 from envgraph.pattern._partitions import check_connected
 from envgraph.pattern._paths import ResolvedPath, derived, derived_feature, resolve_path
-from envgraph.pattern._queries import Body, Check, Comparison, Parameter, Pattern, Relation
+from envgraph.pattern._queries import (
+    Body,
+    Check,
+    Comparison,
+    Parameter,
+    PathConstraint,
+    Pattern,
+    PatternCall,
+    Relation,
+)
 from envgraph.pattern._recursion import check_recursion
 from envgraph.pattern._relations import Place, RelationCheck
 from envgraph.pattern._terms import Constant, EnumLiteral, Expression, Navigation, Variable
@@ -43,20 +53,33 @@ from envgraph.pattern._types import is_subtype, joins, static_type, type_text
 from envgraph.pattern._usage import UsageCheck, unreferenced
 
 
-def check_patterns(analysis: Analysis) -> list[Diagnostic]:
-    """All diagnostics of the new patterns of an analysis, in the order of their text."""
+def check_patterns(analysis: Analysis) -> tuple[list[Diagnostic], frozenset[str]]:
+    """All diagnostics of the new patterns of an analysis, in the order of their text, and which cannot be added.
+
+    These are, by qualified name, the patterns with errors, and those that call one of them or something unknown.
+    """
     known = {name: entry.pattern for name, entry in analysis.known.items()}
     problems = list(check_duplicates(analysis.patterns, known))
     patterns = analysis.new_patterns
+    broken: set[str] = set()
     for pattern in patterns:
-        problems.extend(_PatternCheck(analysis, pattern).problems())
-    problems.extend(check_recursion(patterns, analysis.entries))
-    problems.extend(_unused(patterns, analysis))
-    if not has_errors(problems):
+        found = list(_PatternCheck(analysis, pattern).problems())
+        if has_errors(found):
+            broken.add(pattern.qualified_name)
+        problems.extend(found)
+    for one in check_recursion(patterns, analysis.entries):
+        if one.severity is Severity.ERROR:
+            broken.update(map(str, one.subject))
+        problems.append(one)
+    unsound = analysis.callers(broken)
+    if not unsound:
         # A type that is still unknown now has no other cause; before, it would repeat another error.
-        for pattern in patterns:
-            problems.extend(_untyped(pattern, analysis))
-    return sort_diagnostics(dict.fromkeys(problems))
+        untyped = {pattern.qualified_name: list(_untyped(pattern, analysis)) for pattern in patterns}
+        problems.extend(chain.from_iterable(untyped.values()))
+        unsound = analysis.callers(name for name, found in untyped.items() if found)
+    if not analysis.unknown:
+        problems.extend(_unused(patterns, analysis))
+    return sort_diagnostics(dict.fromkeys(problems)), unsound
 
 
 def _unused(patterns: Sequence[Pattern], analysis: Analysis) -> Iterator[Diagnostic]:
@@ -205,7 +228,7 @@ class _BodyCheck:
             self._tainted.update(self.types.reading.group(name))
         self._expressions(found)
         self.types_check = TypeCheck(self.types, self._tainted)
-        usage = self._usage()
+        usage = self._usage(self._pattern.mended or any(one.code == "wrong-arity" for one in found))
         for place in sound:
             found.extend(self.types_check.arguments(place))
             found.extend(usage.negation(place))
@@ -215,10 +238,10 @@ class _BodyCheck:
                 found.extend(wrong)
                 found.extend(usage.comparison(constraint))
                 found.extend(() if has_errors(wrong) else _trivial(constraint))
-        found.extend(usage.problems())
+        found.extend(usage.problems(errors=has_errors(found)))
         for place in sound:
             found.extend(usage.inputs(place))
-        if not has_errors(found):
+        if not self._pattern.mended and not has_errors(found):
             found.extend(check_connected(self.types.reading, self._pattern))
         return found
 
@@ -234,15 +257,29 @@ class _BodyCheck:
     def _relations(self, found: list[Diagnostic]) -> list[Place]:
         check = RelationCheck(self._pattern, self.types, self._analysis.names)
         sound: list[Place] = []
-        for place in self._places():
-            problems = check.problems(place)
+        places = self._places()
+        for place in places:
+            if isinstance(place.relation, PatternCall) and self.types.callee(place.relation.pattern) is None:
+                self._taint(place.relation)
+        for place in places:
+            unknown = self._starts_unknown(place.relation)
+            problems = [] if unknown else check.problems(place)
             found.extend(problems)
-            if has_errors(problems):
+            if unknown or has_errors(problems):
                 self._taint(place.relation)
                 self._taint_results(place.aggregate)
             else:
                 sound.append(place)
         return sound
+
+    def _starts_unknown(self, relation: Relation) -> bool:
+        """Whether a relation starts at something of which a mistake leaves unknown what it is."""
+        match relation:
+            case PathConstraint("", _, Variable(name)) if self.types.of_term(relation.source) is None:
+                return name in self._tainted
+            case PatternCall(name):
+                return self.types.callee(name) is None and name in self._analysis.unknown
+        return False
 
     def _places(self) -> list[Place]:
         places = [Place(relation) for relation in positive_relations(self._body)]
@@ -327,11 +364,11 @@ class _BodyCheck:
                     if other is owner and isinstance(term, Variable) and not term.anonymous:
                         self._tainted.update(self.types.reading.group(term.name))
 
-    def _usage(self) -> UsageCheck:
+    def _usage(self, unclear: bool) -> UsageCheck:
         entry = self._analysis.entries[self._pattern.qualified_name]
         given = [self._pattern.parameters[position].name for position in entry.inputs]
         binding = Binding(self.types, self._pattern.parameters, given)
-        return UsageCheck(self._pattern, self.types, binding, self._tainted, self._where)
+        return UsageCheck(self._pattern, self.types, binding, self._tainted, self._where, unclear)
 
 
 def _trivial(comparison: Comparison) -> Iterator[Diagnostic]:

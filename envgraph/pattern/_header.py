@@ -69,7 +69,7 @@ def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]
     yield from _parameters(pattern, metamodel)
     for annotation in pattern.annotations:
         yield from _annotation(annotation, pattern)
-    if not pattern.bodies:
+    if not pattern.bodies and not pattern.mended:
         yield Diagnostic(
             "empty-body",
             f"pattern `{pattern.name}` has no body",
@@ -77,7 +77,7 @@ def check_header(pattern: Pattern, metamodel: Metamodel) -> Iterator[Diagnostic]
             "write `{ .. }` with a constraint after its parameters",
         )
     for body in pattern.bodies:
-        if not body.constraints:
+        if not body.constraints and not pattern.mended:
             hint = "`check(true)` holds always"
             yield Diagnostic("empty-body", "a body needs a constraint", body.span or pattern.span, hint)
         elif too_long(body):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from copy import copy
 from typing import NamedTuple
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, did_you_mean, has_errors
 from envgraph.metamodel import AttributeType, Metamodel, type_name
-from envgraph.pattern._analysis import Analysis, Entry, Names
+from envgraph.pattern._analysis import Analysis, Entry, Names, UnknownNames
 from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Data, Reading
 from envgraph.pattern._check import check_patterns
@@ -32,6 +33,7 @@ class Checked(NamedTuple):
     given: Sequence[Pattern]
     analysis: Analysis
     problems: tuple[Diagnostic, ...]
+    unsound: frozenset[str]
 
 
 class Library:
@@ -44,11 +46,13 @@ class Library:
 
     Attributes:
         functions: that are declared, by name; `declare` gives others, and never changes these.
+        unknown: names that patterns and rules may mention although nothing is known about them.
     """
 
     def __init__(self, metamodel: Metamodel) -> None:
         self.metamodel = metamodel
         self.functions: Functions = {}
+        self.unknown = UnknownNames()
         self._entries: dict[str, Entry] = {}
         self._names = Names(())
         self._generated: dict[str, Entry] = {}
@@ -87,11 +91,28 @@ class Library:
             ResolutionError: at least one of them has an error; all errors together. Nothing is added.
         """
         checked = self._check(patterns)
-        if has_errors(checked.problems):
+        if has_errors(checked.problems) or checked.unsound:
             raise ResolutionError([one for one in checked.problems if one.severity is Severity.ERROR])
         self._entries = checked.analysis.entries
         self._names = checked.analysis.names
         self._checked = None
+
+    def unsound(self, *patterns: Pattern) -> frozenset[str]:
+        """Those of new patterns, by qualified name, that have errors, or call one with some or something unknown."""
+        return self._check(patterns).unsound
+
+    def with_sound(self, *patterns: Pattern) -> Library:
+        """A library that has also those of the patterns that can be added; what the others are is unknown to it."""
+        twin = copy(self)
+        new = {
+            one.qualified_name: one for one in reversed(patterns) if one.qualified_name not in self._entries
+        }
+        left = [one for one in patterns if new.get(one.qualified_name) is one]
+        while unsound := twin.unsound(*left):
+            twin.unknown |= unsound
+            left = [one for one in left if one.qualified_name not in unsound]
+        twin.add(*left)
+        return twin
 
     def remove(self, names: Collection[str]) -> None:
         """Forget patterns (qualified names), which no others call."""
@@ -114,11 +135,14 @@ class Library:
         if (
             last is None
             or last.analysis.known is not self._entries
+            or last.analysis.unknown is not self.unknown
             or len(last.given) != len(patterns)
             or any(one is not other for one, other in zip(last.given, patterns, strict=True))
         ):
-            analysis = Analysis(self.metamodel, self._entries, [self.resolved(one) for one in patterns])
-            last = Checked(patterns, analysis, tuple(check_patterns(analysis)))
+            resolved = [self.resolved(one) for one in patterns]
+            analysis = Analysis(self.metamodel, self._entries, resolved, self.unknown)
+            problems, unsound = check_patterns(analysis)
+            last = Checked(patterns, analysis, tuple(problems), unsound)
             if patterns:
                 self._checked = last
         return last
@@ -193,6 +217,7 @@ class Library:
         twin._lowered = dict(self._lowered)
         twin._checked = self._checked
         twin.functions = self.functions
+        twin.unknown = self.unknown
         return twin
 
     def _entry(self, name: str) -> Entry:

@@ -158,6 +158,7 @@ class Pattern:
         package: qualifies the name; "" for none.
         private: visible in its own file (Python: its own package) only.
         strategy: "incremental" keeps it current, "search" looks when asked; None leaves it to the engine.
+        mended: whether its text has mistakes that were mended: what it seems to lack may stand there.
     """
 
     name: str
@@ -169,6 +170,7 @@ class Pattern:
     annotations: tuple[Annotation, ...] = ()
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
+    mended: bool = field(default=False, compare=False, repr=False)
 
     @property
     def qualified_name(self) -> str:

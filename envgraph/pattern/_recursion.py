@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 from envgraph.code import dataclass
@@ -56,7 +57,7 @@ def check_recursion(patterns: Sequence[Pattern], entries: Mapping[str, Entry]) -
             continue
         if edge.monotone and any(_declared_safe(entries[link.caller].pattern) for link in cycle):
             continue
-        yield _diagnostic(edge, cycle)
+        yield replace(_diagnostic(edge, cycle), subject=tuple(link.caller for link in cycle))
 
 
 def _edges(pattern: Pattern, entries: Mapping[str, Entry]) -> Iterator[_Edge]:

@@ -29,10 +29,17 @@ class UsageCheck:
         binding: what the body enumerates, given the parameters that callers bind.
         tainted: variables about which another error has been reported already.
         where: names the body in messages, "" if there is only one.
+        unclear: whether a mistake in the body may be why something stands nowhere, or only once.
     """
 
     def __init__(
-        self, pattern: Pattern, body_types: BodyTypes, binding: Binding, tainted: set[str], where: str
+        self,
+        pattern: Pattern,
+        body_types: BodyTypes,
+        binding: Binding,
+        tainted: set[str],
+        where: str,
+        unclear: bool,
     ) -> None:
         self._pattern = pattern
         self._types = body_types
@@ -40,15 +47,23 @@ class UsageCheck:
         self._binding = binding
         self._tainted = set(tainted)
         self._where = where
+        self._unclear = unclear
         self._parameters: dict[str, Parameter] = {p.name: p for p in reversed(pattern.parameters)}
         self._once: list[str] | None = None
 
-    def problems(self) -> Iterator[Diagnostic]:
-        """Errors first for each variable; a variable with an error gets no warning."""
-        yield from self._own_input()
+    def problems(self, *, errors: bool) -> Iterator[Diagnostic]:
+        """Errors first for each variable; a variable with an error gets no warning.
+
+        Args:
+            errors: whether there are others, which may be about a variable that seems to be used once.
+        """
+        own = list(self._own_input())
+        yield from own
         yield from self._parameters_unreferenced()
-        yield from self._unbound()
+        unbound = list(self._unbound())
+        yield from unbound
         yield from self._without_values()
+        self._unclear = self._unclear or errors or bool(own or unbound)
         for name in self._reading.names:
             if name not in self._parameters and name not in self._tainted:
                 yield from self._local(name)
@@ -70,7 +85,7 @@ class UsageCheck:
 
     def _parameters_unreferenced(self) -> Iterator[Diagnostic]:
         for name, parameter in self._parameters.items():
-            if not self._reading.occurrences[name] and name not in self._tainted:
+            if not self._unclear and not self._reading.occurrences[name] and name not in self._tainted:
                 self._tainted.add(name)
                 message = unreferenced(name, self._where)
                 span = parameter.span or self._pattern.span
@@ -231,7 +246,7 @@ class UsageCheck:
             message = f"`{name}` is used only here, so it is quantified inside the call"
             hint = f"start its name with `_` (`_{name}`) if that is meant"
             yield _warning("quantified-variable", message, places[0].variable.span, hint)
-        elif len(places) == 1:
+        elif len(places) == 1 and not self._unclear:
             others = [other for other in self._reading.names if other != name and not other.startswith("_")]
             near = did_you_mean(name, others) if len(others) <= _MOST_COMPARED else None
             near = self._literal_hint(name, self._types.of(name)) or near

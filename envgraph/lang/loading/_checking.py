@@ -2,40 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 from envgraph.behaviour import Behaviour, check_behaviour
-from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors
+from envgraph.errors import Diagnostic, Note, Severity, Span
 from envgraph.graph import Model, Violation, check_conformance
 from envgraph.lang.loading._workspace import Workspace
-from envgraph.lang.read._imports import without_consequences
 from envgraph.lang.read._model import ModelText
 from envgraph.lang.syntax._formats import HEAD, format_of
 from envgraph.metamodel import Reference
-from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
+from envgraph.pattern import FunctionDeclaration
 from envgraph.rewrite import Engine
 
 _MOST = 100
 """So many of the things that a model lacks are told one by one."""
 
-Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 
-
-def check(workspace: Workspace, lost: frozenset[str]) -> list[Diagnostic]:
-    """What is wrong with patterns, rules, units, derivations and behaviours; names that are `lost` are not unknown."""
+def check(workspace: Workspace) -> list[Diagnostic]:
+    """What is wrong with patterns, rules, units, derivations and behaviours."""
     problems = list(_same_names(workspace.behaviours, "environment"))
     metamodel = workspace.metamodel
     if metamodel is None:
         return [*problems, *_no_metamodel(workspace)]
     engine = Engine(Model(metamodel))
-    found = without_consequences(engine.check(*workspace.definitions), lost)
-    problems.extend(found)
-    if workspace.behaviours:
-        broken = _add(engine, workspace.definitions)
-        for behaviour in workspace.behaviours:
-            about = check_behaviour(behaviour, engine)
-            problems.extend(one for one in without_consequences(about, lost) if not _mentions(one, broken))
+    problems += engine.registrar.add_sound(*workspace.definitions, unknown=workspace.unknown)
+    for behaviour in workspace.behaviours:
+        problems += check_behaviour(behaviour, engine)
     return problems
 
 
@@ -77,33 +70,6 @@ def _completion(violation: Violation, start: str) -> str:
     return f"add `{feature.name} = {'[..]' if many else '..'}`"
 
 
-def _add(engine: Engine, definitions: Sequence[Definition]) -> set[str]:
-    """Adds what has no errors; returns the names of the rest."""
-    left = list(definitions)
-    while left:
-        try:
-            engine.add(*left)
-            return set()
-        except ResolutionError:
-            sound = [one for one in left if _added(engine, one)]
-            if not sound:
-                break
-            left = [one for one in left if one not in sound]
-    return {one.name for one in left}
-
-
-def _added(engine: Engine, definition: Definition) -> bool:
-    try:
-        engine.add(definition)
-    except ResolutionError:
-        return False
-    return True
-
-
-def _mentions(problem: Diagnostic, names: Iterable[str]) -> bool:
-    return any(f"`{name}`" in problem.message for name in names)
-
-
 def _same_names(behaviours: Iterable[Behaviour], what: str) -> list[Diagnostic]:
     first: dict[str, Span | None] = {}
     problems = []
@@ -127,7 +93,7 @@ def _same_names(behaviours: Iterable[Behaviour], what: str) -> list[Diagnostic]:
 def _no_metamodel(workspace: Workspace) -> list[Diagnostic]:
     """One diagnostic, where something needs a metamodel and no file has or imports one."""
     formats = [format_of(name, text[:HEAD].encode()) for name, text in workspace.sources.items()]
-    if has_errors(workspace.diagnostics) or {"metamodel", "ecore"} & set(formats):
+    if workspace.unknown.all or {"metamodel", "ecore"} & set(formats):
         return []
     about = (one for one in workspace.definitions if not isinstance(one, FunctionDeclaration))
     needing = [one.span for one in (*about, *workspace.behaviours) if one.span]

@@ -79,7 +79,8 @@ class _Checker:
     def _one(self, file: Name, spans: Iterable[Span | None], what: str) -> Iterator[Diagnostic]:
         """A family begins with the one model, and has the one environment, that its file defines."""
         count = sum(1 for span in spans if span and span.source.name == file.text)
-        if count != 1 and self._workspace.sources.get(file.text) is not None:
+        workspace = self._workspace
+        if count != 1 and file.text in workspace.sources and file.text not in workspace.unread:
             message = f"the file defines {'no' if not count else 'more than one'} {what}"
             hint = f"name a `.{what}` file with one {what}"
             yield Diagnostic(f"no-single-{what}", message, file.span, hint)
@@ -113,7 +114,7 @@ class _Checker:
         self, name: str, span: Span | None, known: Mapping[str, int], what: str
     ) -> Iterator[Diagnostic]:
         count = known.get(name, 0)
-        if count == 1:
+        if count == 1 or (not count and name in self._workspace.unknown):
             return
         if count > 1:
             full = ", ".join(f"`{one}`" for one in known if one.endswith(f".{name}"))
@@ -200,6 +201,8 @@ class _Checker:
             return
         if references or name in self._patterns:
             yield from self._binary(name, span, references)
+            return
+        if name in self._workspace.unknown:
             return
         patterns = () if kind == "path_complexity" else self._patterns
         known = [*(one.name for one in metamodel.references), *patterns]

@@ -11,7 +11,7 @@ from envgraph.lang.read._ecore_types import library_types
 from envgraph.lang.read._imports import Import
 from envgraph.lang.read._query_header import PatternImport
 from envgraph.metamodel import Metamodel, simple_name
-from envgraph.pattern import Pattern
+from envgraph.pattern import Pattern, UnknownNames
 
 
 @dataclass(slots=True)
@@ -45,39 +45,32 @@ def names_of(metamodel: Metamodel, calls: Collection[str] | None = None) -> set[
     return found
 
 
-def imported_patterns(file: ImportedFile, patterns: Mapping[str, Pattern], name: str) -> Iterator[Diagnostic]:
+def imported_patterns(
+    file: ImportedFile, patterns: Mapping[str, Pattern], name: str, unknown: UnknownNames
+) -> Iterator[Diagnostic]:
     """Patterns that a file, of this name, imports, and that none of the files has or shows.
 
     Args:
         file: the file.
         patterns: of all files, by qualified name.
         name: of the file.
+        unknown: names of patterns that there may be.
     """
     for one in file.patterns:
         found = patterns.get(one.name)
+        if found is None and one.name in unknown:
+            continue
         if found is None:
             near = did_you_mean(one.name, (known for known, each in patterns.items() if not each.private))
             hint = f'import the file of the pattern too; a file stands in quotes, `import "{one.name}"`'
             if one.name.rpartition(".")[2] in ("metamodel", "ecore", "query", "vql", "rules"):
                 near = f'the path of a file stands in quotes: `import "{one.name}"`'
-            yield Diagnostic("unknown-pattern", f"unknown pattern `{one.name}`", one.span, near or hint)
+            message = f"unknown pattern `{one.name}`"
+            yield Diagnostic("unknown-pattern", message, one.span, near or hint, subject=(one.name,))
         elif found.private and found.span is not None and found.span.source.name != name:
             hint = "a private pattern is visible in its own file only"
-            yield Diagnostic("private-pattern", f"pattern `{one.name}` is private", one.span, hint)
-
-
-def without_calls(found: Iterable[Diagnostic], wrong: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Leaves out that a pattern is unknown where it is called, if the import of it has been reported."""
-    reported = {
-        (one.span.source.name, one.span.text.rpartition(".")[2]) for one in wrong if one.span is not None
-    }
-    return [
-        one
-        for one in found
-        if one.code not in ("unknown-pattern", "private-pattern")
-        or one.span is None
-        or (one.span.source.name, one.span.text.rpartition(".")[2]) not in reported
-    ]
+            message = f"pattern `{one.name}` is private"
+            yield Diagnostic("private-pattern", message, one.span, hint, subject=(one.name,))
 
 
 def unused_files(files: Mapping[str, ImportedFile]) -> Iterator[Diagnostic]:

@@ -36,13 +36,12 @@ from envgraph.lang.loading._import_check import (
     imported_patterns,
     names_of,
     unused_files,
-    without_calls,
 )
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._ecore_types import ECORE
 from envgraph.lang.read._environment import EnvironmentFile, read_environment, with_enums
 from envgraph.lang.read._expressions import Reading
-from envgraph.lang.read._imports import Import, near_uri, without_consequences
+from envgraph.lang.read._imports import Import, near_uri
 from envgraph.lang.read._metamodel import MetamodelFile, read_metamodel
 from envgraph.lang.read._model import ModelText, imports_of, read_models
 from envgraph.lang.read._query import QueryFile, read_query
@@ -53,7 +52,6 @@ from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._consequences import (
     once_for_each_name,
     unread_names,
-    without_echoes,
     without_misread,
 )
 from envgraph.lang.syntax._data import bundled_domains, data_path
@@ -64,13 +62,8 @@ from envgraph.lang.syntax._lexer import Lexeme
 from envgraph.lang.syntax._parsing import Parsed, parse_tokens
 from envgraph.lang.syntax._xml import as_utf8
 from envgraph.metamodel import Metamodel
-from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
+from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit, UnknownNames
 from envgraph.rewrite import Engine
-
-_DEFINED_ELSEWHERE = {"unknown-pattern", "unknown-rule", "unknown-reference", "no-metamodel"}
-
-_ABSENT = {"no-actions", "no-observation", "no-success"}
-"""What an environment lacks may stand where it could not be read."""
 
 LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
 
@@ -452,6 +445,8 @@ class _Loader:
         metamodel = self._metamodel()
         self._read_definitions(None if self._others() else metamodel)
         lost = frozenset(self.lost)
+        unknown = UnknownNames(lost, self.incomplete)
+        imports = [] if self._others() else self._wrong_imports(unknown)
         models = self._models(None if self._others() else metamodel, lost)
         workspace = Workspace(
             metamodel,
@@ -465,44 +460,42 @@ class _Loader:
             functions=tuple(self.functions),
             roots=tuple(dict.fromkeys(self.roots)),
             sources=self.sources,
+            unknown=unknown | (str(name) for one in imports for name in one.subject),
+            unread=frozenset(
+                one.span.source.name
+                for one in self.diagnostics
+                if one.severity is Severity.ERROR and one.span
+            ),
         )
-        found: list[Diagnostic] = []
-        unread = {_file(one) for one in self.diagnostics if one.severity is Severity.ERROR}
+        self.diagnostics += imports
         if not self._others():  # else nobody knows which of them the names are of
-            imports = self._wrong_imports(lost)
-            checked = without_echoes(check(workspace, lost), self.diagnostics, workspace.patterns)
-            checked = [*imports, *without_calls(checked, imports)]
+            checked = check(workspace)
             # The import next to a mistake may be lost with it.
             cut = {_file(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}
             broken = {_file(one) for one in self.diagnostics} & set(self.xml) | cut
-            found += [one for one in checked if one.code != "no-metamodel" or _file(one) not in broken]
-            found = [one for one in found if one.code not in _ABSENT or _file(one) not in unread]
+            self.diagnostics += [
+                one for one in checked if one.code != "no-metamodel" or _file(one) not in broken
+            ]
             for spec in self.families:
-                if spec.path in self.unclear:
-                    continue
-                named = {
-                    "no-single-model": str(spec.model),
-                    "no-single-environment": str(spec.environment or ""),
-                }
-                wrong = without_consequences(check_family(spec, workspace, self.components), lost)
-                found += [one for one in wrong if named.get(one.code) not in unread]
-        found += self._conformance(models)
-        self.diagnostics.extend(
-            one for one in found if not (self.incomplete and one.code in _DEFINED_ELSEWHERE)
-        )
+                if spec.path not in self.unclear:
+                    self.diagnostics += check_family(spec, workspace, self.components)
+        self.diagnostics += self._conformance(models)
         return replace(workspace, diagnostics=self._sorted())
 
-    def _wrong_imports(self, lost: frozenset[str]) -> list[Diagnostic]:
+    def _wrong_imports(self, unknown: UnknownNames) -> list[Diagnostic]:
         """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""
         patterns = {one.qualified_name: one for one in self.patterns}
-        wrong = [one for name, file in self.read.items() for one in imported_patterns(file, patterns, name)]
+        wrong = [
+            one
+            for name, file in self.read.items()
+            for one in imported_patterns(file, patterns, name, unknown)
+        ]
         places = {one.span for one in wrong}
         # Not also that nothing calls it.
         self.diagnostics = [
             one for one in self.diagnostics if one.code != "unused-import" or one.span not in places
         ]
-        wrong = without_consequences(wrong, lost)
-        if wrong or lost or self.incomplete:
+        if wrong or unknown:
             return wrong
         for name, (file, _) in self.metamodels.items():
             self.read[name].metamodel = True

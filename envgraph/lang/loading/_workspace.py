@@ -13,7 +13,7 @@ from envgraph.lang.family._family import FamilySpec
 from envgraph.lang.read._model import ModelText
 from envgraph.lang.syntax._files import Bundle, bundle
 from envgraph.metamodel import Metamodel
-from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit
+from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit, UnknownNames
 from envgraph.rewrite import Engine
 
 
@@ -28,6 +28,8 @@ class Workspace:
         diagnostics: errors and warnings, file by file, each in the order of the text.
         roots: the files that were asked for, in that order; the others were imported.
         sources: the text of every file that was read, by name.
+        unknown: names of definitions of which nothing is known, because they could not be read.
+        unread: files with errors in them that were found on reading.
     """
 
     metamodel: Metamodel | None = None
@@ -42,6 +44,8 @@ class Workspace:
     roots: tuple[str, ...] = ()
     sources: Mapping[str, str] = field(default_factory=dict)
     functions: tuple[FunctionDeclaration, ...] = ()
+    unknown: UnknownNames = field(default_factory=UnknownNames)
+    unread: frozenset[str] = frozenset()
 
     @property
     def definitions(self) -> tuple[Pattern | Rule | Unit | Derivation | FunctionDeclaration, ...]:

@@ -55,19 +55,13 @@ def read_environment(parsed: Parsed, types: TypeNames | None = None) -> Environm
     reading = Reading(parsed, list(parsed.diagnostics), types=types)
     header = header_of(reading)
     found = [*definitions_of(reading)]
-    read = [(_behaviour(reading, tree), tree) for tree in found]
-    # That there are no actions is no mistake where they may stand in what could not be read.
-    behaviours = tuple(one for one, tree in read if _acts(one) or not reading.broken(tree))
+    behaviours = tuple(_behaviour(reading, tree) for tree in found)
     if not found and not parsed.diagnostics:
         end = parsed.source.span(len(parsed.source.text), len(parsed.source.text))
         hint = "write `environment Name { ... }`"
         reading.error("missing-environment", "the file describes no environment", end, hint)
     unused_imports(reading, header)
     return EnvironmentFile(header, behaviours, reading.result(), reading.all_lost())
-
-
-def _acts(behaviour: Behaviour) -> bool:
-    return bool(behaviour.actions) or any(agent.actions for agent in behaviour.agents)
 
 
 def with_enums(behaviour: Behaviour, metamodel: Metamodel) -> Behaviour:
@@ -96,7 +90,7 @@ def _behaviour(reading: Reading, tree: Tree[Token]) -> Behaviour:
     drawings, limits = trees(clauses, "draw_grid", "draw_graph"), trees(clauses, "limit")
     reading.once("`draw`", drawings)
     reading.once("`limit`", limits)
-    return Behaviour(
+    behaviour = Behaviour(
         name=str(name),
         parameters=parameters_of(reading, tree),
         actions=_actions(reading, clauses),
@@ -110,6 +104,7 @@ def _behaviour(reading: Reading, tree: Tree[Token]) -> Behaviour:
         doc=reading.parsed.doc(tree),
         span=reading.span(name),
     )
+    return replace(behaviour, unread=reading.all_lost() | {str(name)}) if reading.broken(tree) else behaviour
 
 
 def _annotation(reading: Reading, tree: Tree[Token]) -> Annotation:

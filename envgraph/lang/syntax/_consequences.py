@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import re
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Note, Severity, Span
+from envgraph.errors import Diagnostic, Note, Span
 from envgraph.lang.syntax._parsing import Parsed
-from envgraph.pattern import Pattern
 
 _TO_THE_END = frozenset({"unterminated-comment", "too-many-errors"})
 """After these nothing of a file is read."""
-_UNREAD = frozenset({"empty-body", "unreferenced-parameter", "used-once"})
-"""What may follow from a constraint that could not be read."""
-
 _MISREAD = frozenset(
     {"number-too-large", "stray-character", "touching-words", "unterminated-string", "unterminated-text"}
 )
@@ -121,56 +116,3 @@ def _next_line(one: Diagnostic, other: Diagnostic) -> bool:
     if one.span is None or other.span is None or one.span.source is not other.span.source:
         return False
     return other.span.line - one.span.line <= 1
-
-
-def without_echoes(
-    found: Sequence[Diagnostic], unread: Iterable[Diagnostic], patterns: Iterable[Pattern]
-) -> list[Diagnostic]:
-    """Leaves out what follows from other errors in the same pattern.
-
-    Args:
-        found: what a check says.
-        unread: what was wrong with the texts before.
-        patterns: of all the files.
-    """
-    before = _ByPlace(one for one in unread if one.severity is Severity.ERROR)
-    problems = _ByPlace(found)
-    echoes: set[Diagnostic] = set()
-    for pattern in patterns:
-        inside = problems.within(pattern)
-        if not any(one.code in _UNREAD for one in inside):
-            continue
-        if before.within(pattern):
-            echoes.update(one for one in inside if one.code in _UNREAD)
-        errors = [one for one in inside if one.severity is Severity.ERROR and one.code not in _UNREAD]
-        if errors:  # the variable that it is about may be the one that is missing elsewhere
-            echoes.update(one for one in inside if one.code == "used-once")
-        if any(one.code == "wrong-arity" for one in errors):
-            echoes.update(one for one in inside if one.code == "unreferenced-parameter")
-    return [one for one in found if one not in echoes]
-
-
-class _ByPlace:
-    """Diagnostics in the order of their places, file by file."""
-
-    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
-        self._files: dict[str, list[tuple[int, Diagnostic]]] = {}
-        for one in diagnostics:
-            if one.span is not None:
-                self._files.setdefault(one.span.source.name, []).append((one.span.start, one))
-        for found in self._files.values():
-            found.sort(key=_start)
-
-    def within(self, pattern: Pattern) -> list[Diagnostic]:
-        """Those about something from the name of a pattern to the end of its last body."""
-        span = pattern.span
-        found = self._files.get(span.source.name, []) if span else []
-        if not found or span is None:
-            return []
-        end = max((body.span.end for body in pattern.bodies if body.span), default=span.end)
-        first, last = bisect_left(found, span.start, key=_start), bisect_right(found, end, key=_start)
-        return [one for _, one in found[first:last]]
-
-
-def _start(item: tuple[int, Diagnostic]) -> int:
-    return item[0]

@@ -96,7 +96,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     problems += [_with_class(one, called) for one in lowering.problems]
     problems += _left_problems(library, lowering, called, problems)
     known = None
-    if not has_errors(problems):
+    if not has_errors(problems) and not library.unsound(*patterns):
         known = copy(library)  # a library never changes what it has: a shallow copy is one of its own
         known.add(*patterns)
     sight = Sight(library.metamodel, problems, elsewhere=_block_names(rule.blocks))
@@ -109,7 +109,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     inputs = tuple(lowered.own[position] for position in positions)
     outputs = _outputs(rule, changes.sight, inputs)
     _check_homomorphic(rule, changes.sight, problems)
-    if not has_errors(problems):
+    if known is not None and not has_errors(problems):
         problems += _check_effect(rule, lowered, body)
         problems += used_once(rule)
     if has_errors(problems) or known is None:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from itertools import count
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Span, has_errors, with_article
+from envgraph.errors import Diagnostic, Span, with_article
 from envgraph.metamodel import Attribute
 from envgraph.pattern import (
     Binary,
@@ -173,7 +173,7 @@ class LeftLowering:
             f"{self.rule.name}#types", declared, (Body(constraints),), package=self.rule.package
         )
         wrong = left_problems(self.library, pattern)
-        if has_errors(wrong):
+        if self.library.unsound(pattern):
             # A block that says of what class an object is would say so too late: it differs from the others already.
             self.problems += [problem for problem in wrong if problem.code == "untyped-source"]
             self.unclear.update(name for name, type_ in types.items() if type_ is None)

@@ -7,7 +7,7 @@ from dataclasses import field, replace
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, listed, with_article
+from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, has_errors, listed, with_article
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (
     Alap,
@@ -79,6 +79,7 @@ class CheckedUnit:
         conditions: the conditions with `find` of each `if` and each call, by the identity of the step and their place.
         asked: the conditions that ask a rule, by the identity of the `if`, and what they ask.
         types: of the parameters.
+        complete: whether it is known what all names mean.
     """
 
     unit: Unit
@@ -87,6 +88,12 @@ class CheckedUnit:
     conditions: dict[tuple[int, int], Condition] = field(default_factory=dict)
     asked: dict[int, tuple[Applicable, Signature]] = field(default_factory=dict)
     types: Scope = field(default_factory=dict)
+    complete: bool = True
+
+    @property
+    def sound(self) -> bool:
+        """Whether the unit has no errors and mentions nothing unknown."""
+        return self.complete and not has_errors(self.problems)
 
     @property
     def patterns(self) -> tuple[Pattern, ...]:
@@ -258,6 +265,8 @@ class _Checker:
         span = call.name_span or call.span
         callee = self._callee(call)
         if callee is None:
+            names = (one.name for one in call.arguments if isinstance(one, Variable) and not one.anonymous)
+            scope.update((name, None) for name in names if name not in scope)  # they may be outputs
             return
         self.result.calls[id(call)] = callee
         if call.every and callee.kind == "unit":
@@ -280,6 +289,8 @@ class _Checker:
             names = ", ".join(f"`{name}`" for name in found)
             message = f"`{call.name}` may mean {names}"
             self._error("ambiguous-name", message, span, "write the qualified name")
+        elif call.name in self.library.unknown:
+            self.result.complete = False
         else:
             message = f"unknown rule or unit `{call.name}`"
             self._error("unknown-rule", message, span, self.directory.hint(call.name))
@@ -429,6 +440,7 @@ class _Checker:
         lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
         problems = [p for p in left_problems(self.library, lowered.pattern) if p.severity is Severity.ERROR]
         self.result.problems.extend(problems)
+        self.result.complete &= not self.library.unsound(lowered.pattern)
         self.result.conditions[id(step), place] = lowered
 
     def _unknown(self, condition: Constraint, scope: Scope) -> Iterator[Variable]:

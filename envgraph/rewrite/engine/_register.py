@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import Final, TypeVar
+from typing import TypeVar
 
-from envgraph.errors import Diagnostic, Note, ResolutionError, Severity, Span, has_errors, sort_diagnostics
+from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, sort_diagnostics
 from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, static_type
 from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._plan import RulePlan
@@ -20,10 +20,6 @@ from envgraph.rewrite.derive._operators import Derived
 
 Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 Called = TypeVar("Called", Rule, Unit)
-
-
-_MOST_TRIED: Final = 1000
-"""Patterns that are tried one by one; of more, with an error among them, rules can use none."""
 
 
 class Registration:
@@ -45,6 +41,7 @@ class Registration:
             library = copy(library)
         undeclared = library.declare(*declarations)
         self.functions = library.functions
+        self._given = definitions
         self._definitions = [
             library.resolved(d) for d in definitions if not isinstance(d, Pattern | FunctionDeclaration)
         ]
@@ -63,12 +60,10 @@ class Registration:
         self.units: list[CheckedUnit] = []
         self.groups: dict[str, tuple[str, ...]] = {}
         self._rules: list[CheckedRule] = []
-        self._broken: set[str] = set()
         found = [*undeclared, *left_problems(library, *written), *self._duplicates(directory)]
         # Nobody wrote the others: warnings about them help nobody.
         found += [p for p in left_problems(library, *made) if p.severity is Severity.ERROR]
-        known = self._with_patterns(found)
-        found += self._check(known)
+        found += self._check(library.with_sound(*self._patterns) if self._patterns else library)
         if not has_errors(found):
             found += endless(self.units)
         self.problems = sort_diagnostics(found)
@@ -79,6 +74,19 @@ class Registration:
         rules = [pattern for checked in self._rules for pattern in checked.patterns]
         units = [pattern for checked in self.units for pattern in checked.patterns]
         return (*self._patterns, *rules, *units)
+
+    @property
+    def sound(self) -> list[Definition]:
+        """The definitions that have no errors and mention nothing unknown; of namesakes the first."""
+        bad = {*self._library.unsound(*self._patterns)}
+        bad.update(checked.rule.qualified_name for checked in self._rules if checked.plan is None)
+        bad.update(checked.unit.qualified_name for checked in self.units if not checked.sound)
+        bad.update(name for name, members in self.groups.items() if not bad.isdisjoint(members))
+        found: dict[tuple[bool, str], Definition] = {}
+        for one in self._given:
+            if one.qualified_name not in bad and not has_errors(self._derivations.get(id(one), ())):
+                found.setdefault((isinstance(one, FunctionDeclaration), one.qualified_name), one)
+        return list(found.values())
 
     @property
     def plans(self) -> list[RulePlan]:
@@ -96,33 +104,6 @@ class Registration:
             if not has_errors(self._derivations[id(definition)]):
                 found[name] = derived(definition, library.metamodel)
         return found
-
-    def _with_patterns(self, problems: Sequence[Diagnostic]) -> Library:
-        """The library as it will be, without the patterns that have errors."""
-        if not self._patterns:
-            return self._library
-        if has_errors(problems):
-            return self._with_sound_patterns() if self._definitions else self._library
-        library = copy(self._library)  # the copy may grow by itself: a library never changes what it has
-        library.add(*self._patterns)
-        return library
-
-    def _with_sound_patterns(self) -> Library:
-        """With those patterns that can be added one by one; rules must not be blamed for the others."""
-        library = copy(self._library)
-        left = list(self._patterns)
-        while 0 < len(left) <= _MOST_TRIED:
-            sound = [pattern for pattern in left if not has_errors(library.check(pattern))]
-            if not sound:
-                break
-            try:
-                for pattern in sound:
-                    library.add(pattern)
-            except ResolutionError:
-                break
-            left = [pattern for pattern in left if pattern not in sound]
-        self._broken = {pattern.name for pattern in left}
-        return library
 
     def _duplicates(self, directory: Directory) -> Iterator[Diagnostic]:
         first: dict[str, Span | None] = {pattern.qualified_name: pattern.span for pattern in self._patterns}
@@ -163,11 +144,7 @@ class Registration:
         checked = examine(rule, library)
         self._rules.append(checked)
         self.directory.add(_rule_signature(checked, library))
-        return [problem for problem in checked.problems if not self._follows(problem)]
-
-    def _follows(self, problem: Diagnostic) -> bool:
-        """Whether a problem is there only because a pattern has been left out for its own errors."""
-        return any(f"`{name}`" in problem.message for name in self._broken)
+        return list(checked.problems)
 
     def _check_derivation(self, derivation: Derivation, library: Library) -> list[Diagnostic]:
         problems = self._derivations[id(derivation)]

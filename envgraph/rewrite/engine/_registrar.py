@@ -7,7 +7,7 @@ from copy import copy
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
 from envgraph.match import ViewMatcher
-from envgraph.pattern import FunctionDeclaration, Library, Pattern
+from envgraph.pattern import FunctionDeclaration, Library, Pattern, UnknownNames
 from envgraph.rewrite._names import Directory
 from envgraph.rewrite.check._well_formed import mistake_in
 from envgraph.rewrite.engine._catalog import Catalog
@@ -36,6 +36,32 @@ class Registrar:
             InvalidArgument: something that is no definition, or a definition with a part of the wrong type.
         """
         self._install(self._sound(self._registration(definitions)), definitions)
+
+    def add_sound(self, *definitions: Definition, unknown: UnknownNames) -> list[Diagnostic]:
+        """Register the definitions without errors, as `add` does; from then on it is no mistake to mention the others.
+
+        Args:
+            definitions: some with errors, perhaps.
+            unknown: names that they may mention although nothing is known about them.
+
+        Returns:
+            All errors and warnings of all of them.
+
+        Raises:
+            InvalidArgument: something that is no definition, or a definition with a part of the wrong type.
+        """
+        library = self._catalog.library
+        library.unknown = unknown
+        registration = self._registration(definitions)
+        problems = registration.problems
+        left: Sequence[Definition] = definitions
+        while len(sound := registration.sound) < len(left):
+            kept = {*map(id, sound)}
+            library.unknown |= (one.qualified_name for one in left if id(one) not in kept)
+            left = sound
+            registration = self._registration(left)
+        self._install(registration, left)
+        return problems
 
     def remove(self, *names: str) -> None:
         """Forget patterns, rules, units and derivations; what `prepare` gave for them is of no more use.
