@@ -12,15 +12,23 @@ tables alone how well a family teaches.
 
 from envgraph.errors import shorten
 from envgraph.learn._curricula import Curriculum, sequences
-from envgraph.learn._evaluation import Evaluation, evaluate, evaluate_policy
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
 from envgraph.learn._intervals import mean_interval, wilson_interval
 from envgraph.learn._journal import Journal, fingerprint
-from envgraph.learn._planning import Optimum, greedy_return, value_iteration
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
 from envgraph.learn._settings import Epsilon, TrainingSettings
 from envgraph.learn._training import Curve, Training, available_backends, train_curriculum
-from envgraph.learn._transfer import chain_transfer, hit_probability, softened_policy
+from envgraph.solve import (
+    Evaluation,
+    Optimum,
+    chain_transfer,
+    evaluate,
+    evaluate_policy,
+    greedy_return,
+    hit_probability,
+    softened_policy,
+    value_iteration,
+)
 
 __all__ = [
     "Curriculum",

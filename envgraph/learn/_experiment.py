@@ -13,11 +13,11 @@ from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, Kind, sequences
-from envgraph.learn._evaluation import evaluate
 from envgraph.learn._results import Experiment, RunResult
 from envgraph.learn._settings import TrainingSettings
 from envgraph.learn._stage import Table
 from envgraph.learn._training import Backend, Training, choose_backend, initial_values, prepare, train
+from envgraph.solve import evaluate
 
 TRAINING, EVALUATION = 0, 1
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.learn._settings import TrainingSettings
+from envgraph.solve import accumulate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,14 +110,3 @@ def flatten(tabular: Tabular) -> Table:
         start_observations=observation[starts],
         start_cumulative=accumulate(tabular.start_probability),
     )
-
-
-def accumulate(probability: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cumulative probabilities over the last axis, infinite from the last outcome that can happen.
-
-    >>> accumulate(np.array([0.5, 0.25, 0.25, 0.0])).tolist()
-    [0.5, 0.75, inf, inf]
-    """
-    possible = probability > 0.0
-    last = possible.shape[-1] - 1 - np.argmax(np.flip(possible, -1), -1, keepdims=True)
-    return np.where(np.arange(possible.shape[-1]) < last, np.cumsum(probability, -1), np.inf)

@@ -160,7 +160,7 @@ def _loop(
     if backend == "numba":
         from envgraph.learn._compiled import run_stage
     else:
-        from envgraph.learn._lists import run_stage
+        from envgraph.learn._q_learning import run_stage
     return run_stage
 
 

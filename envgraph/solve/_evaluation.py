@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
-from envgraph.learn._stage import accumulate
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,3 +123,14 @@ def evaluate_policy(tabular: Tabular, policy: NDArray[np.float64], limit: int) -
         present = np.bincount(target, present[origin] * moved, minlength=tabular.n_states)
     success_rate, mean_return, mean_length = expected.tolist()
     return Evaluation(success_rate, mean_return, mean_length, len(tabular.start_states), exact=True)
+
+
+def accumulate(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cumulative probabilities over the last axis, infinite from the last outcome that can happen.
+
+    >>> accumulate(np.array([0.5, 0.25, 0.25, 0.0])).tolist()
+    [0.5, 0.75, inf, inf]
+    """
+    possible = probability > 0.0
+    last = possible.shape[-1] - 1 - np.argmax(np.flip(possible, -1), -1, keepdims=True)
+    return np.where(np.arange(possible.shape[-1]) < last, np.cumsum(probability, -1), np.inf)

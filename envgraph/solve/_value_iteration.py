@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import EvaluationError, InvalidArgument
-from envgraph.learn._evaluation import evaluate_policy
+from envgraph.solve._evaluation import evaluate_policy
 
 MOST_ITERATIONS = 1_000_000
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from envgraph.errors import InvalidArgument
-from envgraph.learn import evaluate, evaluate_policy
+from envgraph.solve import evaluate, evaluate_policy
 from tests.unit.learn.small_tables import random_table, table
 
 END = [(1.0, 1, 0.0, 0)]

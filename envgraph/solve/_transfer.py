@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
-from envgraph.learn._evaluation import evaluate_policy
-from envgraph.learn._planning import value_iteration
+from envgraph.solve._evaluation import evaluate_policy
+from envgraph.solve._value_iteration import value_iteration
 
 
 def hit_probability(tabular: Tabular, policy: NDArray[np.float64] | None = None, horizon: int = 200) -> float:

@@ -9,7 +9,7 @@ import pytest
 
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
-from envgraph.learn import chain_transfer, hit_probability, softened_policy, value_iteration
+from envgraph.solve import chain_transfer, hit_probability, softened_policy, value_iteration
 from tests.unit.learn.forest_tables import forest, published_family
 from tests.unit.learn.small_tables import random_table, table
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from envgraph.errors import EvaluationError, InvalidArgument
-from envgraph.learn import _planning, greedy_return, value_iteration
+from envgraph.solve import _value_iteration, greedy_return, value_iteration
 from tests.unit.learn.forest_tables import published_family
 from tests.unit.learn.small_tables import random_table, table
 
@@ -52,7 +52,7 @@ def test_undiscounted_values_are_found_where_episodes_end() -> None:
 
 
 def test_values_that_grow_for_ever_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_planning, "MOST_ITERATIONS", 1_000)
+    monkeypatch.setattr(_value_iteration, "MOST_ITERATIONS", 1_000)
     with pytest.raises(EvaluationError, match="do not settle"):
         value_iteration(table([[[(1.0, 0, 1.0, 0)]]]), 1.0)
 
