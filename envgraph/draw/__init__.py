@@ -18,19 +18,19 @@ from envgraph.draw._colour import (
     ink_on,
     parse_colour,
 )
-from envgraph.draw._picture import (
+from envgraph.draw._diagram import (
     LAYOUTS,
     LINE_COLOUR,
     MARK,
     PALE,
     End,
-    Picture,
     PictureEdge,
     PictureNode,
     markup,
     shortened,
     shown_value,
 )
+from envgraph.draw._picture import Picture
 from envgraph.errors import shorten
 
 __all__ = [

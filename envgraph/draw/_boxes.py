@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from textwrap import wrap
 from unicodedata import east_asian_width
 
-from envgraph.draw._picture import Picture
+from envgraph.draw._diagram import Diagram
 
 _WIDTH = 100
 """Columns that a row of boxes takes at most, unless one box is wider."""
@@ -15,7 +15,7 @@ _LINKS = 60
 """Columns of the ends of lines, unless one name is longer."""
 
 
-def picture_text(picture: Picture) -> str:
+def picture_text(picture: Diagram) -> str:
     """See `Picture.to_text`."""
     titles = {node.key: node.title for node in picture.nodes}
     links: dict[str, dict[str, list[str]]] = {node.key: {} for node in picture.nodes}

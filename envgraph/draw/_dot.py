@@ -6,18 +6,18 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from math import sqrt
 
-from envgraph.draw._layout import Frame, arrange
-from envgraph.draw._picture import (
+from envgraph.draw._diagram import (
     INK,
     LINE_COLOUR,
     MARK,
+    Diagram,
     End,
-    Picture,
     PictureEdge,
     PictureNode,
     markup,
     text_on,
 )
+from envgraph.draw._layout import Frame, arrange
 from envgraph.errors import visible
 
 _ENDS: Mapping[End, str] = {"none": "none", "arrow": "vee", "diamond": "diamond", "triangle": "onormal"}
@@ -26,7 +26,7 @@ _CURVED = 50
 _FONT = "Helvetica,Arial,sans-serif"
 
 
-def picture_dot(picture: Picture) -> str:
+def picture_dot(picture: Diagram) -> str:
     """The picture as one `digraph`, a statement a line.
 
     If a box has a place, all are given one and pinned to it; `neato` and `fdp` keep to them.
@@ -34,7 +34,7 @@ def picture_dot(picture: Picture) -> str:
     return "\n".join([f"digraph {_quoted(picture.name)} {{", *_statements(picture), "}", ""])
 
 
-def _statements(picture: Picture) -> Iterator[str]:
+def _statements(picture: Diagram) -> Iterator[str]:
     graph = {"layout": picture.layout, "fontname": _FONT, "fontsize": "11", "rankdir": "TB"}
     pinned = any(node.place is not None for node in picture.nodes)
     frames = arrange(picture) if pinned else {}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from unicodedata import east_asian_width
 
 from envgraph.code import dataclass
-from envgraph.draw._picture import Picture, PictureNode
+from envgraph.draw._diagram import Diagram, PictureNode
 
 LINE = 14.0
 """Height of a line of text, in CSS pixels, as all lengths here."""
@@ -39,7 +39,7 @@ def head_lines(node: PictureNode) -> list[str]:
     return [*(node.marks or ()), *stereotype, node.title]
 
 
-def arrange(picture: Picture) -> dict[str, Frame]:
+def arrange(picture: Diagram) -> dict[str, Frame]:
     """A frame for each box, all at positive coordinates, no two of them overlapping.
 
     Where boxes have places those are kept to, and the others stand beside what they are linked to. Else every connected
@@ -81,7 +81,7 @@ def _from_zero(frames: dict[str, Frame], keys: Sequence[str] | dict[str, Frame])
     return frames
 
 
-def _parts(picture: Picture) -> list[list[str]]:
+def _parts(picture: Diagram) -> list[list[str]]:
     """Connected parts, the largest first, then in the order of the boxes."""
     above = {node.key: node.key for node in picture.nodes}
 
@@ -98,7 +98,7 @@ def _parts(picture: Picture) -> list[list[str]]:
     return sorted(parts.values(), key=len, reverse=True)
 
 
-def _spread(picture: Picture, part: list[str], frames: dict[str, Frame], gap: float) -> None:
+def _spread(picture: Diagram, part: list[str], frames: dict[str, Frame], gap: float) -> None:
     """Springs along the edges of one connected part; they begin where the spectrum unfolds it."""
     import networkx as nx
 
@@ -135,7 +135,7 @@ def _median_distance(graph: Sequence[object], places: dict[str, tuple[float, flo
     return float(max(lengths[len(lengths) // 2], 1e-6))
 
 
-def _pin(picture: Picture, frames: dict[str, Frame], gap: float) -> None:
+def _pin(picture: Diagram, frames: dict[str, Frame], gap: float) -> None:
     placed = {node.key: node.place for node in picture.nodes if node.place is not None}
     wide = max(2 * frames[key].half_width for key in placed) + gap
     high = max(2 * frames[key].half_height for key in placed) + _GAP

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import hypot
 
-from envgraph.draw._dot import graphviz_svg, picture_dot
-from envgraph.draw._layout import LINE, Frame, arrange, head_lines, text_width
-from envgraph.draw._picture import (
+from envgraph.draw._diagram import (
     INK,
     LINE_COLOUR,
     MARK,
+    Diagram,
     End,
-    Picture,
     PictureEdge,
     PictureNode,
     markup,
     text_on,
 )
+from envgraph.draw._dot import graphviz_svg, picture_dot
+from envgraph.draw._layout import LINE, Frame, arrange, head_lines, text_width
 from envgraph.errors import InvalidArgument
 
 _BORDER = 20.0
@@ -26,7 +26,7 @@ _HALO = 'paint-order="stroke" stroke="#ffffff" stroke-width="3" stroke-linejoin=
 Point = tuple[float, float]
 
 
-def picture_svg(picture: Picture, graphviz: bool | None, timeout: float) -> str:
+def picture_svg(picture: Diagram, graphviz: bool | None, timeout: float) -> str:
     """See `Picture.to_svg`."""
     if graphviz is not False:
         found = graphviz_svg(picture_dot(picture), timeout)
@@ -43,7 +43,7 @@ def picture_svg(picture: Picture, graphviz: bool | None, timeout: float) -> str:
     return drawn_svg(picture, frames)
 
 
-def drawn_svg(picture: Picture, frames: dict[str, Frame]) -> str:
+def drawn_svg(picture: Diagram, frames: dict[str, Frame]) -> str:
     """The boxes at given places, and the lines between them."""
     width = max((f.x + f.half_width for f in frames.values()), default=0.0)
     height = max((f.y + f.half_height for f in frames.values()), default=0.0)
@@ -67,7 +67,7 @@ def drawn_svg(picture: Picture, frames: dict[str, Frame]) -> str:
     return "\n".join([*parts, "</svg>"])
 
 
-def picture_title(picture: Picture) -> str:
+def picture_title(picture: Diagram) -> str:
     """What a picture shows, in a sentence, for those who do not see it."""
     boxes, lines = len(picture.nodes), len(picture.edges)
     return (

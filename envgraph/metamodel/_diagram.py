@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
 
 from envgraph.draw import (
     PALE,
@@ -16,20 +15,25 @@ from envgraph.draw import (
 from envgraph.errors import visible
 from envgraph.metamodel._features import Attribute, Class, EnumType, Reference, type_name
 
-if TYPE_CHECKING:
-    from envgraph.metamodel._metamodel import Metamodel
 
+def class_diagram(
+    name: str,
+    classes: Sequence[Class],
+    enums: Iterable[EnumType],
+    references: Iterable[tuple[Reference, Reference | None]],
+) -> Picture:
+    """Classes with their attributes, enums with their literals, supertypes and references; opposites are one line.
 
-def class_diagram(metamodel: Metamodel) -> Picture:
-    """Classes with their attributes, enums with their literals, supertypes and references; opposites are one line."""
-    colours = class_colours(metamodel.class_list)
+    Args:
+        name: of the metamodel.
+        classes, enums: in the order in which they are shown.
+        references: of all classes, each with its opposite.
+    """
+    colours = class_colours(classes)
     return Picture(
-        visible(metamodel.name),
-        (
-            *(_class(cls, colours[cls.name]) for cls in metamodel.class_list),
-            *(_enum(enum) for enum in metamodel.enum_types),
-        ),
-        (*_supertypes(metamodel), *_references(metamodel)),
+        visible(name),
+        (*(_class(cls, colours[cls.name]) for cls in classes), *map(_enum, enums)),
+        (*_supertypes(classes), *_references(references)),
     )
 
 
@@ -70,16 +74,15 @@ def _enum(enum: EnumType) -> PictureNode:
     return PictureNode(f"enum {visible(enum.name)}", visible(enum.name), literals, stereotype="enum")
 
 
-def _supertypes(metamodel: Metamodel) -> Iterator[PictureEdge]:
-    for cls in metamodel.class_list:
+def _supertypes(classes: Iterable[Class]) -> Iterator[PictureEdge]:
+    for cls in classes:
         for above in cls.supertypes:
             # The superclass is the source: layouts in layers put it on top.
             yield PictureEdge(visible(above), visible(cls.name), tail="triangle", head="none")
 
 
-def _references(metamodel: Metamodel) -> Iterator[PictureEdge]:
-    for reference in metamodel.references:
-        opposite = metamodel.opposite(reference)
+def _references(references: Iterable[tuple[Reference, Reference | None]]) -> Iterator[PictureEdge]:
+    for reference, opposite in references:
         if opposite is not None and not _leads(reference, opposite):
             continue
         label = _end(reference)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from envgraph.errors import ResolutionError, has_errors, name_hint
 from envgraph.metamodel._above import components, linearise
 from envgraph.metamodel._check import check_classes
+from envgraph.metamodel._diagram import class_diagram
 from envgraph.metamodel._features import Attribute, Class, EnumType, Feature, Package, Reference, simple_name
 
 if TYPE_CHECKING:
@@ -209,9 +210,8 @@ class Metamodel:
 
     def picture(self) -> Picture:
         """The class diagram; `to_dot` and `to_svg` are short for those of the picture."""
-        from envgraph.metamodel._diagram import class_diagram
-
-        return class_diagram(self)
+        references = ((reference, self.opposite(reference)) for reference in self.references)
+        return class_diagram(self.name, self.class_list, self.enum_types, references)
 
     def to_dot(self) -> str:
         """The class diagram as DOT, the text that Graphviz draws."""
