@@ -227,6 +227,6 @@ def test_objects_of_a_grid_are_called_by_their_places(run: Run) -> None:
     )
     Path("b.query").write_text('import "b.metamodel"\npattern at(c : Cell, x : int) { Cell.x(c, x); }')
     code, out, _ = run("match", "b.model", "b.query", "at", "--where", "c=cell[2, 0]")
-    assert (code, out.splitlines()[-1].split()) == (0, ["Cell", "3", "2"])
+    assert (code, out.splitlines()[-1].split()) == (0, ["Cell", "cell[2,", "0]", "2"])
     code, _, err = run("match", "b.model", "b.query", "at", "--where", "c=cell[3, 0]")
     assert code == 1 and "the model has no object `cell[3, 0]`; did you mean `cell[" in err
