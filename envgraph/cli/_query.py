@@ -245,7 +245,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
         if not engine.model.metamodel.is_a(cls, type_.cls):
             raise InvalidArgument(
                 f"`{name}` is {with_article(type_.cls)}, and `{text}` is {with_article(cls)}; "
-                f"{_objects(engine, text, type_.cls)}"
+                f"{_objects(engine, '', type_.cls)}"
             )
         return engine.model.node(found)
     if isinstance(type_, EnumType):
@@ -272,7 +272,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
 
 
 def _objects(engine: Engine, text: str, cls: str) -> str:
-    """Which objects of a class may be meant."""
+    """Which objects of a class may be meant by a text; "" for anything."""
     nodes = engine.model.extent(cls)
     names = [name for node in nodes if (name := engine.model.object_name(node))]
     names += [place for place, node in engine.model.places.items() if node in nodes]

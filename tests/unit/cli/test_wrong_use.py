@@ -77,6 +77,13 @@ def test_values_of_parameters_are_checked(refused: Call, where: list[str], messa
     assert message in refused("match", MODEL, QUERIES, "burningTile", *options)
 
 
+def test_an_object_of_another_class_is_no_slip_of_the_pen(refused: Call) -> None:
+    said = refused("match", MODEL, QUERIES, "burningTile", "-w", "tile=tile[0, 0]")
+    assert re.fullmatch(
+        r"error: `tile` is a `BurningTile`, and `tile\[0, 0\]` is a `StartTile`; there are `tile\[.*\n", said
+    )
+
+
 def test_the_type_of_a_value_has_its_article(refused: Call) -> None:
     assert "`burning` is an `int`" in refused("match", MODEL, QUERIES, "fireDensity", "-w", "burning=x")
 
