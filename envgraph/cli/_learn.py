@@ -269,7 +269,7 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
             str(one.runs),
             f"{one.success_rate:.0%}",
             f"{one.success_interval[0]:.0%} to {one.success_interval[1]:.0%}",
-            f"{one.mean_return:.2f}",
+            f"{one.mean_return:z.2f}",
         )
         for _, one in found
     ]

@@ -128,7 +128,7 @@ def _stage_cells(
     columns += [(name, "") for name in varying]
     for budget in trained:
         at = f" at {_thousands(budget.steps)}" if len(trained) > 1 else ""
-        columns += [(f"success{at}", ".0%"), (f"return{at}", ".2f")]
+        columns += [(f"success{at}", ".0%"), (f"return{at}", "z.2f")]
     return columns, rows
 
 
@@ -232,7 +232,7 @@ def _training(family: Family, trained: Trained) -> Section:
             str(one.runs),
             f"{one.success_rate:.0%}",
             f"{one.success_interval[0]:.0%} to {one.success_interval[1]:.0%}",
-            f"{one.mean_return:.2f}",
+            f"{one.mean_return:z.2f}",
         )
         for one in summaries
     )

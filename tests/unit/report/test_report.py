@@ -181,3 +181,13 @@ def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of
     for section in (learning, *training):
         labels = [re.findall(r">(?:curriculum|baseline) ([^<]*)<", one) for one in section.charts]
         assert [" ".join(one) for one in labels] == drawn
+
+
+def test_a_return_that_rounds_to_nothing_has_no_sign(tmp_path: Path) -> None:
+    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
+    chosen = sequences([one.name for one in members], "full")
+    found = run_experiment(members, TrainingSettings(steps_per_environment=20, seeds=1), chosen)
+    nearly = replace(found, runs=tuple(replace(one, mean_return=-0.001) for one in found.runs))
+    text = render_html(family_report(family, trained=[Trained(20, nearly)]))
+    assert ">0.00<" in text and "-0.00" not in text
