@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex
-from envgraph.env._simulator import Outcome, Simulator
+from envgraph.env._simulator import GOES_ON, Simulator
 from envgraph.env._tabular import Tabular
 from envgraph.env.scene._scene import Painter, Scene
 from envgraph.errors import EvaluationError
@@ -82,8 +82,11 @@ def explore(
 Row = list[list[tuple[float, int, float, int]]]
 """For each action its outcomes: probability, state, reward, terminated."""
 
-Walk = Generator[tuple[float, int, Outcome | None]]
-"""Probability, action and outcome of one move after the other; the model is in the state that the move leads to."""
+Walk = Generator[tuple[float, int, float, int]]
+"""Probability, action, reward and end of one move after the other; the model is in the state that the move leads to.
+
+The action of a reset is -1.
+"""
 
 
 @dataclass(slots=True)
@@ -120,15 +123,15 @@ class _Search:
                 if move is None:
                     stack.pop()
                     continue
-                probability, action, outcome = move
-                found, fresh = self._enter(outcome)
-                if outcome is None:
+                probability, action, reward, terminated = move
+                found, fresh = self._enter(over=terminated != GOES_ON)
+                if action < 0:
                     self.starts.append((probability, found))
                 else:
                     row = self.rows[state]
                     assert row is not None
-                    row[action].append((probability, found, outcome.reward, outcome.terminated))
-                if fresh and not (outcome and outcome.terminated):
+                    row[action].append((probability, found, reward, terminated))
+                if fresh and terminated == GOES_ON:
                     self.rows[found] = [[] for _ in self.simulator.action_names]
                     stack.append((self._leave(), found))
         finally:
@@ -138,17 +141,17 @@ class _Search:
     def _begin(self) -> Walk:
         with closing(self.simulator.starts()) as starts:
             for probability in starts:
-                yield probability, -1, None
+                yield probability, -1, 0.0, GOES_ON
 
     def _leave(self) -> Walk:
         for action in range(len(self.simulator.action_names)):
             with closing(self.simulator.outcomes(action)) as outcomes:
-                for probability, outcome in outcomes:
-                    yield probability, action, outcome
+                for probability, reward, terminated in outcomes:
+                    yield probability, action, reward, terminated
 
-    def _enter(self, outcome: Outcome | None) -> tuple[int, bool]:
+    def _enter(self, *, over: bool) -> tuple[int, bool]:
         """Number of the present state, and whether it is new."""
-        key = *self.simulator.state_key(), bool(outcome and outcome.terminated)
+        key = *self.simulator.state_key(), over
         found = self.number.get(key)
         if found is not None:
             return found, False
@@ -160,7 +163,7 @@ class _Search:
             )
         self.number[key] = len(self.rows)
         self.rows.append(None)
-        self.observations.append(self.simulator.observe() if outcome is None else outcome.observation)
+        self.observations.append(self.simulator.observe())
         self.turns.append(self.simulator.turn)
         if self.painter is not None:
             scene = self.painter.scene()

@@ -160,24 +160,24 @@ class Simulator:
                 self._model.rollback(savepoint)
                 self.turn = self._first
 
-    def outcomes(self, action: int) -> Generator[tuple[float, Outcome]]:
-        """Probability and outcome of an action in the present state, in the order of the choices.
+    def outcomes(self, action: int) -> Generator[tuple[float, float, int]]:
+        """Probability, reward and end of an action in the present state, in the order of the choices.
 
-        While the caller looks at an outcome the model is in the successor state; afterwards it is as before. Outcomes
-        that are the same are not put together.
+        While the caller looks at an outcome the model is in the successor state, which it may `observe`; afterwards it
+        is as before. Outcomes that are the same are not put together.
         """
         turn = self.turn
         for probability, reward, terminated, savepoint in self.attempts(action):
             try:
-                yield probability, Outcome(reward, terminated, self.observe())
+                yield probability, reward, terminated
             finally:
                 self._model.rollback(savepoint)
                 self.turn = turn
 
     def attempts(self, action: int) -> Iterator[tuple[float, float, int, Savepoint]]:
-        """Probability, reward and end of an action as `outcomes` has them; the observation is for the caller to make.
+        """`outcomes`, and a savepoint of each.
 
-        So is taking each outcome back before the next is asked for: rolling its savepoint back, or shelving it.
+        The caller takes each outcome back before the next is asked for: it rolls its savepoint back, or shelves it.
 
         Raises:
             EvaluationError: there are too many of them.

@@ -204,7 +204,7 @@ def test_each_bed_of_the_reference_has_its_own_chance_of_rain() -> None:
     workspace = load_workspace(["garden.model", "garden.weather.environment"])
     simulator = Simulator(workspace.engine(), workspace.behaviour())
     found: Counter[int] = Counter()
-    for probability, _ in simulator.outcomes(simulator.action_names.index("go(north)")):
+    for probability, _, _ in simulator.outcomes(simulator.action_names.index("go(north)")):
         dry = simulator.engine.count("dry")
         assert probability == pytest.approx(0.9**dry * 0.1 ** (3 - dry))
         found[dry] += 1

@@ -283,11 +283,11 @@ def test_a_name_outside_means_any_object_even_where_an_agent_has_it() -> None:
         observe find down(coin)
     """
     live = simulator(text)
-    (found,) = [outcome for _, outcome in live.outcomes(0)]
-    assert found.reward == 10.0  # a is turned over; b still shows heads, c does not
+    (reward,) = [reward for _, reward, _ in live.outcomes(0)]
+    assert reward == 10.0  # a is turned over; b still shows heads, c does not
     live.turn = 2  # c shows tails
-    (found,) = [outcome for _, outcome in live.outcomes(0)]
-    assert found.reward == 20.0
+    (reward,) = [reward for _, reward, _ in live.outcomes(0)]
+    assert reward == 20.0
 
 
 def test_what_a_block_applies_is_done_at_the_turn_of_its_agent() -> None:

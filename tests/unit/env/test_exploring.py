@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from envgraph.env import enumerate_states, explore
+from envgraph.env import Simulator, enumerate_states, explore
 from envgraph.errors import EvaluationError, RuleError
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded, table
@@ -93,3 +93,19 @@ def test_numbers_are_the_same_for_every_run() -> None:
         np.array_equal(getattr(one, f), getattr(other, f))
         for f in ("next_state", "probability", "observation")
     )
+
+
+def test_each_state_is_observed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    observe, seen = Simulator.observe, list[int]()
+
+    def counted(simulator: Simulator) -> int:
+        seen.append(observe(simulator))
+        return seen[-1]
+
+    monkeypatch.setattr(Simulator, "observe", counted)
+    engine, behaviour = loaded(
+        "action turn(coin : Coin) = 0.5: turnOver(coin)\nobserve count find up(_) up to 3"
+    )
+    tabular = explore(engine, behaviour).tabular
+    assert len(seen) == tabular.n_states < np.count_nonzero(tabular.probability)
+    assert sorted(seen) == sorted(tabular.observation.tolist())

@@ -145,7 +145,7 @@ def test_an_argument_of_a_superclass_matches_only_where_it_is_the_right_object(
     rewarded = [
         name
         for number, name in enumerate(simulator.action_names)
-        for _, outcome in simulator.outcomes(number)
-        if outcome.reward
+        for _, reward, _ in simulator.outcomes(number)
+        if reward
     ]
     assert rewarded == ["push(3, 3)"]

@@ -16,7 +16,10 @@ from tests.unit.env.coins import QUERY, loaded, sides, simulator, table
 def outcomes(environment: str, action: int = 0) -> list[tuple[float, str, Outcome]]:
     """Probability, coins that show heads afterwards, and outcome."""
     coins = simulator(environment)
-    return [(round(p, 12), sides(coins.engine), outcome) for p, outcome in coins.outcomes(action)]
+    return [
+        (round(p, 12), sides(coins.engine), Outcome(reward, end, coins.observe()))
+        for p, reward, end in coins.outcomes(action)
+    ]
 
 
 def rewards(environment: str, action: int = 0) -> dict[float, float]:
@@ -116,7 +119,7 @@ def test_an_action_about_an_object_that_this_member_lacks_does_nothing() -> None
     keys = KeyIndex({"Coin": (("a",), ("b",), ("bb",), ("c",))})
     coins = Simulator(engine, behaviour, keys)
     assert coins.action_names == ("lose(a)", "lose(b)", "lose(bb)", "lose(c)")
-    assert [[o.reward for _, o in coins.outcomes(action)] for action in range(4)] == [
+    assert [[reward for _, reward, _ in coins.outcomes(action)] for action in range(4)] == [
         [1.0],
         [1.0],
         [-1.0],
@@ -144,8 +147,8 @@ def test_rewards_and_arguments_may_call_functions_of_python() -> None:
     engine.function("priced", lambda value: value / 4)
     engine.function("next", lambda moves: moves + 2)
     coins = Simulator(engine, behaviour)
-    ((probability, outcome),) = coins.outcomes(0)
-    assert (probability, outcome.reward) == (1.0, 2 / 4 + 1 / 4 + 2 / 4)
+    ((probability, reward, _),) = coins.outcomes(0)
+    assert (probability, reward) == (1.0, 2 / 4 + 1 / 4 + 2 / 4)
     assert explore(engine, behaviour).tabular.n_states == 3
 
 
@@ -208,10 +211,10 @@ def test_an_apply_whose_match_has_gone_is_left_out() -> None:
     # Both clauses match b and a; the first turns the coins over, so the second finds them turned already.
     text = "action wait = nothing()\non find up(x) apply turnOver(x)\non find up(y) apply lose(y)"
     coins = simulator(text)
-    for _, _ in coins.outcomes(0):
+    for _ in coins.outcomes(0):
         assert len(coins.engine.model.nodes("Coin")) == 3
     other = simulator("action wait = nothing()\non find up(y) apply lose(y)\non find up(x) apply turnOver(x)")
-    for _, _ in other.outcomes(0):
+    for _ in other.outcomes(0):
         assert len(other.engine.model.nodes("Coin")) == 1
 
 
@@ -349,8 +352,8 @@ def test_behaviours_of_one_name_do_not_mix_up_their_questions() -> None:
     engine, one = loaded("action wait = nothing()\non find up(_) reward 1")
     _, other = loaded("action wait = nothing()\non find down(_) reward 2")
     first, second = Simulator(engine, one), Simulator(engine, other)
-    assert [o.reward for _, o in first.outcomes(0)] == [1.0]
-    assert [o.reward for _, o in second.outcomes(0)] == [2.0]
+    assert [reward for _, reward, _ in first.outcomes(0)] == [1.0]
+    assert [reward for _, reward, _ in second.outcomes(0)] == [2.0]
 
 
 def test_a_parameter_without_an_object_is_reported() -> None:
