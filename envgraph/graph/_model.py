@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from copy import copy
 from typing import Any, Literal, Unpack
 
 from envgraph.draw import Picture
@@ -127,22 +128,10 @@ class Model:
 
     def copy(self) -> Model:
         """Another model in the same state (ids, every order, hash), without versions, savepoints and listeners."""
-        from envgraph.graph.interchange._json import model_from_json, model_to_json
-
-        copied = model_from_json(model_to_json(self), self.metamodel)
-        copied.places = self.places
-        return copied
-
-    __copy__ = copy
+        return copy(self)  # as `envgraph.graph.interchange` says how
 
     def __deepcopy__(self, _: object) -> Model:
         return self.copy()
-
-    def __reduce__(self) -> tuple[Callable[..., Model], tuple[object, ...], dict[str, object]]:
-        """On the way to a worker process a model is its state; versions and listeners stay behind."""
-        from envgraph.graph.interchange._json import model_from_json, model_to_json
-
-        return model_from_json, (model_to_json(self), self.metamodel), {"places": self.places}
 
     def __repr__(self) -> str:
         return f"<Model {self.name}: {len(self)} objects of {self.metamodel.name}>"

@@ -1,4 +1,4 @@
-"""Rules applied to a model, control units, derived rules; `Engine`, the facade over them and over queries.
+"""Rules, control units, derived rules, events and exploration; `Engine`, the facade over all.
 
 How a rule is applied, once a match of its left side is chosen:
 

@@ -1,0 +1,42 @@
+"""What the picture and the words of docs/architecture.md say of the packages is so."""
+
+from __future__ import annotations
+
+import ast
+import runpy
+from collections.abc import Iterator
+from pathlib import Path
+
+import networkx as nx
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_import_contract() -> None:
+    drawn = runpy.run_path(str(ROOT / "docs" / "rooms.py"))["picture"]()
+    assert drawn == (ROOT / "docs" / "rooms.svg").read_text("utf-8"), "run python docs/rooms.py"
+
+
+def imports(tree: ast.AST) -> Iterator[ast.ImportFrom]:
+    """Those anywhere in a module, but for what annotations alone need."""
+    for child in ast.iter_child_nodes(tree):
+        if isinstance(child, ast.ImportFrom):
+            yield child
+        elif not (isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"):
+            yield from imports(child)
+
+
+def test_no_module_imports_one_that_imports_it() -> None:
+    files = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in sorted((ROOT / "envgraph").rglob("*.py"))
+    }
+    graph = nx.DiGraph()
+    for module, path in files.items():
+        for each in imports(ast.parse(path.read_text("utf-8"))):
+            if each.module in files:
+                names = (f"{each.module}.{alias.name}" for alias in each.names)
+                graph.add_edges_from((module, name if name in files else each.module) for name in names)
+    assert graph.number_of_edges() > 1000
+    circles = [circle for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
+    assert circles == []
