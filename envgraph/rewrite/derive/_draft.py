@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from itertools import combinations
 
@@ -25,6 +26,7 @@ from envgraph.pattern import (
     Parameter,
     Pattern,
     PatternCall,
+    Retype,
     Rule,
     Strategy,
     TypeConstraint,
@@ -62,6 +64,7 @@ class Draft:
         self._differ: set[frozenset[str]] = set()
         self._hom: list[tuple[str, str]] = []
         self._inside: set[str] = set()
+        self._changes: list[tuple[int, End, str, str]] = []
 
     # --- the left side
 
@@ -89,7 +92,7 @@ class Draft:
 
     def absent(self, end: End, near: str, far: str) -> None:
         """A link that must not be there."""
-        self._constraints.append(Negation(end.path(near, far)))
+        self.ask([Negation(end.path(near, far))])
 
     def ask(self, constraints: Iterable[Constraint]) -> None:
         """More conditions."""
@@ -102,12 +105,6 @@ class Draft:
     def spared(self, name: str, cls: str) -> None:
         """An object of a class is none that operators leave alone."""
         self.ask(Negation(TypeConstraint(sub, Variable(name))) for sub in self.schema.frozen_below(cls))
-
-    def spared_ends(self, end: End, near: str, far: str) -> None:
-        """The objects whose features hold a link are none that operators leave alone."""
-        for one, name in ((end, near), (end.other, far)):
-            if one.held:
-                self.spared(name, self.types[name])
 
     # --- blocks
 
@@ -128,27 +125,36 @@ class Draft:
         """A variable of a block may stand for an object of the left side."""
         self._hom.append((inner, outer))
 
-    def lacking(self, end: End, near: str, wanted: str = "needy") -> str | None:
+    def lacking(self, end: End, near: str, *but: str) -> None:
         """Forbid that an object at the other end would be left short of links, or is one that is left alone.
 
-        Returns:
-            The variable for an object that is left short; None if none can be.
+        Args:
+            end: at which an object of the left side is linked to others now.
+            near: the object.
+            but: objects of the left side that are not left short.
         """
         if end.association.frozen:
             self.ask([Negation(end.path(near, "_"))])
-            return None
+            return
         if end.other.held:
-            for cls in self.schema.frozen_below(end.far):
-                frozen = self.name("frozen")
-                self.block("not", [Node(frozen, cls)], [end.edge(near, frozen)])
-        return self.short(end, near, wanted) if end.other.lower else None
+            self.unfrozen(end, near)
+        if end.other.lower:
+            self.short(end, near, *but)
 
-    def short(self, end: End, near: str, wanted: str = "needy") -> str:
-        """Forbid that an object at the other end has no link too many; returns its variable."""
-        needy = self.name(wanted)
+    def unfrozen(self, end: End, near: str) -> None:
+        """Forbid that an object at the other end is one that operators leave alone."""
+        for cls in self.schema.frozen_below(end.far):
+            frozen = self.name("frozen")
+            self.block("not", [Node(frozen, cls)], [end.edge(near, frozen)])
+
+    def short(self, end: End, near: str, *but: str) -> None:
+        """Forbid that an object at the other end has no link too many, as `lacking`."""
+        needy = self.name("needy")
         exact = Comparison("==", end.other.count(needy), Constant(end.other.lower))
         self.block("not", [Node(needy, end.far)], [end.edge(near, needy)], [exact])
-        return needy
+        for other in self.types:
+            if other not in but:
+                self.may_be(needy, other)
 
     # --- containment
 
@@ -216,10 +222,16 @@ class Draft:
         """Add a link."""
         edge = end.edge(near, far)
         self.act(Create((Node(edge.source), Node(edge.target)), (edge,)))
+        self._changes.append((1, end, near, far))
 
     def unlink(self, end: End, near: str, far: str) -> None:
         """Remove a link."""
         self.act(DeleteEdge(end.edge(near, far)))
+        self.lose(end, near, far)
+
+    def lose(self, end: End, near: str, far: str) -> None:
+        """A link goes, with an object at one of its ends."""
+        self._changes.append((-1, end, near, far))
 
     def delete(self, name: str) -> None:
         """Remove an object."""
@@ -227,8 +239,37 @@ class Draft:
 
     # --- the rule
 
+    @property
+    def kept(self) -> set[str]:
+        """The objects of the left side that are neither deleted nor retyped."""
+        changed = {action.node.name for action in self._actions if isinstance(action, DeleteNode | Retype)}
+        return self.types.keys() - changed
+
+    @property
+    def balances(self) -> dict[tuple[End, str], int]:
+        """How many links more, or less, each kept object has afterwards at an end."""
+        found: Counter[tuple[End, str]] = Counter()
+        for sign, end, near, far in self._changes:
+            for place in {(end.both, near): 0, (end.other.both, far): 0}:
+                found[place] += sign
+        return {(end, name): more for (end, name), more in found.items() if more and name in self.kept}
+
+    def guard(self) -> None:
+        """Ask for all that the links need which are added and removed, so that a valid model stays valid."""
+        for sign, end, near, far in self._changes:
+            for one, name in ((end, near), (end.other, far)):
+                if one.held and name in self.kept:
+                    self.spared(name, self.types[name])
+            if sign < 0:
+                self.edge(end, near, far)
+            elif {near, far} <= self.kept and not end.association.reference.containment:
+                self.absent(end, near, far)
+        for (end, name), more in self.balances.items():
+            self.ask(end.room(name, more) if more > 0 else end.spare(name, -more))
+
     def rule(self, name: str, doc: str, *, spo: bool = False) -> Rule:
         """The rule under a name of the group."""
+        self.guard()
         package, _, group = self.group.rpartition(".")
         overlap = self.schema.metamodel.overlap
         coinciding = [

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
+from typing import Final
 
 from envgraph.metamodel import Reference
-from envgraph.pattern import Move, Negation, Node, Variable
+from envgraph.pattern import Move, Negation, Variable
 from envgraph.rewrite.derive._draft import Draft
 from envgraph.rewrite.derive._schema import Association, End, Schema
 
@@ -14,18 +15,76 @@ Operator = tuple[str, str, Draft, str, bool]
 """Kind, name without the group, draft, doc, whether links of deleted objects go with them (SPO)."""
 
 
+_TEMPLATES: Final = (
+    ("add", "", "+ source target", "One more target of `{}`."),
+    ("remove", "", "- source target", "One target less of `{}`."),
+    (
+        "change",
+        ".source",
+        "- source target + other target",
+        "A target of `{}` goes over to another `{holder}`.",
+    ),
+    (
+        "change",
+        ".target",
+        "- source target + source other",
+        "Another target of `{}` instead of one that is there.",
+    ),
+    (
+        "swap",
+        "",
+        "- source target + source target2 - source2 target2 + source2 target",
+        "Two objects exchange a target of `{}`.",
+    ),
+)
+"""Kind, end of the name, the links that are removed (-) and added (+), and doc of operators on a reference."""
+
+_LOOPS: Final = (
+    (
+        "swap",
+        ".joining",
+        "- source source - target target + source target",
+        "Two objects are linked to each other by `{}`.",
+    ),
+    (
+        "swap",
+        ".parting",
+        "- source target + source source + target target",
+        "Two objects are linked each to itself by `{}`.",
+    ),
+)
+"""As many links of a symmetric reference: between two objects, or of each to itself."""
+
+
 def link_operators(schema: Schema, group: str, cls: str) -> Iterator[Operator]:
     """The operators on the links of a class; those of a pair of opposites in one class only once."""
     for end in _own_ends(schema, cls):
-        holder = schema.holder(
-            cls, end.reference if end.forward else end.association.opposite or end.reference
-        )
-        yield from _add(Draft(schema, group), end, holder)
-        yield from _remove(Draft(schema, group), end, holder)
-        yield from _change_source(Draft(schema, group), end, holder)
-        yield from _change_target(Draft(schema, group), end, holder)
-        yield from _swap(Draft(schema, group), end, holder)
-        yield from _loops(schema, group, end, holder)
+        feature = end.reference if end.forward else end.association.opposite or end.reference
+        holder, symmetric = schema.holder(cls, feature), end.association.symmetric
+        for kind, suffix, links, doc in (*_TEMPLATES, *(_LOOPS if symmetric else ())):
+            draft = Draft(schema, group)
+            _relink(draft, end, holder, links, kind)
+            possible = all(place.flexible for place, _ in draft.balances)
+            if possible and not (symmetric and suffix == ".source"):  # the same as `.target`
+                name = f"{holder}.{end.name}"
+                yield kind, f"{kind}.{name}{suffix}", draft, doc.format(name, holder=holder), False
+
+
+def _relink(draft: Draft, end: End, holder: str, links: str, kind: str) -> None:
+    """Remove and add the links of a template, from objects of `holder`."""
+    words = links.split()
+    changes = list(zip(words[::3], words[1::3], words[2::3], strict=True))
+    near = {one for _, one, _ in changes if not one.startswith("target")}
+    for _, *ends in sorted(changes, key=lambda change: change[0] == "+"):
+        for name in ends:
+            if name not in draft.types:
+                draft.node(name, holder if name in near else end.far)
+    for one, other in combinations(draft.types, 2):
+        # An end of a symmetric link to itself would have another number of links afterwards.
+        if (one in near) == (other in near) or (end.association.symmetric and kind == "swap"):
+            draft.differ(one, other)
+    for sign, source, target in changes:
+        (draft.link if sign == "+" else draft.unlink)(end, source, target)
 
 
 def container_operators(schema: Schema, group: str, cls: str) -> Iterator[Operator]:
@@ -57,111 +116,6 @@ def _narrower(schema: Schema, one: str, other: str) -> str | None:
     return other if schema.is_a(other, one) else None
 
 
-# --- references
-
-
-def _add(draft: Draft, end: End, holder: str) -> Iterator[Operator]:
-    if not (end.flexible and end.other.flexible):
-        return
-    source, target = draft.node("source", holder), draft.node("target", end.far)
-    draft.spared_ends(end, source, target)
-    draft.absent(end, source, target)
-    draft.ask(end.room(source))
-    draft.ask(end.other.room(target))
-    draft.link(end, source, target)
-    yield "add", f"add.{holder}.{end.name}", draft, f"One more target of `{holder}.{end.name}`.", False
-
-
-def _remove(draft: Draft, end: End, holder: str) -> Iterator[Operator]:
-    if not (end.flexible and end.other.flexible):
-        return
-    source, target = draft.node("source", holder), draft.node("target", end.far)
-    draft.edge(end, source, target)
-    draft.spared_ends(end, source, target)
-    draft.ask(end.spare(source))
-    draft.ask(end.other.spare(target))
-    draft.unlink(end, source, target)
-    yield "remove", f"remove.{holder}.{end.name}", draft, f"One target less of `{holder}.{end.name}`.", False
-
-
-def _change_source(draft: Draft, end: End, holder: str) -> Iterator[Operator]:
-    if not end.flexible or end.association.symmetric:
-        return
-    source, target = draft.node("source", holder), draft.node("target", end.far)
-    other = draft.node("other", holder)
-    draft.edge(end, source, target)
-    draft.differ(source, other)
-    draft.spared_ends(end, source, target)
-    draft.spared(other, holder)
-    draft.absent(end, other, target)
-    draft.ask(end.spare(source))
-    draft.ask(end.room(other))
-    draft.unlink(end, source, target)
-    draft.link(end, other, target)
-    doc = f"A target of `{holder}.{end.name}` goes over to another `{holder}`."
-    yield "change", f"change.{holder}.{end.name}.source", draft, doc, False
-
-
-def _change_target(draft: Draft, end: End, holder: str) -> Iterator[Operator]:
-    if not end.other.flexible:
-        return
-    source, target = draft.node("source", holder), draft.node("target", end.far)
-    other = draft.node("other", end.far)
-    draft.edge(end, source, target)
-    draft.differ(target, other)
-    draft.spared_ends(end, source, target)
-    if end.other.held:
-        draft.spared(other, end.far)
-    draft.absent(end, source, other)
-    draft.ask(end.other.spare(target))
-    draft.ask(end.other.room(other))
-    draft.unlink(end, source, target)
-    draft.link(end, source, other)
-    doc = f"Another target of `{holder}.{end.name}` instead of one that is there."
-    yield "change", f"change.{holder}.{end.name}.target", draft, doc, False
-
-
-def _swap(draft: Draft, end: End, holder: str) -> Iterator[Operator]:
-    ends = []
-    for _ in range(2):
-        source, target = draft.node("source", holder), draft.node("target", end.far)
-        draft.edge(end, source, target)
-        draft.spared_ends(end, source, target)
-        ends.append((source, target))
-    (one, first), (two, second) = ends
-    for pair in combinations(draft.types, 2):
-        # An end of a symmetric link to itself would have another number of links afterwards.
-        if end.association.symmetric or pair in ((one, two), (first, second)):
-            draft.differ(*pair)
-    for source, old, new in ((one, first, second), (two, second, first)):
-        draft.absent(end, source, new)
-        draft.unlink(end, source, old)
-        draft.link(end, source, new)
-    doc = f"Two objects exchange a target of `{holder}.{end.name}`."
-    yield "swap", f"swap.{holder}.{end.name}", draft, doc, False
-
-
-def _loops(schema: Schema, group: str, end: End, holder: str) -> Iterator[Operator]:
-    """Two objects of a symmetric reference are linked to each other, or each to itself: as many links."""
-    if not end.association.symmetric:
-        return
-    for word, joined in (("joining", True), ("parting", False)):
-        draft = Draft(schema, group)
-        one, two = draft.node("source", holder), draft.node("target", end.far)
-        draft.differ(one, two)
-        draft.spared_ends(end, one, two)
-        apart, together = [(one, one), (two, two)], [(one, two)]
-        before, after = (apart, together) if joined else (together, apart)
-        for near, far in before:
-            draft.edge(end, near, far)
-            draft.unlink(end, near, far)
-        for near, far in after:
-            draft.absent(end, near, far)
-            draft.link(end, near, far)
-        doc = f"Two objects are linked {'to each other' if joined else 'each to itself'} by `{holder}.{end.name}`."
-        yield "swap", f"swap.{holder}.{end.name}.{word}", draft, doc, False
-
-
 # --- containment
 
 
@@ -187,20 +141,15 @@ def _leave(draft: Draft, before: End, end: End, part: str, container: str) -> No
     if before.association.frozen or (before.lower and not same):
         draft.ask([Negation(before.path(part, "_"))])
         return
-    for frozen in draft.schema.frozen_below(before.far):
-        name = draft.name("frozen")
-        draft.block("not", [Node(name, frozen)], [before.edge(part, name)])
+    draft.unfrozen(before, part)
     if before.other.lower:
-        needy = draft.short(before, part)
-        if not same:
-            draft.may_be(needy, container)
+        draft.short(before, part, part, *((container,) if same else ()))
 
 
 def _exchange(draft: Draft, end: End, cls: str, child: str) -> Iterator[Operator]:
     pairs = []
     for _ in range(2):
         part, container = draft.node("part", child), draft.node("container", end.near)
-        draft.edge(end, container, part)
         draft.spared(part, child)
         draft.spared(container, end.near)
         pairs.append((part, container))

@@ -26,7 +26,7 @@ from envgraph.pattern import (
 from envgraph.rewrite.derive._draft import Draft, variable_for
 from envgraph.rewrite.derive._keys import key_owner, new_key
 from envgraph.rewrite.derive._links import Operator
-from envgraph.rewrite.derive._plans import Plan, creation_plans, retyping_plans, uses
+from envgraph.rewrite.derive._plans import Plan, creation_plans, retyping_plans
 from envgraph.rewrite.derive._schema import End, Schema
 
 
@@ -63,32 +63,12 @@ class _Cast:
         self.old: list[str] = []
 
     def declare_old(self) -> None:
-        """Declare the objects that are there, with the conditions on each."""
+        """Declare the objects that are there."""
         draft, plan = self.draft, self.plan
         for old in plan.old:
             self.old.append(draft.node(variable_for(old.cls), old.cls))
         self._apart()
         self._links_apart()
-        for link in plan.links:
-            if link.far_new:
-                continue
-            name, other = self.old[link.far], link.end.other
-            donor = plan.old[link.far].stolen_from
-            if other.held:
-                draft.spared(name, other.near)
-            if plan.old[link.far].repaid:
-                continue
-            if donor is None:
-                draft.ask(other.room(name, self._at_once(link.end, name)))
-            else:
-                draft.edge(link.end, self.old[donor], name)
-                draft.spared(self.old[donor], link.end.near)
-                given = sum(o.stolen_from == donor for o in plan.old)
-                if not plan.old[donor].repaid:
-                    draft.ask(link.end.spare(self.old[donor], given))
-
-    def _at_once(self, end: End, name: str) -> int:
-        return uses(self.plan, end, self.old.index(name))
 
     def _apart(self) -> None:
         """Objects that stand in for the same end must differ where they share an object, or room."""
@@ -175,7 +155,7 @@ def _delete(draft: Draft, cls: str) -> Operator:
         _none_short(draft, f"delete.{cls}", [name])
     else:
         for end in draft.schema.ends_of(cls):
-            draft.lacking(end, name)
+            draft.lacking(end, name, name)
     draft.delete(name)
     doc = f"A `{cls}` goes, with what it contains, if everybody else can do without."
     return "delete", f"delete.{cls}", draft, doc, True
@@ -183,21 +163,23 @@ def _delete(draft: Draft, cls: str) -> Operator:
 
 def _delete_together(draft: Draft, plan: Plan) -> Operator:
     """What was created together goes together."""
-    tops = plan.tops
-    names = {
-        number: draft.node(variable_for(plan.new[number]), plan.new[number], exact=True) for number in tops
-    }
+    classes = {number: plan.new[number] for number in plan.tops}
+    names = {number: draft.node(variable_for(cls), cls, exact=True) for number, cls in classes.items()}
     for one, other in combinations(names.values(), 2):
         draft.differ(one, other)
     for link in plan.links:
         if link.far_new and link.near in names and link.far in names:
             draft.edge(link.end, names[link.near], names[link.far])
-    classes = [plan.new[number] for number in tops]
-    name = f"delete.{classes[0]}.with.{'.'.join(classes[1:])}"
+    first, *others = classes.values()
+    name = f"delete.{first}.with.{'.'.join(others)}"
     _none_short(draft, name, list(names.values()))
     for gone in names.values():
         draft.delete(gone)
-    doc = "Objects that need each other go together: " + ", ".join(f"a `{cls}`" for cls in classes) + "."
+    doc = (
+        "Objects that need each other go together: "
+        + ", ".join(f"a `{cls}`" for cls in classes.values())
+        + "."
+    )
     return "delete", name, draft, doc, True
 
 
@@ -309,25 +291,19 @@ def _spread(draft: Draft, plan: Plan) -> Operator:
             receivers[donor] = link.end, _receiver(draft, name, link.end, receivers.values())
         receiver = receivers[donor][1]
         target = draft.node(variable_for(link.end.far), link.end.far)
-        draft.edge(link.end, name, target)
+        draft.lose(link.end, name, target)
         for one in (name, *(earlier for end, earlier in moved if end == link.end)):
             draft.differ(target, one)
         moved.append((link.end, target))
         if plan.old[donor].repaid:
-            draft.edge(link.end, receiver, name)
+            draft.lose(link.end, receiver, name)
             for end, earlier in moved:
                 if end == link.end.other:
                     draft.differ(receiver, earlier)
             moved.append((link.end.other, receiver))
-        draft.spared_ends(link.end, receiver, target)
-        draft.absent(link.end, receiver, target)
         draft.link(link.end, receiver, target)
-    for donor, (end, receiver) in receivers.items():
-        if plan.old[donor].repaid:
-            continue
-        draft.ask(end.room(receiver, sum(old.stolen_from == donor for old in plan.old)))
     for end in draft.schema.ends_of(cls):
-        _lacking_but(draft, end, name, moved)
+        draft.lacking(end, name, name, *(target for one, target in moved if one == end))
     draft.delete(name)
     stolen = [end.name for end, _ in moved]
     doc = f"A `{cls}` goes, and what needs it goes over to others."
@@ -340,17 +316,6 @@ def _receiver(draft: Draft, name: str, end: End, earlier: Iterable[tuple[End, st
     for one in (name, *(other for again, other in earlier if again == end)):
         draft.differ(one, receiver)
     return receiver
-
-
-def _lacking_but(draft: Draft, end: End, name: str, moved: Sequence[tuple[End, str]]) -> None:
-    """As `lacking`, but for those that go over to another object at this end."""
-    needy = draft.lacking(end, name)
-    if needy is None:
-        return
-    own = [target for one, target in moved if one == end]
-    for other in draft.types:
-        if other != name and other not in own:
-            draft.may_be(needy, other)
 
 
 def _rehome(draft: Draft, cls: str) -> Iterator[Operator]:
@@ -372,12 +337,9 @@ def _share(draft: Draft, cls: str, end: End) -> Operator:
     needy = [draft.node(variable_for(end.far), end.far) for _ in range(2)]
     draft.differ(*needy)
     for target, receiver in zip(needy, (third, other), strict=True):
-        draft.edge(end, name, target)
+        draft.lose(end, name, target)
         draft.ask([Comparison("==", end.other.count(target), Constant(end.other.lower))])
-        draft.spared_ends(end, receiver, target)
-        draft.absent(end, receiver, target)
         draft.link(end, receiver, target)
-    draft.ask(end.room(third))
     _all_over(draft, cls, name, other, shared=end)
     draft.delete(name)
     doc = f"A `{cls}` goes, and two others take its place at `{end.name}`."
@@ -397,15 +359,11 @@ def _all_over(draft: Draft, cls: str, name: str, other: str, shared: End | None 
     """
     _empty(draft, name, cls)
     ends = draft.schema.ends_of(cls)
-    objects = [one for one in draft.types if one != name]
     for end in ends:
-        if not _goes_over(end, int(end == shared)):
-            needy = draft.lacking(end, name)
-            if needy is not None:
-                for one in objects:
-                    draft.may_be(needy, one)
-            continue
-        _rehome_end(draft, end, name, other, int(end == shared))
+        if _goes_over(end, int(end == shared)):
+            _rehome_end(draft, end, name, other, int(end == shared))
+        else:
+            draft.lacking(end, name, name)
     return any(map(_goes_over, ends))
 
 
@@ -413,9 +371,7 @@ def _rehome_end(draft: Draft, end: End, name: str, other: str, elsewhere: int) -
     if end.held:
         draft.spared(other, end.near)
     if end.other.held:
-        for frozen_class in draft.schema.frozen_below(end.far):
-            frozen = draft.name("frozen")
-            draft.block("not", [Node(frozen, frozen_class)], [end.edge(name, frozen)])
+        draft.unfrozen(end, name)
     if end.upper is not None:
         ours, theirs = draft.name("links"), draft.name("links")
         for number, one in ((ours, name), (theirs, other)):
@@ -477,10 +433,7 @@ def _retype(draft: Draft, before: str, after: str, plan: Plan) -> Operator:
         if end.contains or end.contained or end.association in gained:
             draft.ask([Negation(end.path(name, "_"))])
         else:
-            needy = draft.lacking(end, name)
-            if needy is not None:
-                for other in draft.types:
-                    draft.may_be(needy, other)
+            draft.lacking(end, name)
     cast.new += [name, *(draft.name(variable_for(cls)) for cls in plan.new[1:])]
     fresh = [
         Node(one, cls, tuple(new_key(draft, plan.new[1:], number - 1)))

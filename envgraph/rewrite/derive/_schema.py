@@ -99,6 +99,11 @@ class End:
         """The same association from its other end."""
         return End(self.association, not self.forward)
 
+    @property
+    def both(self) -> End:
+        """The end itself; of a symmetric reference, whose two ends are one, always the same."""
+        return End(self.association, forward=True) if self.association.symmetric else self
+
     def edge(self, near: str, far: str) -> Edge:
         """The arrow between two variables."""
         return Edge(near, self.reference.name, far) if self.forward else Edge(far, self.reference.name, near)
