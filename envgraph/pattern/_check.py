@@ -16,7 +16,7 @@ from envgraph.errors import (
     sort_diagnostics,
     with_article,
 )
-from envgraph.metamodel import Value
+from envgraph.metamodel import EnumType, Value
 from envgraph.pattern._analysis import Analysis, calls_of
 from envgraph.pattern._binding import Binding
 from envgraph.pattern._bodies import (
@@ -242,7 +242,8 @@ class _BodyCheck:
         for place in sound:
             found.extend(usage.inputs(place))
         if not self._pattern.mended and not has_errors(found):
-            found.extend(check_connected(self.types.reading, self._pattern))
+            few = {name for name in self.types.reading.names if isinstance(self.types.of(name), EnumType)}
+            found.extend(check_connected(self.types.reading, self._pattern, few))
         return found
 
     def without_declaration(self, name: str) -> StaticType | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from envgraph.errors import Diagnostic, Severity
 from envgraph.pattern._bodies import (
@@ -160,8 +160,14 @@ def _fixed(term: Term, reading: Reading) -> bool:
     return isinstance(term, Constant | EnumLiteral)
 
 
-def check_connected(reading: Reading, pattern: Pattern) -> Iterator[Diagnostic]:
-    """A warning if the body is a Cartesian product, or one that only filters tie together."""
+def check_connected(reading: Reading, pattern: Pattern, few: Collection[str]) -> Iterator[Diagnostic]:
+    """A warning if the body is a Cartesian product, or one that only filters tie together.
+
+    Args:
+        reading: the body.
+        pattern: the pattern that it is of.
+        few: variables of so few values that to try all of them in combination is cheap.
+    """
     partitions = Partitions(reading, pattern)
     span = reading.body.span if len(pattern.bodies) > 1 and reading.body.span else pattern.span
     parts = partitions.parts(partitions.strict)
@@ -170,7 +176,7 @@ def check_connected(reading: Reading, pattern: Pattern) -> Iterator[Diagnostic]:
         hint = "every match of one is combined with every match of the other"
         yield Diagnostic("cartesian-product", message, span, hint, Severity.WARNING)
         return
-    parts = partitions.parts(partitions.loose)
+    parts = [part for part in partitions.parts(partitions.loose) if not set(part).issubset(few)]
     if len(parts) > 1:
         message = f"only filters connect the parts: {_listed(parts)}"
         hint = "all combinations are tried, because `!=`, `neg`, check and aggregates over several parts only filter"
