@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c constraints.txt
 
 DEMO_EXTRAS := fast
-TEST_EXTRAS := test,fast,plot,emf
+TEST_EXTRAS := test,fast,emf
 BENCH_EXTRAS := bench
 CLUSTER_EXTRAS := dask,ray
 
