@@ -24,6 +24,7 @@ from envgraph.code._counters import with_counters
 from envgraph.code._lines import define, origin_of
 from envgraph.code._printer import ATOM, Printed, expression_text, printed
 from envgraph.code._records import dataclass
+from envgraph.code._short import FALSE, NONE, TRUE, call, equal, inverse, joined, method, some, tuple_of
 from envgraph.code._tree import (
     Assign,
     Body,
@@ -53,6 +54,9 @@ from envgraph.code._tree import (
 
 __all__ = [
     "ATOM",
+    "FALSE",
+    "NONE",
+    "TRUE",
     "Assign",
     "Block",
     "Body",
@@ -79,10 +83,17 @@ __all__ = [
     "Tuple",
     "While",
     "Yield",
+    "call",
     "dataclass",
     "define",
+    "equal",
     "expression_text",
+    "inverse",
+    "joined",
+    "method",
     "origin_of",
     "printed",
+    "some",
+    "tuple_of",
     "with_counters",
 ]

@@ -26,53 +26,56 @@ class Block:
 
     Attributes:
         loops: loops that are open.
-        tests: those under which nothing stands yet.
+        tests: those under which nothing stands yet, each with its origin.
     """
 
     def __init__(self) -> None:
         self.loops = 0
-        self.tests: list[If] = []
+        self.tests: list[tuple[Expression, object]] = []
         self._levels = 0
-        self._heads: list[For | If] = []
+        self._open: list[tuple[Local | Tuple | None, Expression]] = []  # loops, and tests with None
+        self._origins: list[object] = []
         self._bodies: list[list[Statement]] = [[]]
 
     def add(self, *statements: Statement) -> None:
         """Add statements here, under the tests so far."""
         self._enter()
-        self._bodies[-1].extend(statements)
+        self._bodies[-1] += statements
 
     def test(self, test: Expression) -> None:
         """What follows holds only if a test does."""
-        self.tests.append(If(test, ()))
+        self.tests.append((test, None))
 
     def loop(self, target: Local | Tuple, iterable: Expression) -> None:
         """What follows is done for each element."""
         self._enter()
-        self._open(For(target, iterable, ()))
+        self._begin(target, iterable)
         self.loops += 1
         self._levels += 1
 
     def come_from(self, origin: object) -> None:
         """Say where the last test, loop or statement comes from."""
         if self.tests:
-            self.tests[-1] = If(self.tests[-1].test, (), (), origin)
+            self.tests[-1] = (self.tests[-1][0], origin)
         elif self._bodies[-1]:
             self._bodies[-1][-1] = replace(self._bodies[-1][-1], origin=origin)
         else:
-            self._heads[-1] = replace(self._heads[-1], origin=origin)
+            self._origins[-1] = origin
 
     @property
     def place(self) -> Place:
         """Where the block is."""
-        return Place(len(self._heads), self.loops, self._levels)
+        return Place(len(self._open), self.loops, self._levels)
 
     def back_to(self, place: Place) -> None:
         """Close the loops and tests that were opened since the block was at a place."""
-        self.tests.clear()
-        while len(self._heads) > place.heads:
-            head, body = self._heads.pop(), tuple(self._bodies.pop())
-            done = If(head.test, body, (), head.origin) if isinstance(head, If) else replace(head, body=body)
-            self._bodies[-1].append(done)
+        self.tests = []
+        while len(self._open) > place.heads:
+            (target, value), origin = self._open.pop(), self._origins.pop()
+            inside = tuple(self._bodies.pop())
+            self._bodies[-1].append(
+                If(value, inside, (), origin) if target is None else For(target, value, inside, origin)
+            )
         self.loops, self._levels = place.loops, place.levels
 
     def body(self) -> Body:
@@ -87,11 +90,13 @@ class Block:
 
     def _enter(self) -> None:
         """Go inside the tests so far."""
-        for test in self.tests:
-            self._open(test)
-        self._levels += bool(self.tests)
-        self.tests = []
+        if self.tests:
+            for test, origin in self.tests:
+                self._begin(None, test, origin)
+            self._levels += 1
+            self.tests = []
 
-    def _open(self, head: For | If) -> None:
-        self._heads.append(head)
+    def _begin(self, target: Local | Tuple | None, value: Expression, origin: object = None) -> None:
+        self._open.append((target, value))
+        self._origins.append(origin)
         self._bodies.append([])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple, assert_never
+from typing import Final, NamedTuple, assert_never
 
 from envgraph.code._tree import (
     Assign,
@@ -160,8 +160,30 @@ def expression_text(node: Expression, level: int = _CHOICE) -> str:
         level: how tightly what stands around it holds its operands; where it holds less tightly itself, it stands in
             parentheses.
     """
-    text, own = _TEXTS[type(node)](node)
-    return f"({text})" if own < level else text
+    match node:
+        case Local(name) | Name(name):
+            return name
+        case Call(function, arguments):
+            return f"{expression_text(function, ATOM)}({_listed(arguments)})"
+        case Index(collection, key):
+            return f"{expression_text(collection, ATOM)}[{expression_text(key)}]"
+        case Operation():
+            text, own = _operation(node)
+            return f"({text})" if own < level else text
+        case Constant(value):
+            return repr(value)
+        case Tuple():
+            return f"({_target(node)})"
+        case Let(local, value):
+            return f"({local.name} := {expression_text(value)})"
+        case Member(object_, name):
+            return f"{expression_text(object_, ATOM)}.{name}"
+        case Choice(test, then, otherwise):
+            chosen = f"{expression_text(then, _OR)} if {expression_text(test, _OR)}"
+            text = f"{chosen} else {expression_text(otherwise)}"
+            return f"({text})" if level > _CHOICE else text
+        case Text(text):
+            return text
 
 
 def _operation(node: Operation) -> tuple[str, int]:
@@ -175,23 +197,3 @@ def _operation(node: Operation) -> tuple[str, int]:
     right = own + (own >= _COMPARISON)
     texts = [expression_text(first, left), *(expression_text(other, right) for other in others)]
     return f" {operator} ".join(texts), own
-
-
-def _choice(node: Choice) -> tuple[str, int]:
-    then, test = expression_text(node.then, _OR), expression_text(node.test, _OR)
-    return f"{then} if {test} else {expression_text(node.otherwise)}", _CHOICE
-
-
-_TEXTS: Final[dict[type, Any]] = {
-    Name: lambda node: (node.name, ATOM),
-    Local: lambda node: (node.name, ATOM),
-    Text: lambda node: (node.text, ATOM),
-    Constant: lambda node: (repr(node.value), ATOM),
-    Call: lambda node: (f"{expression_text(node.function, ATOM)}({_listed(node.arguments)})", ATOM),
-    Index: lambda node: (f"{expression_text(node.collection, ATOM)}[{expression_text(node.key)}]", ATOM),
-    Member: lambda node: (f"{expression_text(node.object, ATOM)}.{node.name}", ATOM),
-    Tuple: lambda node: (f"({_target(node)})", ATOM),
-    Operation: _operation,
-    Choice: _choice,
-    Let: lambda node: (f"({node.local.name} := {expression_text(node.value)})", ATOM),
-}

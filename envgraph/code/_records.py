@@ -88,10 +88,7 @@ def _comparisons(fields: tuple[Field[Any], ...], frozen: bool) -> dict[str, Any]
     """Two of a class are equal if all values are that take part in comparison."""
     names = [field.name for field in fields if field.compare]
 
-    def few(self: Any) -> tuple[Any, ...]:
-        return tuple(getattr(self, name) for name in names)
-
-    values: Callable[[Any], tuple[Any, ...]] = attrgetter(*names) if len(names) > 1 else few
+    values: Callable[[Any], Any] = attrgetter(*names) if names else lambda self: ()
 
     def __eq__(self: Any, other: object) -> bool:
         return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented

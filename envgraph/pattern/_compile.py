@@ -79,16 +79,12 @@ def compile_expression(
     tree = writer.write(expression)
     if computes(expression) and writer.type_of(expression) is not Scalar.FLOAT:
         writer.fallible = True
-        tree = _call("_bounded", tree)
+        tree = code.call("_bounded", tree)
     return CompiledExpression(tree, tuple(writer.constants), writer.fallible)
 
 
 _HELPERS: Final = {"+": "_add", "-": "_subtract", "*": "_multiply", "/": "_divide", "%": "_remainder"}
 _EMPTY: Final = Metamodel("none", ())
-
-
-def _call(function: str, *arguments: code.Expression) -> code.Call:
-    return code.Call(code.Name(function), arguments)
 
 
 class _Writer:
@@ -113,7 +109,7 @@ class _Writer:
                     raise InvalidArgument(f"no source for variable `{node.name}`")
                 return self._names[node.name]
             case Constant():
-                return code.Constant(None) if node.value is None else self._literal(node.value)
+                return code.NONE if node.value is None else self._literal(node.value)
             case EnumLiteral():
                 return self._literal(node.literal)
             case Navigation():
@@ -129,7 +125,7 @@ class _Writer:
                 if node.declaration is not None:
                     return code.Call(self._literal(node.declaration.at(node.span)), arguments)
                 self.fallible |= not FUNCTIONS[node.function].total
-                return _call(f"_fn_{node.function}", *arguments)
+                return code.call(f"_fn_{node.function}", *arguments)
 
     def _literal(self, value: object) -> code.Expression:
         self.constants.append(value)
@@ -150,7 +146,7 @@ class _Writer:
         if len(links) > LONGEST_NESTED:
             self.fallible = True
             parts = zip([code.Name(_HELPERS[link.operator]) for link in links], rights, strict=True)
-            return _call("_chain", tree, *chain.from_iterable(parts))
+            return code.call("_chain", tree, *chain.from_iterable(parts))
         for link, right in zip(links, rights, strict=True):
             if link.operator in "+-*" and _inline(
                 link.operator, self.type_of(link.left), self.type_of(link.right)
@@ -158,7 +154,7 @@ class _Writer:
                 tree = code.Operation(link.operator, (tree, right))
             else:
                 self.fallible = True
-                tree = _call(_HELPERS[link.operator], tree, right)
+                tree = code.call(_HELPERS[link.operator], tree, right)
         return tree
 
     def type_of(self, node: Expression) -> StaticType | None:

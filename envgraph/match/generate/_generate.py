@@ -29,7 +29,13 @@ from envgraph.code import (
     Statement,
     Tuple,
     Yield,
+    call,
     dataclass,
+    equal,
+    inverse,
+    joined,
+    method,
+    some,
 )
 from envgraph.match.generate._sinks import (
     COUNT,
@@ -38,12 +44,10 @@ from envgraph.match.generate._sinks import (
     OUT,
     N,
     Sink,
-    call,
     empty,
     gathering,
     keeping,
     length,
-    method,
     row,
     sieved_sink,
     value,
@@ -682,7 +686,7 @@ class Translation:
                 inner._bind(step, inline=True)
             else:
                 inner._block.test(inner._test(step))
-        return joined("and", [each.test for each in inner._block.tests], True)
+        return joined("and", [test for test, _ in inner._block.tests], True)
 
     def _join(self, plan: Plan) -> Expression | None:
         """Whether a plan has a solution, where that is whether a search meets what does not depend on its start."""
@@ -802,31 +806,3 @@ _QUESTIONS = {
     (False, True): Reach.BACKWARD,
     (False, False): Reach.PAIRS,
 }
-
-
-def equal(left: Expression, right: Expression) -> Operation:
-    """Whether two values are equal."""
-    return Operation("==", (left, right))
-
-
-def some(value_: Expression) -> Operation:
-    """Whether there is a value."""
-    return Operation("is not", (value_, Constant(None)))
-
-
-def inverse(test: Expression) -> Expression:
-    """The opposite of a test."""
-    match test:
-        case Constant(value=held):
-            return Constant(not held)
-        case Operation("in", operands):
-            return Operation("not in", operands)
-        case _:
-            return Operation("not", (test,))
-
-
-def joined(operator: str, operands: Sequence[Expression], empty_: int) -> Expression:
-    """An operation, if there is anything to operate on."""
-    if len(operands) < 2:
-        return operands[0] if operands else Constant(empty_)
-    return Operation(operator, tuple(operands))

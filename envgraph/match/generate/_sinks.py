@@ -7,6 +7,9 @@ from dataclasses import replace
 from typing import Final
 
 from envgraph.code import (
+    FALSE,
+    NONE,
+    TRUE,
     Assign,
     Body,
     Call,
@@ -18,14 +21,15 @@ from envgraph.code import (
     Let,
     Local,
     Member,
-    Name,
     Operation,
     Return,
     Statement,
     Text,
     Tuple,
     Yield,
+    call,
     dataclass,
+    method,
 )
 from envgraph.match.generate._symbols import Mode, Reach
 
@@ -73,24 +77,14 @@ def value(variables: Sequence[int], names: Names) -> Expression:
     return names(variables[0]) if len(variables) == 1 else row(variables, names)
 
 
-def call(function: Expression, *arguments: Expression) -> Call:
-    """A call."""
-    return Call(function, arguments)
-
-
-def method(object_: Expression, name: str, *arguments: Expression) -> Call:
-    """A call of a method."""
-    return Call(Member(object_, name), arguments)
-
-
 def length(collection: Expression) -> Call:
     """How many elements there are."""
-    return call(Name("len"), collection)
+    return call("len", collection)
 
 
 def empty(what: str) -> Call:
     """A new `set`, `dict` or `list`."""
-    return call(Name(what))
+    return call(what)
 
 
 def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
@@ -100,7 +94,7 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
         case Mode.EXISTS:
             return EXISTENCE
         case Mode.FIRST:
-            first = (Return(Constant(None)),)
+            first = (Return(NONE),)
             return Sink(
                 variables,
                 (),
@@ -116,7 +110,7 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
             return _yielding(variables, distinct)
     if distinct:
         return gathering(variables, lambda names: shape(variables, names), OUT)
-    result = length(OUT) if mode is Mode.COUNT else call(Name("list"), OUT)
+    result = length(OUT) if mode is Mode.COUNT else call("list", OUT)
     return keeping(variables, lambda names: shape(variables, names), result)
 
 
@@ -125,7 +119,7 @@ def keeping(variables: tuple[int, ...], item: Callable[[Names], Expression], res
     return Sink(
         variables,
         (Assign(OUT, Text("{}")),),
-        lambda names: (Assign(Index(OUT, item(names)), Constant(None)),),
+        lambda names: (Assign(Index(OUT, item(names)), NONE),),
         (Return(result),),
         (OUT,),
         repeatable=True,
@@ -162,8 +156,8 @@ def gathering(variables: tuple[int, ...], item: Callable[[Names], Expression], r
 EXISTENCE = Sink(
     (),
     (),
-    lambda names: (Return(Constant(True)),),
-    (Return(Constant(False)),),
+    lambda names: (Return(TRUE),),
+    (Return(FALSE),),
     relay="flag",
     repeatable=True,
 )
@@ -184,7 +178,7 @@ def visiting(variable: int, question: Reach) -> Sink:
 
     def each(names: Names) -> Body:
         node = names(variable)
-        reached = If(Operation("==", (node, goal)), (Return(Constant(True)),))
+        reached = If(Operation("==", (node, goal)), (Return(TRUE),))
         new = If(Operation("not in", (node, seen)), (Do(call(ADD, node)), Do(call(push, node))))
         return (reached, new) if meets else (new,)
 
@@ -195,5 +189,5 @@ def visiting(variable: int, question: Reach) -> Sink:
     if not meets:
         head.insert(0, Assign(todo, Text("[start]", reads=(start,))))
     shared = (seen, ADD, push, goal) if meets else (seen, ADD, push)
-    tail = (Return(Constant(False)),) if meets else (Do(Text("del todo[0]", reads=(todo,))), Return(todo))
+    tail = (Return(FALSE),) if meets else (Do(Text("del todo[0]", reads=(todo,))), Return(todo))
     return Sink((variable,), tuple(head), each, tail, shared, "flag" if meets else "", repeatable=True)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from itertools import chain
 from typing import Final
 
-from envgraph.code import Block, Do, Expression, Local, Name, Operation, Tuple
+from envgraph.code import Block, Do, Expression, Local, Name, Tuple, equal, method
 from envgraph.match.generate._generate import Translation
-from envgraph.match.generate._sinks import Names, Sink, method, row
+from envgraph.match.generate._sinks import Names, Sink, row
 from envgraph.match.generate._symbols import Recursive, Source
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._plan import Kind, Step, ViewKey
@@ -138,7 +138,7 @@ class Suspending(Translation):
         parameters = [local("w", number) for number in range(width)]
         for number, variable in enumerate(columns):
             if variable in inner._names:
-                block.test(Operation("==", (parameters[number], self._local(variable))))
+                block.test(equal(parameters[number], self._local(variable)))
             else:
                 inner._names[variable] = parameters[number] = self._local(variable)
         inner._steps(rest, sink)

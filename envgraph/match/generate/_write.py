@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from envgraph.code import (
+    NONE,
     Body,
     Call,
-    Constant,
     Expression,
     Function,
     Local,
@@ -112,7 +112,7 @@ class Module:
         inputs = tuple(
             sorted({each for each in names.values() if isinstance(each, Local)}, key=lambda each: each.name)
         )
-        failed = (Return(Constant(None)),)
+        failed = (Return(NONE),)
         body = (Try((Return(compiled.tree),), Name("EvaluationError"), failed),)
         return Call(self.function(self.fresh("x"), inputs, body), inputs)
 

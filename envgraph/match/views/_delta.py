@@ -12,6 +12,8 @@ from enum import Enum
 from typing import Final
 
 from envgraph.code import (
+    FALSE,
+    TRUE,
     Assign,
     Block,
     Constant,
@@ -22,11 +24,16 @@ from envgraph.code import (
     Local,
     Name,
     Operation,
-    Tuple,
+    call,
     dataclass,
+    equal,
+    inverse,
+    joined,
+    some,
+    tuple_of,
 )
-from envgraph.match.generate._generate import Translation, equal, forward_column, inverse, joined, some
-from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, call, gathering, length, row, value
+from envgraph.match.generate._generate import Translation, forward_column
+from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, gathering, length, row, value
 from envgraph.match.generate._symbols import Backward, Bounded, Held, Source, Values
 from envgraph.match.generate._write import Module, local
 from envgraph.match.plan._plan import Kind, Plan, Step
@@ -246,9 +253,7 @@ def _write_lookup(
     group = module.name(Held("group", delta.name, own))
     key = value(list(first), first.__getitem__)
     row_ = Local("row")
-    block.add(
-        For(row_, call(Name("tuple"), call(group, key, Tuple(()))), (changed(module, delta, False, row_),))
-    )
+    block.add(For(row_, call("tuple", call(group, key, tuple_of())), (changed(module, delta, False, row_),)))
 
 
 def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:
@@ -285,7 +290,6 @@ def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Co
 
 
 _NOTHING = CallAtom("", ())
-TRUE, FALSE = Constant(True), Constant(False)
 _WAITING: Final = Name("")
 """Stands for the number of rows of a view, those included that wait for its turn."""
 
@@ -300,7 +304,7 @@ def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
 def changed(module: Module, delta: Delta, adding: bool, row_: Expression) -> Do:
     """Adds or removes a derivation of a row, now or when it is the view's turn."""
     if delta.queued:
-        return Do(call(module.name(Held("queue", delta.name)), Tuple((row_, Constant(adding)))))
+        return Do(call(module.name(Held("queue", delta.name)), tuple_of(row_, Constant(adding))))
     return Do(call(module.name(Held(SINKS[adding], delta.name)), row_))
 
 
@@ -478,7 +482,7 @@ class DeltaTranslation(Translation):
         iterable: Expression
         if given:
             table = self._module.name(Held("group", goal.pattern, given))
-            iterable = call(table, value([goal.arguments[p] for p in given], self._source), Tuple(()))
+            iterable = call(table, value([goal.arguments[p] for p in given], self._source), tuple_of())
         else:
             iterable = self._module.name(Held("rows", goal.pattern))
         columns = [None if p in given else v for p, v in enumerate(goal.arguments)]
@@ -503,7 +507,7 @@ class DeltaTranslation(Translation):
         table = self._module.name(Held("reach", goal.step))
         start, other = (goal.source, goal.target) if forward else (goal.target, goal.source)
         if self._known(start):
-            found = call(table, self._source(start), Tuple(()))
+            found = call(table, self._source(start), tuple_of())
             return Operation("in", (self._source(other), found)) if self._known(other) else found
         pairs = self._module.name(Held("starts" if self._known(other) else "pairs", goal.step))
         return call(pairs, *([self._source(other)] if self._known(other) else []))

@@ -6,7 +6,7 @@ What two of them begin with alike is done once: the six places of one relation i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import field
 
 from envgraph.code import Assign, Block, Body, For, If, Name, Statement, dataclass
 from envgraph.match.generate._symbols import Literal, Source
@@ -117,8 +117,8 @@ def insert(groups: list[Group], nest: Body, change: Change) -> None:
 def _opened(statement: Statement) -> tuple[Body, Body]:
     """What a statement begins with, and what stands inside it."""
     match statement:
-        case For():
-            return (replace(statement, body=()),), statement.body
+        case For(target, iterable, inside):
+            return (For(target, iterable, ()),), inside
         case If(test, (If() as inner,)):
             heads, inside = _opened(inner)
             return (If(test, ()), *heads), inside
@@ -156,8 +156,8 @@ def _closed(heads: Body, inside: Body) -> Body:
     """The statements of which these are the heads, with something inside, or behind."""
     for head in reversed(heads):
         match head:
-            case For():
-                inside = (replace(head, body=inside),)
+            case For(target, iterable):
+                inside = (For(target, iterable, inside),)
             case If(test):
                 inside = (If(test, inside),)
             case _:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import groupby
+from itertools import groupby, product
 
-from envgraph.code import define
+from envgraph.code import Call, Do, Function, Local, Name, Return, define
 from envgraph.graph import Store
 from envgraph.match.plan._options import Unplannable
 from envgraph.match.views._delta import Delta, Occurrence, occurrences, own_positions
@@ -51,7 +51,6 @@ class Wiring:
         self._build = build
         self._consumers: dict[Key, list[Consumer | Delta]] = {}
         self._classes: list[tuple[View | Member, int, Conjunction, tuple[Occurrence, ...]]] = []
-        self._retypings: dict[tuple[Kind, Kind], tuple[Hook | None, Hook | None]] = {}
         self._membership: dict[tuple[str, int, frozenset[int]], Consumer] = {}
         self._queued: set[str] = set()
 
@@ -60,7 +59,6 @@ class Wiring:
         self.deltas.clear()
         self._consumers.clear()
         self._classes.clear()
-        self._retypings.clear()
         self._membership.clear()
         self._queued = self._growth.read()
         deltas = self._deltas()
@@ -219,13 +217,12 @@ class Wiring:
         if not self._classes:
             store.retyping = None
             return
-        for old in hooks:
-            for new in hooks:
-                self._retypings[old, new] = (
-                    self._class_hooks(old - new)[0],
-                    self._class_hooks(new - old)[1],
-                )
-        retypings = self._retypings
+        retypings = {}
+        for old, new in product(tuple(hooks), repeat=2):
+            for change in (old - new, new - old):
+                if change not in hooks:
+                    hooks[change] = self._class_hooks(change)
+            retypings[old, new] = hooks[old - new][0], hooks[new - old][1]
         store.retyping = lambda old, new: retypings[kinds[old], kinds[new]]
 
     def unhang(self) -> None:
@@ -298,19 +295,14 @@ def _class(place: Occurrence) -> InstanceAtom:
     return place.relation
 
 
-def _fan_text(hooks: int, arity: int) -> str:
-    """A function of some values that calls several others with them."""
-    names = ", ".join(f"h{number}" for number in range(hooks))
-    values = ", ".join(f"a{number}" for number in range(arity))
-    calls = "".join(f"        h{number}({values})\n" for number in range(hooks))
-    return f"def build({names}):\n    def fan({values}):\n{calls}    return fan\n"
-
-
 def _fan(hooks: Sequence[Hook], arity: int) -> Hook:
     """One function that calls several with its values."""
     if len(hooks) == 1:
         return hooks[0]
-    build = define(_fan_text(len(hooks), arity), "<fan of envgraph>", {})["build"]
+    values = tuple(Local(f"a{number}") for number in range(arity))
+    names = tuple(Name(f"h{number}") for number in range(len(hooks)))
+    fan = Function("fan", values, tuple(Do(Call(name, values)) for name in names))
+    build = define((Function("build", names, (fan, Return(Name("fan")))),), "<fan of envgraph>", {})["build"]
     return build(*hooks)  # type: ignore[no-any-return]
 
 
