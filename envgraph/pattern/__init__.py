@@ -1,7 +1,7 @@
 """Queries and rules as frozen data, independent of any text; their checks, their types and their normal form."""
 
 from envgraph.errors import shorten
-from envgraph.pattern._analysis import UnknownNames
+from envgraph.pattern._analysis import Entry, UnknownNames
 from envgraph.pattern._bodies import children, navigations, terms_in, terms_of, variables_in, with_children
 from envgraph.pattern._compile import CompiledExpression, compile_expression
 from envgraph.pattern._conformance import conformance_patterns
@@ -140,6 +140,7 @@ __all__ = [
     "DeleteNode",
     "Derivation",
     "Edge",
+    "Entry",
     "EnumLiteral",
     "Evaluation",
     "Expression",

@@ -133,6 +133,7 @@ class Entry:
         types: of the parameters, declared or else inferred; None where unknown.
         inputs: numbers of the `in` parameters that callers have to bind.
         written: the pattern as it was added, where it is another one.
+        bodies: types of the variables, body by body; none where there is an error.
     """
 
     pattern: Pattern
@@ -140,6 +141,7 @@ class Entry:
     types: tuple[StaticType | None, ...] = ()
     inputs: tuple[int, ...] = ()
     written: Pattern | None = None
+    bodies: tuple[BodyTypes, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def signature(self) -> Signature:
@@ -163,6 +165,10 @@ class Analysis:
     names: Names = field(init=False)
     entries: dict[str, Entry] = field(init=False)
     _new: dict[str, Pattern] = field(init=False)
+    _types: dict[tuple[str, int], tuple[Sequence[object], BodyTypes]] = field(
+        default_factory=dict, init=False
+    )
+    """By the pattern and the id of a body, which `BodyTypes` holds: what callees gave it, and what followed."""
 
     def __post_init__(self) -> None:
         self.names = Names([*(entry.pattern for entry in self.known.values()), *self.patterns])
@@ -176,6 +182,7 @@ class Analysis:
         self._solve_types()
         self._spell_out()
         self._solve_inputs()
+        self._keep_types()
 
     @property
     def new_patterns(self) -> list[Pattern]:
@@ -221,9 +228,28 @@ class Analysis:
         return frozenset(found)
 
     def body_types(self, pattern: Pattern, body: Body) -> BodyTypes:
-        """The types of the variables of one body."""
+        """The types of the variables of one body: inferred once, as long as callees do not get better ones."""
+        calls = self.entries[pattern.qualified_name].calls
+        given = [self.entries[called].types for called in calls.values()]
+        known = self._types.get((pattern.qualified_name, id(body)))
+        if known is not None and known[0] == given:
+            return known[1]
         reading = Reading(body, pattern.parameters)
-        return BodyTypes(reading, pattern.parameters, self.metamodel, self.callee(pattern))
+        found = BodyTypes(reading, pattern.parameters, self.metamodel, self.callee(pattern))
+        self._types[pattern.qualified_name, id(body)] = given, found
+        return found
+
+    def _keep_types(self) -> None:
+        """What was inferred stays with the patterns, and knows no more of others than their final signatures."""
+        for name, pattern in self._new.items():
+            if not any(map(too_long, pattern.bodies)):
+                bodies = tuple(self.body_types(pattern, body) for body in pattern.bodies)
+                self.entries[name] = replace(self.entries[name], bodies=bodies)
+        for name in self._new:
+            entry = self.entries[name]
+            callees = {call: self.entries[called].signature for call, called in entry.calls.items()}
+            for types in entry.bodies:
+                types.callee = callees.get
 
     def _solve_types(self) -> None:
         """Undeclared types, from the bodies; recursive patterns take several rounds, in which types only grow."""

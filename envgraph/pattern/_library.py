@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from copy import copy
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from envgraph.pattern._binding import bound_by_type
 from envgraph.pattern._bodies import Data, Reading
 from envgraph.pattern._check import check_patterns
 from envgraph.pattern._functions import FunctionDeclaration, Functions, declared, resolved
-from envgraph.pattern._inference import BodyTypes, Signature
+from envgraph.pattern._inference import BodyTypes
 from envgraph.pattern._lowered import LoweredPattern, StaticType
 from envgraph.pattern._normal import lower_body
 from envgraph.pattern._paths import ResolvedPath
@@ -114,6 +114,25 @@ class Library:
         twin.add(*left)
         return twin
 
+    def entries(self, *patterns: Pattern) -> tuple[Entry, ...]:
+        """New patterns without errors as `add` would register them; for libraries that know the same others."""
+        analysis = self._check(patterns).analysis
+        return tuple(analysis.entries[pattern.qualified_name] for pattern in analysis.new_patterns)
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Register patterns that were checked already."""
+        self._entries = {**self._entries, **{entry.pattern.qualified_name: entry for entry in entries}}
+        self._names = Names([entry.pattern for entry in self._entries.values()])
+        self._checked = None
+
+    def update(self, grown: Library) -> None:
+        """Know all that a copy of this library has come to know."""
+        self._entries, self._names = grown._entries, grown._names
+        self.functions, self.unknown = grown.functions, grown.unknown
+        self._generated.update(grown._generated)
+        self._lowered.update(grown._lowered)
+        self._checked = None
+
     def remove(self, names: Collection[str]) -> None:
         """Forget patterns (qualified names), which no others call."""
         self._entries = {name: entry for name, entry in self._entries.items() if name not in names}
@@ -196,7 +215,8 @@ class Library:
         Raises:
             InvalidArgument: there is no such pattern.
         """
-        return self._types(self._entry(qualified_name), body).may_hold
+        entry = self._entry(qualified_name)
+        return entry.bodies[entry.pattern.bodies.index(body)].may_hold
 
     def lowered(self, qualified_name: str) -> LoweredPattern:
         """The normal form of a pattern. Its calls may name generated patterns, which are found here, too.
@@ -230,8 +250,8 @@ class Library:
     def _lower(self, entry: Entry) -> LoweredPattern:
         pattern = entry.pattern
         bodies = (
-            lower_body(pattern.parameters, self._types(entry, body), self._generate, self.parameter_types)
-            for body in pattern.bodies
+            lower_body(pattern.parameters, types, self._generate, self.parameter_types)
+            for types in entry.bodies
         )
         return LoweredPattern(
             pattern.qualified_name,
@@ -241,13 +261,6 @@ class Library:
             entry.inputs,
         )
 
-    def _types(self, entry: Entry, body: Body) -> BodyTypes:
-        def callee(name: str) -> Signature | None:
-            return self._entries[entry.calls[name]].signature if name in entry.calls else None
-
-        parameters = entry.pattern.parameters
-        return BodyTypes(Reading(body, parameters), parameters, self.metamodel, callee)
-
     def bound_by_type(self, qualified_name: str, number: int) -> tuple[tuple[str, AttributeType], ...]:
         """Variables of a body (from 0) that have all values of a type that occur in the model.
 
@@ -255,7 +268,7 @@ class Library:
             InvalidArgument: there is no such pattern.
         """
         entry = self._entry(qualified_name)
-        return bound_by_type(self._types(entry, entry.pattern.bodies[number]), entry.pattern.parameters)
+        return bound_by_type(entry.bodies[number], entry.pattern.parameters)
 
     def _generate(self, wanted: ResolvedPath | AttributeType) -> str:
         """Register the pattern of a path or of the values of a type; the same one always has the same name."""
@@ -274,8 +287,18 @@ class Library:
             )
             parameter = Parameter("value", type_name(type_))
             pattern = Pattern(type_name(type_), (parameter,), bodies, VALUES, private=True)
-            self._generated[name] = Entry(pattern, {}, (type_,))
+            self._generated[name] = self._made(pattern, type_)
         return name
+
+    def _made(self, pattern: Pattern, *types: StaticType) -> Entry:
+        """A pattern that calls no other."""
+        bodies = (
+            BodyTypes(
+                Reading(body, pattern.parameters), pattern.parameters, self.metamodel, lambda name: None
+            )
+            for body in pattern.bodies
+        )
+        return Entry(pattern, {}, types, bodies=tuple(bodies))
 
     def _path_pattern(self, path: ResolvedPath) -> str:
         name = f"{PATHS}.{path}"
@@ -284,7 +307,7 @@ class Library:
             constraint = PathConstraint(path.cls, features, Variable("source"), Variable("target"))
             parameters = (Parameter("source", path.cls), Parameter("target", type_text(path.target)))
             pattern = Pattern(str(path), parameters, (Body((constraint,)),), PATHS, private=True)
-            self._generated[name] = Entry(pattern, {}, (path.source, path.target))
+            self._generated[name] = self._made(pattern, path.source, path.target)
         return name
 
 

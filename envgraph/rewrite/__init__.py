@@ -34,6 +34,7 @@ from envgraph.rewrite.derive._derive import check_derivation, derived, derived_r
 from envgraph.rewrite.engine._described import Steps
 from envgraph.rewrite.engine._engine import Engine
 from envgraph.rewrite.engine._losses import Loss
+from envgraph.rewrite.engine._register import Registration
 from envgraph.rewrite.engine._trace import TRACE_FORMAT, Trace, trace_schema, trace_to_text
 from envgraph.rewrite.events._events import Activation, Agenda, EventRule
 from envgraph.rewrite.explore._exploration import Exploration, State, Statistics, Transition
@@ -56,6 +57,7 @@ __all__ = [
     "Match",
     "Matches",
     "Randomness",
+    "Registration",
     "Row",
     "RuleRunner",
     "RunResult",

@@ -22,13 +22,14 @@ _MOST = 100
 def check(workspace: Workspace) -> list[Diagnostic]:
     """What is wrong with patterns, rules, units, derivations and behaviours."""
     problems = list(_same_names(workspace.behaviours, "environment"))
-    metamodel = workspace.metamodel
-    if metamodel is None:
+    if workspace.registration is None or workspace.metamodel is None:
         return [*problems, *_no_metamodel(workspace)]
-    engine = Engine(Model(metamodel))
-    problems += engine.registrar.add_sound(*workspace.definitions, unknown=workspace.unknown)
-    for behaviour in workspace.behaviours:
-        problems += check_behaviour(behaviour, engine)
+    problems += workspace.registration.problems
+    if workspace.behaviours:
+        engine = Engine(Model(workspace.metamodel))
+        engine.registrar.add_sound(workspace.registration)
+        for behaviour in workspace.behaviours:
+            problems += check_behaviour(behaviour, engine)
     return problems
 
 

@@ -62,8 +62,8 @@ from envgraph.lang.syntax._lexer import Lexeme
 from envgraph.lang.syntax._parsing import Parsed, parse_tokens
 from envgraph.lang.syntax._xml import as_utf8
 from envgraph.metamodel import Metamodel
-from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit, UnknownNames
-from envgraph.rewrite import Engine
+from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, UnknownNames
+from envgraph.rewrite import Engine, Registration
 
 LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
 
@@ -469,6 +469,10 @@ class _Loader:
         )
         self.diagnostics += imports
         if not self._others():  # else nobody knows which of them the names are of
+            if metamodel is not None:
+                library = Library(metamodel)
+                library.unknown = workspace.unknown
+                workspace = replace(workspace, registration=Registration(workspace.definitions, library))
             checked = check(workspace)
             # The import next to a mistake may be lost with it.
             cut = {_file(one) for one in self.diagnostics if one.span and "import" in one.span.source.text}

@@ -14,7 +14,7 @@ from envgraph.lang.read._model import ModelText
 from envgraph.lang.syntax._files import Bundle, bundle
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit, UnknownNames
-from envgraph.rewrite import Engine
+from envgraph.rewrite import Engine, Registration
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +30,7 @@ class Workspace:
         sources: the text of every file that was read, by name.
         unknown: names of definitions of which nothing is known, because they could not be read.
         unread: files with errors in them that were found on reading.
+        registration: the definitions, checked; None where it is not known what they are about.
     """
 
     metamodel: Metamodel | None = None
@@ -46,6 +47,7 @@ class Workspace:
     functions: tuple[FunctionDeclaration, ...] = ()
     unknown: UnknownNames = field(default_factory=UnknownNames)
     unread: frozenset[str] = frozenset()
+    registration: Registration | None = field(default=None, compare=False, repr=False)
 
     @property
     def definitions(self) -> tuple[Pattern | Rule | Unit | Derivation | FunctionDeclaration, ...]:
@@ -88,7 +90,8 @@ class Workspace:
     def engine(self, model: str | None = None, seed: int = 0) -> Engine:
         """An engine on one of the models with all patterns, rules, units and derivations. Raises as `model`."""
         engine = Engine(self.model(model), seed=seed)
-        engine.add(*self.definitions)
+        assert self.registration is not None, "there is a model"
+        engine.registrar.install(self.registration.for_another())
         return engine
 
     def behaviour(self, name: str | None = None) -> Behaviour:

@@ -15,13 +15,13 @@ from envgraph.pattern import (
     Block,
     Constraint,
     Create,
+    Entry,
     Library,
     Modification,
     Negation,
     Node,
     ObjectType,
     Parameter,
-    Pattern,
     PatternCall,
     RightSide,
     Rule,
@@ -67,12 +67,12 @@ class CheckedRule:
     """What checking a rule gives.
 
     Attributes:
-        patterns: its left sides, in the order in which a library can take them.
+        entries: its left sides, as a library can take them; none if there are errors.
         plan: None if there are errors.
     """
 
     rule: Rule
-    patterns: tuple[Pattern, ...]
+    entries: tuple[Entry, ...]
     plan: RulePlan | None
     problems: tuple[Diagnostic, ...]
 
@@ -113,7 +113,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
         problems += _check_effect(rule, lowered, body)
         problems += used_once(rule)
     if has_errors(problems) or known is None:
-        return CheckedRule(rule, patterns, None, tuple(problems))
+        return CheckedRule(rule, (), None, tuple(problems))
     plan = RulePlan(
         name=rule.qualified_name,
         weight=float(rule.weight),
@@ -128,7 +128,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
         exact=_exact_class(lowered),
         span=rule.span,
     )
-    return CheckedRule(rule, patterns, plan, tuple(problems))
+    return CheckedRule(rule, library.entries(*patterns), plan, tuple(problems))
 
 
 def _left_problems(

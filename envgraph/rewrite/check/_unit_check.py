@@ -19,6 +19,7 @@ from envgraph.pattern import (
     Choice,
     Constant,
     Constraint,
+    Entry,
     EnumLiteral,
     Evaluation,
     Expression,
@@ -80,6 +81,7 @@ class CheckedUnit:
         asked: the conditions that ask a rule, by the identity of the `if`, and what they ask.
         types: of the parameters.
         complete: whether it is known what all names mean.
+        entries: patterns of the conditions, as a library can take them; those without errors.
     """
 
     unit: Unit
@@ -89,16 +91,12 @@ class CheckedUnit:
     asked: dict[int, tuple[Applicable, Signature]] = field(default_factory=dict)
     types: Scope = field(default_factory=dict)
     complete: bool = True
+    entries: list[Entry] = field(default_factory=list)
 
     @property
     def sound(self) -> bool:
         """Whether the unit has no errors and mentions nothing unknown."""
         return self.complete and not has_errors(self.problems)
-
-    @property
-    def patterns(self) -> tuple[Pattern, ...]:
-        """Patterns of the conditions."""
-        return tuple(condition.pattern for condition in self.conditions.values())
 
 
 def check_unit(unit: Unit, directory: Directory, library: Library) -> CheckedUnit:
@@ -440,7 +438,10 @@ class _Checker:
         lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
         problems = [p for p in left_problems(self.library, lowered.pattern) if p.severity is Severity.ERROR]
         self.result.problems.extend(problems)
-        self.result.complete &= not self.library.unsound(lowered.pattern)
+        if self.library.unsound(lowered.pattern):
+            self.result.complete = False
+        else:
+            self.result.entries += self.library.entries(lowered.pattern)
         self.result.conditions[id(step), place] = lowered
 
     def _unknown(self, condition: Constraint, scope: Scope) -> Iterator[Variable]:

@@ -26,22 +26,23 @@ class Registration:
     """Checks definitions, and works out everything that adding them takes.
 
     Attributes:
+        definitions: as they were given.
         problems: all errors and warnings, in the order of the text.
-        all_patterns: the patterns, then those that rules and units are made into.
+        library: the one given, which stays as it is, with the patterns without errors, and if there are no errors also
+            with those that rules and units are made into.
         plans: of the rules, those of derivations included.
         units: in the order of the text.
         groups: members of each derivation.
         directory: names of everything, what was there before included.
-        functions: that expressions can call.
     """
 
-    def __init__(self, definitions: Sequence[Definition], library: Library, directory: Directory) -> None:
-        declarations = [d for d in definitions if isinstance(d, FunctionDeclaration)]
-        if declarations:
-            library = copy(library)
-        undeclared = library.declare(*declarations)
-        self.functions = library.functions
-        self._given = definitions
+    def __init__(
+        self, definitions: Sequence[Definition], library: Library, directory: Directory | None = None
+    ) -> None:
+        directory = directory or Directory()
+        library = copy(library)
+        undeclared = library.declare(*(d for d in definitions if isinstance(d, FunctionDeclaration)))
+        self.definitions = tuple(definitions)
         self._definitions = [
             library.resolved(d) for d in definitions if not isinstance(d, Pattern | FunctionDeclaration)
         ]
@@ -55,35 +56,39 @@ class Registration:
         made = [pattern for group in self._derived.values() for pattern in group.patterns]
         self._patterns = [*written, *made]
         self._before = directory
-        self._library = library
         self.directory = Directory(directory.signatures.values())
         self.units: list[CheckedUnit] = []
         self.groups: dict[str, tuple[str, ...]] = {}
         self._rules: list[CheckedRule] = []
-        found = [*undeclared, *left_problems(library, *written), *self._duplicates(directory)]
+        found = [*undeclared, *left_problems(library, *written), *self._duplicates(library, directory)]
+        self._unsound = library.unsound(*written)
+        library = library.with_sound(*written)
         # Nobody wrote the others: warnings about them help nobody.
         found += [p for p in left_problems(library, *made) if p.severity is Severity.ERROR]
-        found += self._check(library.with_sound(*self._patterns) if self._patterns else library)
+        self._unsound |= library.unsound(*made)
+        self.library = library.with_sound(*made)
+        found += self._check(self.library)
         if not has_errors(found):
             found += endless(self.units)
+            self.library.take(entry for rule in self._rules for entry in rule.entries)
+            self.library.take(entry for unit in self.units for entry in unit.entries)
         self.problems = sort_diagnostics(found)
 
-    @property
-    def all_patterns(self) -> tuple[Pattern, ...]:
-        """See above."""
-        rules = [pattern for checked in self._rules for pattern in checked.patterns]
-        units = [pattern for checked in self.units for pattern in checked.patterns]
-        return (*self._patterns, *rules, *units)
+    def for_another(self) -> Registration:
+        """This one; or the same anew if functions are declared, since each engine is given their code for itself."""
+        if not any(isinstance(one, FunctionDeclaration) for one in self.definitions):
+            return self
+        return Registration(self.definitions, Library(self.library.metamodel))
 
     @property
     def sound(self) -> list[Definition]:
         """The definitions that have no errors and mention nothing unknown; of namesakes the first."""
-        bad = {*self._library.unsound(*self._patterns)}
+        bad = {*self._unsound}
         bad.update(checked.rule.qualified_name for checked in self._rules if checked.plan is None)
         bad.update(checked.unit.qualified_name for checked in self.units if not checked.sound)
         bad.update(name for name, members in self.groups.items() if not bad.isdisjoint(members))
         found: dict[tuple[bool, str], Definition] = {}
-        for one in self._given:
+        for one in self.definitions:
             if one.qualified_name not in bad and not has_errors(self._derivations.get(id(one), ())):
                 found.setdefault((isinstance(one, FunctionDeclaration), one.qualified_name), one)
         return list(found.values())
@@ -105,11 +110,11 @@ class Registration:
                 found[name] = derived(definition, library.metamodel)
         return found
 
-    def _duplicates(self, directory: Directory) -> Iterator[Diagnostic]:
+    def _duplicates(self, library: Library, directory: Directory) -> Iterator[Diagnostic]:
         first: dict[str, Span | None] = {pattern.qualified_name: pattern.span for pattern in self._patterns}
         for definition in self._definitions:
             name = definition.qualified_name
-            known = name in directory.signatures or name in self._library.names()
+            known = name in directory.signatures or name in library.names()
             if known or name in first:
                 notes = (Note("the first definition is here", first[name]),) if first.get(name) else ()
                 message = f"`{name}` is defined twice" if name in first else f"`{name}` is defined already"

@@ -7,7 +7,7 @@ from copy import copy
 
 from envgraph.errors import Diagnostic, InvalidArgument, ResolutionError, Severity, has_errors
 from envgraph.match import ViewMatcher
-from envgraph.pattern import FunctionDeclaration, Library, Pattern, UnknownNames
+from envgraph.pattern import FunctionDeclaration, Library, Pattern
 from envgraph.rewrite._names import Directory
 from envgraph.rewrite.check._well_formed import mistake_in
 from envgraph.rewrite.engine._catalog import Catalog
@@ -35,33 +35,45 @@ class Registrar:
             ResolutionError: at least one has an error; all errors together. Nothing is added.
             InvalidArgument: something that is no definition, or a definition with a part of the wrong type.
         """
-        self._install(self._sound(self._registration(definitions)), definitions)
+        self.install(self._registration(definitions))
 
-    def add_sound(self, *definitions: Definition, unknown: UnknownNames) -> list[Diagnostic]:
-        """Register the definitions without errors, as `add` does; from then on it is no mistake to mention the others.
-
-        Args:
-            definitions: some with errors, perhaps.
-            unknown: names that they may mention although nothing is known about them.
-
-        Returns:
-            All errors and warnings of all of them.
+    def install(self, registration: Registration) -> None:
+        """Register definitions that were checked against what there is; several engines may be given the same.
 
         Raises:
-            InvalidArgument: something that is no definition, or a definition with a part of the wrong type.
+            ResolutionError: at least one has an error; all errors together. Nothing is added.
         """
-        library = self._catalog.library
-        library.unknown = unknown
-        registration = self._registration(definitions)
-        problems = registration.problems
-        left: Sequence[Definition] = definitions
-        while len(sound := registration.sound) < len(left):
+        catalog, sound = self._catalog, self._sound(registration)
+        model, library, matcher = catalog.model, catalog.library, catalog.matcher
+        library.update(sound.library)
+        catalog.directory = Directory(sound.directory.signatures.values())
+        catalog.forget()
+        for plan in sound.plans:
+            runner = graph_rule(plan, model, library, matcher, catalog.notices.existing_link)
+            catalog.runners[plan.name] = runner
+        for definition in sound.definitions:
+            if not isinstance(definition, Pattern | FunctionDeclaration):
+                catalog.written[definition.qualified_name] = definition
+        catalog.members.update(sound.groups)
+        for checked in sound.units:
+            signature = catalog.directory.signatures[checked.unit.qualified_name]
+            catalog.programs[signature.name] = unit_program(
+                checked, signature, catalog.runners, catalog.programs, catalog.group, model, matcher
+            )
+        self._watch(
+            one for one in sound.definitions if isinstance(one, Pattern) and one.strategy == "incremental"
+        )
+
+    def add_sound(self, registration: Registration) -> None:
+        """Register the definitions without errors; from then on it is no mistake to mention the others."""
+        while len(sound := registration.sound) < len(registration.definitions):
             kept = {*map(id, sound)}
-            library.unknown |= (one.qualified_name for one in left if id(one) not in kept)
-            left = sound
-            registration = self._registration(left)
-        self._install(registration, left)
-        return problems
+            library = copy(self._catalog.library)
+            library.unknown = registration.library.unknown | (
+                one.qualified_name for one in registration.definitions if id(one) not in kept
+            )
+            registration = Registration(sound, library, self._catalog.directory)
+        self.install(registration)
 
     def remove(self, *names: str) -> None:
         """Forget patterns, rules, units and derivations; what `prepare` gave for them is of no more use.
@@ -115,7 +127,7 @@ class Registrar:
         before = matcher.watched if isinstance(matcher, ViewMatcher) else ()
         watched = [name for name in self._patterns_of(affected) if name in before]
         self._drop(affected)
-        self._install(registration, everything)
+        self.install(registration)
         known = self._catalog.library
         again = [known.get(name) for name in watched if name in known.names()]
         self._watch(pattern for pattern in again if pattern.strategy != "search")
@@ -131,28 +143,6 @@ class Registrar:
         if has_errors(registration.problems):
             raise ResolutionError([p for p in registration.problems if p.severity is Severity.ERROR])
         return registration
-
-    def _install(self, registration: Registration, definitions: Sequence[Definition]) -> None:
-        """Register definitions that were checked."""
-        catalog = self._catalog
-        model, library, matcher = catalog.model, catalog.library, catalog.matcher
-        library.functions = registration.functions
-        library.add(*registration.all_patterns)
-        catalog.directory = registration.directory
-        catalog.forget()
-        for plan in registration.plans:
-            runner = graph_rule(plan, model, library, matcher, catalog.notices.existing_link)
-            catalog.runners[plan.name] = runner
-        for definition in definitions:
-            if not isinstance(definition, Pattern | FunctionDeclaration):
-                catalog.written[definition.qualified_name] = definition
-        catalog.members.update(registration.groups)
-        for checked in registration.units:
-            signature = catalog.directory.signatures[checked.unit.qualified_name]
-            catalog.programs[signature.name] = unit_program(
-                checked, signature, catalog.runners, catalog.programs, catalog.group, model, matcher
-            )
-        self._watch(one for one in definitions if isinstance(one, Pattern) and one.strategy == "incremental")
 
     def _watch(self, patterns: Iterable[Pattern]) -> None:
         """Keep patterns current as soon as there is no state to go back to."""
