@@ -289,7 +289,7 @@ class Domain:
         except EvaluationError as error:
             hint = "the environment counts through these objects: give each of them a key of its own"
             raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
-        violated = {str(one) for one in problem.violations()}
+        violated = {str(one): _evidence(problem.engine, one) for one in problem.violations()}
         if not violated:
             try:
                 return self._outside(problem, problem.measure())
@@ -308,12 +308,12 @@ class Domain:
         problems = [
             Diagnostic(
                 "initial-model-invalid",
-                f"the initial model violates `{constraint}`",
+                f"the initial model violates `{constraint}`{evidence}",
                 named.get(constraint, spec.model.span),
                 "the family is made from a model that satisfies every constraint",
                 notes=(note,) if constraint in named else (),
             )
-            for constraint in sorted(violated)
+            for constraint, evidence in sorted(violated.items())
         ]
         raise LoadError(sort_diagnostics(problems))
 
@@ -368,6 +368,15 @@ class Domain:
             for annotation in pattern.annotations
             if annotation.name == "Constraint" and dict(annotation.named).get("severity") == "error"
         ]
+
+
+def _evidence(engine: Engine, violated: Constraint) -> str:
+    """What an engine finds that a constraint does not allow."""
+    if isinstance(violated, Forbid):
+        return f": there is {engine.first(violated.pattern)}"
+    if isinstance(violated, CountWithin):
+        return f": there are {engine.count(violated.pattern)}"
+    return ""
 
 
 def _only(found: Sequence[Placed], file: Name) -> Placed:

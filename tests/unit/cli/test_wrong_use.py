@@ -50,7 +50,17 @@ MODEL, QUERIES, RULES = (
     [
         ('transform = "sqrt"', 'transform = "sqr"', "family.toml:13:13: `transform`"),
         ("rounds = 500", "rounds = -1", "family.toml:34:54: `rounds`"),
-        ("forbid = []", 'forbid = ["solvable"]', "family.toml:9:11: the initial model violates"),
+        (
+            "forbid = []",
+            'forbid = ["startTileFixedLocation"]',
+            "family.toml:9:11: the initial model violates `forbid startTileFixedLocation`: there is "
+            "burning_forest.startTileFixedLocation(forest=<Forest#0 forest>, tile=<StartTile#1 y=0 x=0>)",
+        ),
+        (
+            "forbid = []",
+            "count = { burningTile = 3 }",
+            "family.toml:9:11: the initial model violates `count burningTile in 3..3`: there are 20",
+        ),
     ],
 )
 def test_check_finds_what_a_search_would_refuse(refused: Call, old: str, new: str, message: str) -> None:
