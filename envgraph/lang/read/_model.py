@@ -27,6 +27,7 @@ from envgraph.graph import Model
 from envgraph.lang.read._grid import Cell, Entry, GridText, read_grid
 from envgraph.lang.read._imports import Import, without_consequences
 from envgraph.lang.read._metamodel import sign
+from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, listed, plural, value_of, values_of
 from envgraph.lang.read._refused_links import link_hint
 from envgraph.lang.syntax._parsing import Parsed, tokens, trees
 from envgraph.metamodel import (
@@ -36,13 +37,7 @@ from envgraph.metamodel import (
     Metamodel,
     Reference,
     Scalar,
-    Value,
-    accepts,
-    type_name,
 )
-from envgraph.pattern import value_hint
-
-_NO_VALUE = "write `none`, or leave the feature out"
 
 _MOST_HINTS = 100
 """For so many unknown objects it is worked out what may have been meant."""
@@ -90,9 +85,9 @@ def read_models(parsed: Parsed, metamodel: Metamodel | None, lost: frozenset[str
     diagnostics = list(parsed.diagnostics)
     models: dict[str, ModelText] = {}
     for tree in trees(parsed.tree.children, "model") if parsed.tree else []:
-        reader = _Reader(parsed, metamodel)
+        reader = _Reader(parsed, metamodel, Reports(parsed))
         text = reader.read(tree)
-        diagnostics.extend(reader.diagnostics)
+        diagnostics.extend(reader.reports.diagnostics)
         first = models.setdefault(text.name, text)
         if first is not text:
             note = Note("the first definition is here", first.span)
@@ -141,14 +136,13 @@ class _Reader:
 
     parsed: Parsed
     metamodel: Metamodel | None
-    diagnostics: list[Diagnostic] = field(default_factory=list)
+    reports: Reports
     spans: dict[int, Span] = field(default_factory=dict)
     _model: Model = field(init=False)
     _names: dict[str, tuple[int | None, Span]] = field(default_factory=dict)
     _unknown: int = 0
     _grids: dict[str, _Grid] = field(default_factory=dict)
     _tasks: list[_Task] = field(default_factory=list)
-    _reported: set[tuple[str, int, int]] = field(default_factory=set)
 
     def read(self, tree: Tree[Token]) -> ModelText:
         name, metamodel = tokens(tree.children)
@@ -157,10 +151,10 @@ class _Reader:
             hint = (
                 did_you_mean(metamodel, [self.metamodel.name]) or f"the metamodel is `{self.metamodel.name}`"
             )
-            self._error("unknown-metamodel", f"unknown metamodel `{metamodel}`", metamodel, hint)
+            self.reports.error("unknown-metamodel", f"unknown metamodel `{metamodel}`", metamodel, hint)
         with self._model.loading():
             self._fill_model(tree)
-        complete = self.metamodel and not has_errors([*self.parsed.diagnostics, *self.diagnostics])
+        complete = self.metamodel and not has_errors([*self.parsed.diagnostics, *self.reports.diagnostics])
         return ModelText(
             str(name), self.parsed.span(name), str(metamodel), self._model if complete else None, self.spans
         )
@@ -207,12 +201,12 @@ class _Reader:
             hint = name_hint(cls, metamodel.classes)
             if metamodel.named(cls):
                 hint = "several packages have one of this name: their objects can be in `.xmi` and JSON files"
-            self._report("unknown-class", f"unknown class `{cls}`", span, hint)
+            self.reports.report("unknown-class", f"unknown class `{cls}`", span, hint)
             return False
         if metamodel.classes[cls].abstract:
             kinds = metamodel.concrete(cls)
-            hint = f"its concrete classes are {_listed(kinds)}" if kinds else "it has no concrete subclass"
-            self._report("abstract-class", f"`{cls}` is abstract", span, hint)
+            hint = f"its concrete classes are {listed(kinds)}" if kinds else "it has no concrete subclass"
+            self.reports.report("abstract-class", f"`{cls}` is abstract", span, hint)
             return False
         return True
 
@@ -220,7 +214,7 @@ class _Reader:
         if str(name) not in self._names:
             return True
         note = Note("the first one is here", self._names[str(name)][1])
-        self._error(
+        self.reports.error(
             "duplicate-object",
             f"there are two objects `{name}`",
             name,
@@ -238,7 +232,7 @@ class _Reader:
             self._declare(value, made)
             if first.setdefault(str(feature), feature) is not feature:
                 note = Note("the first value is here", self.parsed.span(first[str(feature)]))
-                self._error(
+                self.reports.error(
                     "duplicate-feature",
                     f"`{feature}` is set twice",
                     feature,
@@ -281,18 +275,18 @@ class _Reader:
 
     def _wrong_cells(self, line: Tree[Token], cells: Sequence[Tree[Token]], columns: Sequence[Token]) -> None:
         where = cells[len(columns)] if len(cells) > len(columns) else line
-        hint = f"the columns are {_listed(columns)}"
-        self._error("wrong-columns", f"this line has {_plural(len(cells), 'value')}", where, hint)
+        hint = f"the columns are {listed(columns)}"
+        self.reports.error("wrong-columns", f"this line has {plural(len(cells), 'value')}", where, hint)
 
     # --- grids ---
 
     def _grid(self, tree: Tree[Token], made: Made) -> None:
-        text = read_grid(self.parsed, tree, self.metamodel, self._add)
+        text = read_grid(self.parsed, tree, self.metamodel, self.reports.add)
         grid = _Grid(text, {})
         first = self._grids.setdefault(str(text.name), grid)
         if first is not grid:
             note = Note("the first one is here", self.parsed.span(first.text.name))
-            self._error(
+            self.reports.error(
                 "duplicate-object",
                 f"there are two grids `{text.name}`",
                 text.name,
@@ -326,7 +320,7 @@ class _Reader:
                 self._model.set_value(node, feature, index)
             else:
                 message = f"`{feature}` is no `int`, and cannot hold the {kind}"
-                self._error("wrong-type", message, axis.attribute, "name an attribute of type `int`")
+                self.reports.error("wrong-type", message, axis.attribute, "name an attribute of type `int`")
 
     def _neighbours(self, grid: _Grid) -> None:
         for kind, (right, down) in (("column", (1, 0)), ("row", (0, 1))):
@@ -341,7 +335,7 @@ class _Reader:
     def _link_next(self, node: int, token: Token, after: int) -> None:
         feature = self._feature(node, token)
         if isinstance(feature, Attribute):
-            self._error(
+            self.reports.error(
                 "wrong-type", f"`{feature}` is an attribute, not a reference", token, "name a reference"
             )
         elif feature is not None and self._fits(after, feature, self.parsed.span(token)):
@@ -356,8 +350,8 @@ class _Reader:
         if found is None:
             known = self.metamodel.features(cls)
             hint = self.metamodel.left_out(cls, str(token)) or did_you_mean(token, known)
-            hint = hint or (f"it has {_listed(known)}" if known else "it has no features")
-            self._error("unknown-feature", f"`{cls}` has no feature `{token}`", token, hint)
+            hint = hint or (f"it has {listed(known)}" if known else "it has no features")
+            self.reports.error("unknown-feature", f"`{cls}` has no feature `{token}`", token, hint)
         return found
 
     def _assign(self, task: _Task) -> None:
@@ -372,76 +366,11 @@ class _Reader:
             self._model.set_value(task.node, attribute, None)
             return
         if attribute.many:
-            self._model.set_value(task.node, attribute, self._values(task.value, attribute))
+            self._model.set_value(task.node, attribute, values_of(task.value, attribute, self.reports))
             return
-        value = self._value(task.value, attribute)
+        value = value_of(task.value, attribute, self.reports)
         if value is not None:
             self._model.set_value(task.node, attribute, value)
-
-    def _values(self, tree: Tree[Token], attribute: Attribute) -> list[Value]:
-        """Values of an attribute with many; what is wrong is reported and left out."""
-        found: list[Value] = []
-        seen: set[Value] = set()
-        for item in trees(tree.children) if tree.data == "list" else [tree]:
-            value = self._value(item, attribute)
-            if value is None:
-                continue
-            if attribute.unique and value in seen:
-                hint = "leave it out; `@nonunique` on the attribute would allow it"
-                self._error("duplicate-value", f"`{attribute}` has this value already", item, hint)
-            elif len(found) == attribute.upper:
-                message = f"`{attribute}` takes {_plural(attribute.upper, 'value')} at most"
-                self._error("too-many-values", message, item, "leave the others out")
-                break
-            else:
-                found.append(value)
-                seen.add(value)
-        return found
-
-    def _value(self, tree: Tree[Token], attribute: Attribute) -> Value | None:
-        parts = tokens(tree.children)
-        type_ = attribute.type
-        if tree.data == "enum_literal":
-            return self._literal(tree, attribute)
-        value: Value | None = None
-        match tree.data:
-            case "true" | "false":
-                value = tree.data == "true"
-            case "number":
-                value = sign(parts, float(parts[-1]) if parts[-1].type == "FLOAT" else int(parts[-1]))
-            case "string" if not isinstance(type_, EnumType):
-                value = str(parts[0])
-        if value is not None and accepts(type_, value):
-            return value
-        wanted = f"a literal of `{type_.name}`" if isinstance(type_, EnumType) else f"`{type_name(type_)}`"
-        message = f"`{attribute}` takes {wanted}, not {_kind(tree)}"
-        self._error("wrong-type", message, tree, _type_hint(tree, attribute) or value_hint(type_))
-        return None
-
-    def _literal(self, tree: Tree[Token], attribute: Attribute) -> Value | None:
-        *enum, literal = tokens(tree.children)
-        type_ = attribute.type
-        if not isinstance(type_, EnumType):
-            self._error(
-                "wrong-type",
-                f"`{attribute}` takes `{type_name(type_)}`, not an enum literal",
-                tree,
-                value_hint(type_),
-            )
-        elif enum and enum[0] != type_.name:
-            hint = f"write `{type_.name}::` or `::`"
-            self._error(
-                "wrong-type",
-                f"`{attribute}` is {with_article(type_.name)}, not {with_article(enum[0])}",
-                enum[0],
-                hint,
-            )
-        elif literal not in type_.literals:
-            hint = did_you_mean(literal, type_.literals) or f"its literals are {_listed(type_.literals)}"
-            self._error("unknown-literal", f"`{type_.name}` has no literal `{literal}`", literal, hint)
-        else:
-            return str(literal)
-        return None
 
     # --- references ---
 
@@ -453,12 +382,12 @@ class _Reader:
                 continue
             kept += 1
             if target in seen:
-                self._report(
+                self.reports.report(
                     "duplicate-target", f"`{reference.name}` has this object already", where, "leave it out"
                 )
             elif reference.upper is not None and kept > reference.upper:
-                message = f"`{reference}` takes {_plural(reference.upper, 'object')} at most"
-                self._report("too-many-targets", message, where, "leave the others out")
+                message = f"`{reference}` takes {plural(reference.upper, 'object')} at most"
+                self.reports.report("too-many-targets", message, where, "leave the others out")
                 return
             else:
                 self._link(task.node, reference, target, where)
@@ -478,8 +407,10 @@ class _Reader:
             case "cell":
                 yield from self._cell(tree)
             case _:
-                message = f"`{reference}` takes {_of_class(reference)}, not {_kind(tree)}"
-                self._error("wrong-type", message, tree, f"name an object of class `{reference.target}`")
+                message = f"`{reference}` takes {_of_class(reference)}, not {kind_of(tree)}"
+                self.reports.error(
+                    "wrong-type", message, tree, f"name an object of class `{reference.target}`"
+                )
 
     def _named(self, token: Token) -> Iterator[tuple[int, Span]]:
         if str(token) in self._names:
@@ -491,7 +422,7 @@ class _Reader:
         self._unknown += 1
         hint = did_you_mean(token, self._names) if self._unknown <= _MOST_HINTS else None
         if token == "null":
-            hint = _NO_VALUE
+            hint = NO_VALUE
         elif self.metamodel and str(token) in self.metamodel.classes:
             hint = f"write `{token} {{ }}` for a new object"
         elif str(token) in self._grids:
@@ -500,7 +431,7 @@ class _Reader:
             hint = f"write `::{token}` for a literal"
         elif hint is None and self._unknown <= _MOST_HINTS:
             hint = name_hint(token, self._names)
-        self._error("unknown-object", f"unknown object `{token}`", token, hint)
+        self.reports.error("unknown-object", f"unknown object `{token}`", token, hint)
 
     def _enums(self) -> Iterable[EnumType]:
         return self.metamodel.enum_types if self.metamodel else ()
@@ -508,7 +439,7 @@ class _Reader:
     def _cell(self, tree: Tree[Token]) -> Iterator[tuple[int, Span]]:
         name = tokens(tree.children)[0]
         if str(name) not in self._grids:
-            self._error("unknown-object", f"unknown grid `{name}`", name, name_hint(name, self._grids))
+            self.reports.error("unknown-object", f"unknown grid `{name}`", name, name_hint(name, self._grids))
             return
         grid = self._grids[str(name)]
         column, row = (
@@ -518,14 +449,12 @@ class _Reader:
         if node is not None:
             yield node, self.parsed.span(tree)
         elif not (0 <= column < grid.text.width and 0 <= row < grid.text.height):
-            hint = (
-                f"it has {_plural(grid.text.width, 'column')} and {_plural(grid.text.height, 'row')}, from 0"
-            )
-            self._error("outside-grid", f"`{name}` has no column {column}, row {row}", tree, hint)
-        elif not self.diagnostics:
+            hint = f"it has {plural(grid.text.width, 'column')} and {plural(grid.text.height, 'row')}, from 0"
+            self.reports.error("outside-grid", f"`{name}` has no column {column}, row {row}", tree, hint)
+        elif not self.reports.diagnostics:
             message = f"there is no object at column {column}, row {row}"
             hint = f"the letter there stands for none; columns and rows of `{name}` count from 0"
-            self._error("unknown-object", message, tree, hint)
+            self.reports.error("unknown-object", message, tree, hint)
 
     def _fits(self, target: int, reference: Reference, where: Span) -> bool:
         assert self.metamodel is not None
@@ -533,7 +462,7 @@ class _Reader:
         if self.metamodel.is_a(cls, reference.target):
             return True
         message = f"`{reference}` takes {_of_class(reference)}, not {with_article(cls)}"
-        self._report("wrong-type", message, where, f"name an object of class `{reference.target}`")
+        self.reports.report("wrong-type", message, where, f"name an object of class `{reference.target}`")
         return False
 
     def _link(self, node: int, reference: Reference, target: int, where: Span) -> None:
@@ -545,7 +474,7 @@ class _Reader:
             self._model.link(node, reference, target)
         except (RuleError, TypeMismatch) as error:
             hint = link_hint(error, reference)
-            self._report("impossible-link", str(error).split("\n", maxsplit=1)[0], where, hint)
+            self.reports.report("impossible-link", str(error).split("\n", maxsplit=1)[0], where, hint)
 
     def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
         """Whether an object has a container already: the model would move it, a file says two things at once."""
@@ -555,82 +484,13 @@ class _Reader:
         holder = self._model.describe(container[0])
         notes = (Note("the container is here", self.spans[container[0]]),)
         message = f"the object is contained in {holder} already, by `{container[1].name}`"
-        self._report("two-containers", message, where, "an object has one container at most", notes)
+        self.reports.report("two-containers", message, where, "an object has one container at most", notes)
         return True
-
-    # --- messages ---
-
-    def _error(
-        self,
-        code: str,
-        message: str,
-        where: Tree[Token] | Token,
-        hint: str | None = None,
-        notes: tuple[Note, ...] = (),
-    ) -> None:
-        self._report(code, message, self.parsed.span(where), hint, notes)
-
-    def _report(
-        self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
-    ) -> None:
-        self._add(Diagnostic(code, message, span, hint, notes=notes))
-
-    def _add(self, diagnostic: Diagnostic) -> None:
-        """Once for each place: a line of a legend or the head of a table stands for many objects."""
-        span = diagnostic.span
-        assert span is not None
-        if (diagnostic.code, span.start, span.end) not in self._reported:
-            self._reported.add((diagnostic.code, span.start, span.end))
-            self.diagnostics.append(diagnostic)
 
 
 def _at(cell: Cell) -> tuple[int, int]:
     return cell.column, cell.row
 
 
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names)
-
-
-def _plural(count: int, word: str) -> str:
-    return f"{count} {word}" if count == 1 else f"{count} {word}s"
-
-
 def _of_class(reference: Reference) -> str:
     return f"objects of class `{reference.target}`"
-
-
-def _kind(tree: Tree[Token]) -> str:
-    """What a value is, for messages."""
-    match tree.data:
-        case "true" | "false":
-            return "a truth value"
-        case "number":
-            return "a fraction" if tokens(tree.children)[-1].type == "FLOAT" else "a whole number"
-        case "string":
-            return "a string"
-        case "enum_literal":
-            return "an enum literal"
-        case "name":
-            return f"the object `{tokens(tree.children)[0]}`"
-        case "list" | "grid" | "table":
-            return f"a {tree.data}"
-    return "an object"
-
-
-def _type_hint(tree: Tree[Token], attribute: Attribute) -> str | None:
-    """How a value may have been meant."""
-    if tree.data not in {"name", "string"}:
-        return None
-    word = str(tokens(tree.children)[0])
-    if word == "null":
-        return _NO_VALUE
-    if isinstance(attribute.type, EnumType):
-        if word in attribute.type.literals:
-            return f"write `::{word}` for the literal"
-        return did_you_mean(word, attribute.type.literals)
-    if attribute.type is Scalar.STRING:
-        return f'write `"{word}"` for a string'
-    if attribute.type is Scalar.BOOL:
-        return did_you_mean(word, ("true", "false"))
-    return None

@@ -1,0 +1,166 @@
+"""Values of attributes in `.model` files, and how mistakes are reported there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import field
+
+from lark import Token, Tree
+
+from envgraph.code import dataclass
+from envgraph.errors import Diagnostic, Note, Span, did_you_mean, with_article
+from envgraph.lang.read._metamodel import sign
+from envgraph.lang.syntax._parsing import Parsed, tokens, trees
+from envgraph.metamodel import Attribute, EnumType, Scalar, Value, accepts, type_name
+from envgraph.pattern import value_hint
+
+NO_VALUE = "write `none`, or leave the feature out"
+
+
+@dataclass(slots=True)
+class Reports:
+    """What is wrong with one model."""
+
+    parsed: Parsed
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    _reported: set[tuple[str, int, int]] = field(default_factory=set)
+
+    def error(
+        self,
+        code: str,
+        message: str,
+        where: Tree[Token] | Token,
+        hint: str | None = None,
+        notes: tuple[Note, ...] = (),
+    ) -> None:
+        """Report an error at a place of the tree."""
+        self.report(code, message, self.parsed.span(where), hint, notes)
+
+    def report(
+        self, code: str, message: str, span: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
+    ) -> None:
+        """Report an error."""
+        self.add(Diagnostic(code, message, span, hint, notes=notes))
+
+    def add(self, diagnostic: Diagnostic) -> None:
+        """Once for each place: a line of a legend or the head of a table stands for many objects."""
+        span = diagnostic.span
+        assert span is not None
+        if (diagnostic.code, span.start, span.end) not in self._reported:
+            self._reported.add((diagnostic.code, span.start, span.end))
+            self.diagnostics.append(diagnostic)
+
+
+def values_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> list[Value]:
+    """Values of an attribute with many; what is wrong is reported and left out."""
+    found: list[Value] = []
+    seen: set[Value] = set()
+    for item in trees(tree.children) if tree.data == "list" else [tree]:
+        value = value_of(item, attribute, reports)
+        if value is None:
+            continue
+        if attribute.unique and value in seen:
+            hint = "leave it out; `@nonunique` on the attribute would allow it"
+            reports.error("duplicate-value", f"`{attribute}` has this value already", item, hint)
+        elif len(found) == attribute.upper:
+            message = f"`{attribute}` takes {plural(attribute.upper, 'value')} at most"
+            reports.error("too-many-values", message, item, "leave the others out")
+            break
+        else:
+            found.append(value)
+            seen.add(value)
+    return found
+
+
+def value_of(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value | None:
+    """A value of an attribute; None if it is wrong, which is reported."""
+    parts = tokens(tree.children)
+    type_ = attribute.type
+    if tree.data == "enum_literal":
+        return _literal(tree, attribute, reports)
+    value: Value | None = None
+    match tree.data:
+        case "true" | "false":
+            value = tree.data == "true"
+        case "number":
+            value = sign(parts, float(parts[-1]) if parts[-1].type == "FLOAT" else int(parts[-1]))
+        case "string" if not isinstance(type_, EnumType):
+            value = str(parts[0])
+    if value is not None and accepts(type_, value):
+        return value
+    wanted = f"a literal of `{type_.name}`" if isinstance(type_, EnumType) else f"`{type_name(type_)}`"
+    message = f"`{attribute}` takes {wanted}, not {kind_of(tree)}"
+    reports.error("wrong-type", message, tree, _type_hint(tree, attribute) or value_hint(type_))
+    return None
+
+
+def _literal(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value | None:
+    *enum, literal = tokens(tree.children)
+    type_ = attribute.type
+    if not isinstance(type_, EnumType):
+        reports.error(
+            "wrong-type",
+            f"`{attribute}` takes `{type_name(type_)}`, not an enum literal",
+            tree,
+            value_hint(type_),
+        )
+    elif enum and enum[0] != type_.name:
+        hint = f"write `{type_.name}::` or `::`"
+        reports.error(
+            "wrong-type",
+            f"`{attribute}` is {with_article(type_.name)}, not {with_article(enum[0])}",
+            enum[0],
+            hint,
+        )
+    elif literal not in type_.literals:
+        hint = did_you_mean(literal, type_.literals) or f"its literals are {listed(type_.literals)}"
+        reports.error("unknown-literal", f"`{type_.name}` has no literal `{literal}`", literal, hint)
+    else:
+        return str(literal)
+    return None
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names, for messages."""
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def plural(count: int, word: str) -> str:
+    """A number of things, for messages."""
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
+def kind_of(tree: Tree[Token]) -> str:
+    """What a value is, for messages."""
+    match tree.data:
+        case "true" | "false":
+            return "a truth value"
+        case "number":
+            return "a fraction" if tokens(tree.children)[-1].type == "FLOAT" else "a whole number"
+        case "string":
+            return "a string"
+        case "enum_literal":
+            return "an enum literal"
+        case "name":
+            return f"the object `{tokens(tree.children)[0]}`"
+        case "list" | "grid" | "table":
+            return f"a {tree.data}"
+    return "an object"
+
+
+def _type_hint(tree: Tree[Token], attribute: Attribute) -> str | None:
+    """How a value may have been meant."""
+    if tree.data not in {"name", "string"}:
+        return None
+    word = str(tokens(tree.children)[0])
+    if word == "null":
+        return NO_VALUE
+    if isinstance(attribute.type, EnumType):
+        if word in attribute.type.literals:
+            return f"write `::{word}` for the literal"
+        return did_you_mean(word, attribute.type.literals)
+    if attribute.type is Scalar.STRING:
+        return f'write `"{word}"` for a string'
+    if attribute.type is Scalar.BOOL:
+        return did_you_mean(word, ("true", "false"))
+    return None
