@@ -15,11 +15,10 @@
 
 from envgraph.errors import shorten
 from envgraph.graph._conformance import Violation, check_conformance
-from envgraph.graph._ensured import as_context, ensured
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Shelf, Version
 from envgraph.graph._isomorphism import Shapes
-from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet, make_sure
+from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet
 from envgraph.graph._model import Model
 from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
@@ -60,12 +59,9 @@ __all__ = [
     "Version",
     "Violation",
     "arrange_targets",
-    "as_context",
     "check_conformance",
-    "ensured",
     "from_networkx",
     "json_place",
-    "make_sure",
     "model_from_json",
     "model_schema",
     "model_to_json",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING, NoReturn
+from collections.abc import Iterator
+from operator import length_hint
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from envgraph.errors import InvalidArgument, TransactionError
-from envgraph.graph._journal import Journal, invert, invert_net, make_sure, revert, turn_back
+from envgraph.graph._journal import Journal, invert, net_changes, settle, take_back, undo
 from envgraph.graph._store import Store
-from envgraph.graph._torn import Torn
 
 if TYPE_CHECKING:
     from envgraph.graph._model import Model
@@ -118,14 +119,6 @@ class Vertex:
         self.total = total
         self.handle: Handle | None = None
 
-    def turned(self, inverse: Journal, upwards: bool, net: bool) -> None:
-        """The segment has been undone: the model has gone from one end of it to the other."""
-        self.segment = inverse
-        self.upwards = upwards
-        if net:
-            self.reduced = len(inverse)
-        self.spliced = False
-
     @property
     def overgrown(self) -> bool:
         """Whether the segment has doubled since it was reduced: time to walk it there and back."""
@@ -162,65 +155,79 @@ class History:
         self._current: Vertex | None = None
         self._held = 0
         self._released: list[Handle] = []
+        self._reverting: tuple[int, Iterator[Any]] | None = None
+        self._inverse: Journal | None = None
+        self._repairing = False
+        store.interrupted.repair = self.repair
 
     # --- savepoints
 
     def savepoint(self) -> Savepoint:
         """Open a savepoint inside those that are open."""
         store = self._store
-        if store.torn:
-            store.recover()
+        if store.interrupted:
+            self.repair()
         if self._store.loading:
             raise TransactionError("a model that is loading has no journal to roll back")
         for follower in store.followers:
             follower.settle()
-        stack, savepoint = self._stack, Savepoint(len(store.journal), store.next_id, store.total)
+        savepoint = Savepoint(len(store.journal), store.next_id, store.total)
         try:
-            store.recording = True
-            store.epoch += 1
-            stack.append(savepoint)
+            self._record()
+            self._stack.append(savepoint)
         except BaseException:
-            if stack and stack[-1] is savepoint:
-                del stack[-1]
+            store.interrupted.append(savepoint)
+            self.repair()
             raise
         return savepoint
+
+    def _record(self) -> None:
+        """From now on there is a state to go back to."""
+        store = self._store
+        store.recording = True
+        store.epoch += 1
 
     def rollback(self, savepoint: Savepoint) -> None:
         """Back to the state at the innermost savepoint, and close it."""
         store = self._store
-        if store.torn:
-            store.recover()
+        if store.interrupted:
+            self.repair()
         self._check_innermost(savepoint)
         try:
             changed = len(store.journal) > savepoint._mark
-            if changed:
-                revert(store.journal, savepoint._mark, store.torn)
-            self._stack.pop()
-            if changed:
-                self._replayed(savepoint._next_id, savepoint._total)
-            if not self._stack:
-                self._settle()
+            self._roll_back(savepoint)
         except BaseException:
-            store.torn.append((self._rolled_back, (savepoint,)))
-            store.recover()
+            store.interrupted.extend((None, savepoint))
+            self.repair()
             raise
         if changed:
             store.restored()
 
-    def _rolled_back(self, savepoint: Savepoint) -> None:
-        """Finish an interrupted `rollback`, together with the savepoints inside."""
-        stack = self._stack
-        if savepoint in stack:
-            revert(self._store.journal, savepoint._mark, self._store.torn)
-            del stack[stack.index(savepoint) :]
-        self._replayed(savepoint._next_id, savepoint._total)  # twice does no harm
+    def _roll_back(self, savepoint: Savepoint) -> None:
+        """Roll back to a savepoint, whatever is open inside it."""
+        store, stack = self._store, self._stack
+        changed = len(store.journal) > savepoint._mark
+        if changed:
+            self._revert(savepoint._mark)
+        del stack[stack.index(savepoint) :]
+        if changed:
+            self._replayed(savepoint._next_id, savepoint._total)
         if not stack:
             self._settle()
 
+    def _revert(self, mark: int) -> None:
+        """Undo and drop the entries of the journal from `mark` on."""
+        journal = self._store.journal
+        entries = journal[mark:]
+        backwards = reversed(entries)
+        self._reverting = mark, backwards
+        undo(backwards)
+        journal[mark:], self._reverting = (), None
+
     def unwind(self, depth: int) -> None:
-        """Roll back until so many savepoints are open: Ctrl-C may have kept one inside from being closed."""
-        if self._store.torn:
-            self._store.recover()
+        """Roll back until so many savepoints are open."""
+        if self._store.interrupted:
+            self.repair()
         if len(self._stack) > depth:
             del self._stack[depth + 1 :]
             self.rollback(self._stack[depth])
@@ -228,35 +235,27 @@ class History:
     def shelve(self, savepoint: Savepoint) -> Shelf:
         """As `rollback`, and what was taken back can be resumed."""
         store = self._store
-        if store.torn:
-            store.recover()
+        if store.interrupted:
+            self.repair()
         for follower in store.followers:
             follower.settle()
         self._check_innermost(savepoint)
-        inverse: Journal = []
-        undone = False
         try:
+            inverse: Journal = []
+            self._inverse = inverse
             invert(store.journal[savepoint._mark :], inverse)
             shelf = Shelf(inverse, store.next_id, store.total)
-            undone = True
-            del store.journal[savepoint._mark :]
+            store.journal[savepoint._mark :], self._inverse = (), None
             self._stack.pop()
             self._replayed(savepoint._next_id, savepoint._total)
             if not self._stack:
                 self._settle()
         except BaseException:
-            step = (self._shelved, (savepoint,)) if undone else (turn_back, (inverse, store.torn))
-            store.torn.append(step)
-            store.recover()
+            store.interrupted.extend((None, savepoint))
+            self.repair()
             raise
         store.restored()
         return shelf
-
-    def _shelved(self, savepoint: Savepoint) -> None:
-        """Finish an interrupted `shelve`: everything is undone already."""
-        if savepoint in self._stack:
-            del self._store.journal[savepoint._mark :]
-        self._rolled_back(savepoint)
 
     def resume(self, shelf: Shelf) -> Savepoint:
         """Make the changes of a shelf inside a new savepoint; the state is the one in which they were made."""
@@ -265,16 +264,11 @@ class History:
             invert(shelf._entries, store.journal)
             self._replayed(shelf._next_id, shelf._total)
         except BaseException:
-            store.torn.append((self._not_resumed, (savepoint,)))
-            store.recover()
+            store.interrupted.extend((None, savepoint))
+            self.repair()
             raise
         store.restored()
         return savepoint
-
-    def _not_resumed(self, savepoint: Savepoint) -> None:
-        """Take an interrupted `resume` back."""
-        make_sure(self._store.journal)
-        self._rolled_back(savepoint)
 
     def _replayed(self, next_id: int, total: int) -> None:
         store = self._store
@@ -287,8 +281,8 @@ class History:
 
     def release(self, savepoint: Savepoint) -> None:
         """Close the innermost savepoint and keep the changes."""
-        if self._store.torn:
-            self._store.recover()
+        if self._store.interrupted:
+            self.repair()
         self._check_innermost(savepoint)
         self._stack.pop()
         if not self._stack:
@@ -310,8 +304,8 @@ class History:
     @property
     def depth(self) -> int:
         """How many savepoints are open."""
-        if self._store.torn:
-            self._store.recover()
+        if self._store.interrupted:
+            self.repair()
         return len(self._stack)
 
     # --- loading
@@ -323,8 +317,8 @@ class History:
 
     def begin_loading(self) -> None:
         """Stop recording; nothing that is done from now on can be undone."""
-        if self._store.torn:
-            self._store.recover()
+        if self._store.interrupted:
+            self.repair()
         self._settle()
         self._refuse_inside("load")
         if self._held:
@@ -350,8 +344,8 @@ class History:
 
     def version(self) -> Version | None:
         """The version that the model is in, or None after uncommitted changes."""
-        if self._store.torn:
-            self._store.recover()
+        if self._store.interrupted:
+            self.repair()
         if self._stack:
             return None
         self._settle()
@@ -359,8 +353,8 @@ class History:
 
     def commit(self) -> Version:
         """Name the present state; without changes since the last version, that one."""
-        if self._store.torn:
-            self._store.recover()
+        if self._store.interrupted:
+            self.repair()
         self._refuse_inside("commit")
         self._settle()
         store = self._store
@@ -377,26 +371,21 @@ class History:
         segment = store.journal[:] if before is not None else []
         vertex = Vertex(self._commits + 1, before, segment, store.next_id, store.total)
         try:
-            self._committed(vertex)
+            self._record()
+            if before is not None:
+                before.children[vertex] = None
+            self._commits = vertex.number
+            store.journal[:], self._current = (), vertex
+            handle = self._handle(vertex)
+            if before is not None:
+                self._prune(before)
         except BaseException:
-            store.torn.append((self._committed, (vertex,)))
-            store.recover()
+            store.interrupted.append(None)
+            self.repair()
             raise
-        handle = self._handle(vertex)
         if before is not None:
-            self._prune(before)
             self._reduce(vertex)
         return handle
-
-    def _committed(self, vertex: Vertex) -> None:
-        """The present state becomes a vertex; as often as wanted."""
-        self._commits = vertex.number
-        if vertex.parent is not None:
-            vertex.parent.children[vertex] = None
-        self._current = vertex
-        self._store.journal.clear()
-        self._store.recording = True
-        self._store.epoch += 1
 
     def checkout(self, version: Version, discard: bool) -> None:
         """Go to another version along the tree."""
@@ -405,8 +394,8 @@ class History:
         if version.model is not self._model():
             raise TransactionError(f"{version!r} is a version of another model")
         store = self._store
-        if store.torn:
-            store.recover()
+        if store.interrupted:
+            self.repair()
         self._refuse_inside("check out")
         self._settle()
         assert self._current is not None, "a version is held, so the present state has a place in the tree"
@@ -417,18 +406,18 @@ class History:
         if not store.journal and self._current is version._vertex:
             return
         try:
-            self._check_out(version)
+            self._check_out(version._vertex)
         except BaseException:
-            store.torn.append((self._checked_out, (version,)))
-            store.recover()
+            store.interrupted.extend((None, version._vertex))
+            self.repair()
             raise
         store.restored()
 
-    def _check_out(self, version: Version) -> None:
-        store, start, goal = self._store, self._current, version._vertex
+    def _check_out(self, goal: Vertex) -> None:
+        store, start = self._store, self._current
         assert start is not None
         if store.journal:
-            revert(store.journal, 0, store.torn)
+            self._revert(0)
         self._walk(goal)
         store.next_id = goal.next_id
         store.total = goal.total
@@ -437,11 +426,6 @@ class History:
         self._prune(start)
         for follower in store.followers[:]:
             follower.checked_out()
-
-    def _checked_out(self, version: Version) -> None:
-        """Finish an interrupted `checkout`."""
-        self._check_out(version)
-        self._tidy()
 
     def _walk(self, goal: Vertex) -> None:
         assert self._current is not None
@@ -453,35 +437,26 @@ class History:
 
     def _turn(self, vertex: Vertex, end: Vertex | None) -> None:
         """Undo the segment of a vertex, which leads to one of its ends."""
-        net, upwards = vertex.spliced and len(vertex.segment) > _LONG, not vertex.upwards
         inverse: Journal = []
-        torn = self._store.torn
-        undone = False
-        try:
-            if net:
-                invert_net(vertex.segment, inverse, torn)
-            else:
-                invert(vertex.segment, inverse)
-            undone = True
-            vertex.turned(inverse, upwards, net)
-            self._current = end
-        except BaseException:
-            if undone:
-                torn.append((self._turned, (vertex, inverse, upwards, net, end)))
-            else:
-                torn.append((turn_back, (inverse, torn)))
-            raise
-
-    def _turned(self, vertex: Vertex, inverse: Journal, upwards: bool, net: bool, end: Vertex | None) -> None:
-        """Finish an interrupted `_turn` whose segment is undone."""
-        vertex.turned(inverse, upwards, net)
-        self._current = end
+        self._inverse = inverse
+        invert(vertex.segment, inverse)
+        net = vertex.spliced and len(inverse) > _LONG
+        segment, upwards = net_changes(inverse) if net else inverse, not vertex.upwards
+        reduced = len(segment) if net else vertex.reduced
+        (vertex.segment, vertex.upwards, vertex.spliced, vertex.reduced, self._current, self._inverse) = (
+            segment,
+            upwards,
+            False,
+            reduced,
+            end,
+            None,
+        )
 
     @property
     def idle(self) -> bool:
         """Whether nothing is under way: no savepoint is open, nobody holds a version, and it is not loading."""
-        if self._store.torn:
-            self._store.recover()
+        if self._store.interrupted:
+            self.repair()
         self._settle()
         return not self._stack and not self._held and not self._store.loading
 
@@ -506,7 +481,7 @@ class History:
                 vertex.handle.vertex = vertex
                 self._held += 1
             except BaseException:
-                self._store.torn.append((self._tidy, ()))
+                self._store.interrupted.append(None)
                 raise
         return handle
 
@@ -519,10 +494,10 @@ class History:
                 self._prune(handle.vertex)
             if not self._held and not self._stack and self._store.recording:
                 self._current = None
-                self._store.journal.clear()
                 self._store.recording = False
+                self._store.journal.clear()
         except BaseException:
-            self._store.torn.append((self._tidy, ()))
+            self._store.interrupted.append(None)
             raise
 
     def _tidy(self) -> None:
@@ -552,8 +527,8 @@ class History:
                     self._turn(vertex, vertex.parent)
                 self._walk(current)
             except BaseException:
-                self._store.torn.append((self._walk, (current,)))
-                self._store.recover()
+                self._store.interrupted.extend((None, current))
+                self.repair()
                 raise
 
     def _prune(self, vertex: Vertex | None) -> None:
@@ -563,26 +538,64 @@ class History:
             if len(vertex.children) > 1:
                 return
             if vertex.children:
-                _splice(vertex, next(iter(vertex.children)), self._store.torn)
+                _splice(vertex, next(iter(vertex.children)))
                 return
             if parent is not None:
                 parent.children.pop(vertex, None)
             vertex.parent = None
             vertex = parent
 
-    def unwound(self, depth: int) -> None:
-        """Finish what was interrupted while more than so many savepoints were open: roll back to that."""
-        if len(self._stack) > depth:
-            self.taken_back(self._stack[depth])
+    # --- after an exception
 
-    def taken_back(self, savepoint: Savepoint) -> None:
-        """Roll back to a savepoint, whatever is open inside it; nothing if it is closed."""
-        if savepoint in self._stack:
-            try:
-                self._rolled_back(savepoint)
-            except BaseException:
-                self._store.torn.append((self._rolled_back, (savepoint,)))
-                raise
+    def repair(self) -> None:
+        """Make good what exceptions have left half done; see `Interrupted`.
+
+        What is in doubt in the journal is settled, what follows from other data is made anew, and then writes are
+        finished, transactions rolled back, and checkouts finished.
+        """
+        if self._repairing:
+            return
+        store = self._store
+        revision = store.revision
+        try:
+            self._repairing = True
+            self._repair()
+            self._repairing = False
+        except BaseException:
+            self._repairing = False
+            store.interrupted.append(None)
+            raise
+        if store.revision != revision:
+            store.restored()
+
+    def _repair(self) -> None:
+        store, goals = self._store, self._store.interrupted
+        torn = not all(isinstance(goal, Savepoint | int) for goal in goals)
+        if torn:
+            take_back(self._inverse or [], 0)
+            if self._reverting is not None:
+                mark, backwards = self._reverting
+                del store.journal[mark + length_hint(backwards) + 4 :]
+                self._reverting = None
+            settle(store.journal)
+            for follower in store.followers[:]:
+                follower.interrupted()
+            store.derive()
+        for goal in goals:
+            if isinstance(goal, tuple):
+                write, arguments = goal
+                write(*arguments)
+        for goal in goals:
+            if isinstance(goal, Savepoint) and goal in self._stack:
+                self._roll_back(goal)
+            elif isinstance(goal, int) and len(self._stack) > goal:
+                self._roll_back(self._stack[goal])
+            elif isinstance(goal, Vertex):
+                self._check_out(goal)
+        if torn:
+            store.recording = True  # until it turns out that nobody can go back
+            self._tidy()
+        goals.clear()
 
     def check_integrity(self) -> None:
         """Assert that the tree hangs together, and holds nothing that could have been freed."""
@@ -627,31 +640,21 @@ def _path(start: Vertex, goal: Vertex) -> tuple[list[Vertex], list[Vertex]]:
     return up, down
 
 
-def _splice(vertex: Vertex, child: Vertex, torn: Torn) -> None:
-    """Take a vertex with one child out of the tree; the child's segment then spans both."""
+def _splice(vertex: Vertex, child: Vertex) -> None:
+    """Take a vertex with one child out of the tree; the child's segment then spans both. May be called once more."""
     parent = vertex.parent
-    # The vertex is not current, so both segments lead the same way. Undoing reads backwards.
-    assert parent is None or child.upwards == vertex.upwards
-    first, second = (vertex, child) if child.upwards else (child, vertex)
-    whole, rest = (first.segment, second.segment) if parent is not None else ([], [])
-    length = len(whole)
-    try:
-        _spliced(vertex, child, parent, whole, length, rest)
-    except BaseException:
-        torn.append((_spliced, (vertex, child, parent, whole, length, rest)))
-        raise
-
-
-def _spliced(
-    vertex: Vertex, child: Vertex, parent: Vertex | None, whole: Journal, length: int, rest: Journal
-) -> None:
-    whole[length:] = rest
-    child.parent = parent
-    child.segment = whole
+    if child.parent is vertex:
+        # The vertex is not current, so both segments lead the same way. Undoing reads backwards.
+        assert parent is None or child.upwards == vertex.upwards
+        first, second = (vertex, child) if child.upwards else (child, vertex)
+        spliced = parent is not None
+        whole = first.segment if spliced else []
+        reduced = max(child.reduced, vertex.reduced)
+        rest = second.segment if spliced else []
+        whole += rest
+        child.segment, child.parent, child.spliced, child.reduced = whole, parent, spliced, reduced
     if parent is not None:
-        child.spliced = True
-        child.reduced = max(child.reduced, vertex.reduced)
-        parent.children.pop(vertex, None)
         parent.children[child] = None
+        parent.children.pop(vertex, None)
     vertex.parent = None
     vertex.children.clear()

@@ -7,18 +7,15 @@ stretch, so redo is the same mechanism.
 Whatever must follow rollbacks and versions keeps its state in lists, dicts and `IndexedSet`s and records here; a
 structure with another shape implements `Exchangeable`.
 
-An entry is written before the change that it takes back. So whatever interrupts a change, such as Ctrl-C, leaves only
-the last entry in doubt, which `make_sure` settles.
+An entry is written before the change that it takes back (a write-ahead log). So an exception in the middle of a change,
+such as that of Ctrl-C, leaves only the last entry in doubt: `take_back` settles it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Hashable, Iterable
 from itertools import repeat
-from operator import length_hint
 from typing import Any, Final, Protocol, TypeVar
-
-from envgraph.graph._torn import Torn
 
 Item = TypeVar("Item", bound=Hashable)
 
@@ -118,7 +115,7 @@ class IndexedSet(list[Item]):
             self.position[item] = index
         return before
 
-    def mend(self, item: Item) -> None:
+    def mend(self, _: Item | None = None) -> None:
         """After an interrupted `add`, `take` or `put` the element is in, or it is not; else nothing happens."""
         items = dict.fromkeys(self)
         if len(items) < len(self):  # `put` has copied what makes room
@@ -246,55 +243,33 @@ def _overwrite(sequence: list[Item], length: int, items: dict[int, Item]) -> lis
 # --- undoing
 
 
-def revert(journal: Journal, mark: int, torn: Torn) -> None:
-    """Undo and drop all entries from `mark` on.
-
-    After an interruption the journal holds what is left, as soon as `torn` is finished.
-    """
-    entries = journal[mark:]
-    backwards = reversed(entries)
-    try:
-        for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
-            if opcode == SET:
-                container[key] = old
-            elif opcode == OUT:
-                container.take(key)
-            elif opcode == IN:
-                container.put(key, old)
-            else:
-                container.exchange(key, old)
-        del journal[mark:]
-    except BaseException:
-        torn.append((_reverted, (journal, mark, entries, backwards)))
-        raise
-
-
-def _reverted(journal: Journal, mark: int, entries: Journal, backwards: Iterator[Any]) -> None:
-    left = length_hint(backwards)
-    if left < len(entries):
-        container, key, old, opcode = entries[left : left + 4]
-        _undo_again(container, key, old, opcode)
-    del journal[mark + left :]
-
-
-def _undo_again(container: Any, key: Any, old: Any, opcode: int) -> None:
-    """Undo an entry of which nothing, something or everything is undone already."""
-    if opcode == SET:
-        container[key] = old
-    elif opcode == EXCHANGE:
-        if isinstance(container, IndexedSet):
-            container.reindex()
-        container.exchange(key, old)
-    else:
-        container.mend(key)
-        if opcode == OUT and key in container:
+def undo(entries: Iterable[Any]) -> None:
+    """Undo entries, given backwards."""
+    backwards = iter(entries)
+    for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
+        if opcode == SET:
+            container[key] = old
+        elif opcode == OUT:
             container.take(key)
-        elif opcode == IN and key not in container:
+        elif opcode == IN:
             container.put(key, old)
+        else:
+            container.exchange(key, old)
 
 
-def make_sure(journal: Journal) -> None:
-    """After an interruption: the change of the last entry is made, or it is not, and the entry is dropped."""
+def take_back(journal: Journal, mark: int) -> None:
+    """Undo and drop all entries from `mark` on, of which the last one may be made, undone, or half of either.
+
+    If it is interrupted it can be called again.
+    """
+    settle(journal)
+    while len(journal) > mark:
+        undo(reversed(journal[-4:]))
+        del journal[-4:]
+
+
+def settle(journal: Journal) -> None:
+    """After an exception: the change of the last entry is made, or it is not, and the entry is dropped."""
     if journal:
         container, key, _, opcode = journal[-4:]
         if opcode in (OUT, IN):
@@ -306,7 +281,7 @@ def make_sure(journal: Journal) -> None:
 
 
 def invert(journal: Journal, inverse: Journal) -> None:
-    """Undo all entries, and add those that undo the undoing to `inverse`."""
+    """Undo all entries, and add those that undo the undoing to `inverse`, each before its entry is undone."""
     backwards = reversed(journal)
     for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
         if opcode == SET:
@@ -324,115 +299,70 @@ def invert(journal: Journal, inverse: Journal) -> None:
             inverse.extend((container, key, container.exchange(key, old), EXCHANGE))
 
 
-def turn_back(inverse: Journal, torn: Torn) -> None:
-    """Take an interrupted `invert` back."""
-    make_sure(inverse)
-    revert(inverse, 0, torn)
-
-
-def invert_net(journal: Journal, inverse: Journal, torn: Torn) -> None:
-    """As `invert`, but `inverse` names each place once, however often it was written.
-
-    After an interruption nothing is undone, as soon as `torn` is finished.
-    """
-    before = _Before()
+def net_changes(journal: Journal) -> Journal:
+    """Entries that undo what these undo, from the present state, and name each place once."""
+    places: dict[tuple[int, Any], tuple[Any, Any, Any, int]] = {}
+    sequences: dict[int, _Sequence] = {}
     backwards = reversed(journal)
-    try:
-        for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
-            before.note(container, key, old, opcode)
-            if opcode == SET:
-                container[key] = old
-            elif opcode == OUT:
-                container.take(key)
-            elif opcode == IN:
-                container.put(key, old)
-            elif isinstance(container, IndexedSet | Extent):
-                container.exchange(key, old)
-            else:
-                before.exchange(container, key, old)
-        inverse.extend(before.inverse())
-    except BaseException:
-        torn.append((_turn_net_back, (before, journal, backwards, torn)))
-        raise
-
-
-def _turn_net_back(before: _Before, journal: Journal, backwards: Iterator[Any], torn: Torn) -> None:
-    left = length_hint(backwards)
-    if left < len(journal):
-        container, key, old, opcode = journal[left : left + 4]
-        if opcode in (OUT, IN):
-            container.mend(key)
-            if (key in container) == (opcode == OUT):  # then it was not noted, perhaps
-                before.note(container, key, old, opcode)
+    for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
+        if isinstance(container, IndexedSet | Extent) and opcode != SET:
+            sequence = sequences.get(id(container))
+            if sequence is None:
+                sequence = sequences[id(container)] = _Sequence(container)
+            sequence.undo(key, old, opcode)
         else:
-            before.note(container, key, old, opcode)
-        if opcode != EXCHANGE or isinstance(container, IndexedSet | Extent):
-            _undo_again(container, key, old, opcode)
-    revert(before.inverse(), 0, torn)
+            places[id(container), key] = (container, key, old, opcode)
+    net: Journal = []
+    for entry in places.values():
+        container, key, old, opcode = entry
+        if opcode != SET or container[key] is not old:
+            net.extend(entry)
+    for sequence in sequences.values():
+        length, items = sequence.net()
+        if items or length != len(sequence.now):
+            net.extend((sequence.now, None, (length, items), EXCHANGE))
+    return net
 
 
-class _Before:
-    """What each place held before it was undone."""
+class _Sequence:
+    """What a sequence would be if entries were undone."""
 
-    def __init__(self) -> None:
-        self._sets: dict[tuple[int, Any], tuple[Any, Any, Any]] = {}
-        self._exchanges: dict[tuple[int, Any], tuple[Any, Any, Any]] = {}
-        self._sequences: dict[int, _Trace] = {}
+    def __init__(self, now: IndexedSet[Any] | Extent) -> None:
+        self.now = now
+        self._length = len(now)
+        self._items: dict[int, Any] = {}
+        self._places: dict[Any, int] = {}
 
-    def note(self, container: Any, key: Any, old: Any, opcode: int) -> None:
-        """An entry is going to be undone."""
-        if opcode == SET:
-            self._sets.setdefault((id(container), key), (container, key, container[key]))
-        elif isinstance(container, IndexedSet | Extent):
-            trace = self._sequences.get(id(container))
-            if trace is None:
-                trace = self._sequences[id(container)] = _Trace(container)
-            trace.note(key, old, opcode)
-
-    def exchange(self, container: Exchangeable, key: Any, old: Any) -> None:
-        """Undo an entry of a structure of another shape."""
-        self._exchanges.setdefault((id(container), key), (container, key, container.exchange(key, old)))
-
-    def inverse(self) -> Journal:
-        """What leads back."""
-        inverse: Journal = []
-        for container, key, value in self._sets.values():
-            if container[key] is not value:
-                inverse.extend((container, key, value, SET))
-        for trace in self._sequences.values():
-            length, items = trace.net()
-            if items or length != len(trace.sequence):
-                inverse.extend((trace.sequence, None, (length, items), EXCHANGE))
-        for container, key, value in self._exchanges.values():
-            inverse.extend((container, key, value, EXCHANGE))
-        return inverse
-
-
-class _Trace:
-    """What a sequence held where it has been written since."""
-
-    def __init__(self, sequence: IndexedSet[Any] | Extent) -> None:
-        self.sequence = sequence
-        self.length = len(sequence)
-        self.items: dict[int, Any] = {}
-
-    def note(self, key: Any, old: Any, opcode: int) -> None:
-        """An entry is going to be undone."""
-        sequence = self.sequence
+    def undo(self, key: Any, old: Any, opcode: int) -> None:
+        """As undoing the entry does."""
         if opcode == OUT:
-            self._touch((sequence.where(key), len(sequence) - 1))
+            self._length -= 1
+            place = self._places[key] if key in self._places else self.now.where(key)
+            if place < self._length:
+                self._put(place, self._at(self._length))
         elif opcode == IN:
-            self._touch((old,))
+            if old < self._length:
+                self._put(self._length, self._at(old))
+            self._put(old, key)
+            self._length += 1
         else:
-            self._touch(old[1])
-            self._touch(range(old[0], len(sequence)))
+            self._length, items = old
+            for place, item in items.items():
+                self._put(place, item)
 
-    def _touch(self, indexes: Iterable[int]) -> None:
-        for index in indexes:
-            if index < self.length and index not in self.items:
-                self.items[index] = self.sequence[index]
+    def _put(self, place: int, item: Any) -> None:
+        self._items[place] = item
+        self._places[item] = place
+
+    def _at(self, place: int) -> Any:
+        return self._items[place] if place in self._items else self.now[place]
 
     def net(self) -> Contents[Any]:
-        now = self.sequence
-        changed = {i: item for i, item in self.items.items() if i >= len(now) or now[i] is not item}
-        return self.length, changed
+        """Length, and elements where they differ from those of now."""
+        now = self.now
+        items = self._items.items()
+        return self._length, {
+            place: item
+            for place, item in items
+            if place < self._length and (place >= len(now) or now[place] is not item)
+        }

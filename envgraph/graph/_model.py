@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import copy
-from typing import Any, Literal, Unpack
+from typing import Literal, Unpack
 
 from envgraph.draw import Picture
 from envgraph.errors import InvalidArgument, visible
 from envgraph.graph import _refusals as refusals
 from envgraph.graph._canonical import canonical_hash
-from envgraph.graph._ensured import as_context, ensured
 from envgraph.graph._facts import Listener
 from envgraph.graph._hashing import condense
 from envgraph.graph._history import History, Savepoint, Shelf, Version
@@ -160,31 +159,28 @@ class Model:
         number = self._concrete(cls)
         if object_name is not None:
             self._check_free(object_name)
-        following = store.next_id
-        if node < 0 or (node < following and store.classes[node] >= 0):
+        if node < 0 or (node < store.next_id and store.classes[node] >= 0):
             raise InvalidArgument(f"{node} is not the id of a new object")
         try:
-            if node >= following:
-                if len(store.classes) <= node + 1:
-                    store.reserve(2 * node + 2)
-                store.next_id = node + 1
-            store.enter(node, number)
-            for attribute, initial in self._layout.initials[number]:
-                store.put(node, attribute, initial)
-            if object_name is not None:
-                store.rename(node, object_name)
-            return node
+            return self._new(node, number, object_name)
         except BaseException:
-            store.torn.append((self._unmake, (node, number, following)))
-            store.recover()
+            store.interrupted.append((self._new, (node, number, object_name)))
+            store.interrupted.repair()
             raise
 
-    def _unmake(self, node: int, cls: int, following: int) -> None:
-        """Finish an interrupted `new_at`: there is no such object."""
+    def _new(self, node: int, cls: int, object_name: str | None) -> int:
         store = self.store
-        if node < len(store.classes) and store.classes[node] == cls:
-            self._erase(node)
-        store.next_id = following
+        if node >= store.next_id:
+            if len(store.classes) <= node + 1:
+                store.reserve(2 * node + 2)
+            store.next_id = node + 1
+        if store.classes[node] != cls:
+            store.enter(node, cls)
+        for attribute, initial in self._layout.initials[cls]:
+            store.put(node, attribute, initial)
+        if object_name is not None and store.names[node] is None:
+            store.rename(node, object_name)
+        return node
 
     def delete(self, node: int, semantics: Semantics = "dpo") -> None:
         """Delete an object and everything it contains.
@@ -209,21 +205,20 @@ class Model:
         try:
             self._delete(tree)
         except BaseException:
-            store.torn.append((self._deleted, (tree,)))
-            store.recover()
+            store.interrupted.append((self._delete, (tree,)))
+            store.interrupted.repair()
             raise
 
-    def _deleted(self, tree: Sequence[int]) -> None:
-        """Finish an interrupted `delete`."""
-        self._delete([node for node in tree if self.store.classes[node] >= 0])
-
     def _delete(self, tree: Sequence[int]) -> None:
+        """Delete what is there of a tree."""
         store, layout = self.store, self._layout
         for gone in tree:
-            for relation, source, target in list(links_of(store, layout, gone)):
-                store.disconnect(relation, source, target)
+            if store.classes[gone] >= 0:
+                for relation, source, target in list(links_of(store, layout, gone)):
+                    store.disconnect(relation, source, target)
         for gone in reversed(tree):
-            self._erase(gone)
+            if store.classes[gone] >= 0:
+                self._erase(gone)
 
     def _erase(self, node: int) -> None:
         store = self.store
@@ -260,20 +255,13 @@ class Model:
         if lost and not lossy:
             raise refusals.lost(self, node, cls, lost)
         try:
-            for relation, source, target in lost:
-                store.disconnect(relation, source, target)
-            for attribute in dropped:
-                if store.values[attribute][node] is not None:
-                    store.put(node, attribute, None)
-            store.move(node, new)
-            for attribute, initial in gained:
-                store.put(node, attribute, initial)
+            self._retype(node, new, lost, dropped, gained)
         except BaseException:
-            store.torn.append((self._retyped, (node, new, lost, dropped, gained)))
-            store.recover()
+            store.interrupted.append((self._retype, (node, new, lost, dropped, gained)))
+            store.interrupted.repair()
             raise
 
-    def _retyped(
+    def _retype(
         self,
         node: int,
         cls: int,
@@ -281,10 +269,11 @@ class Model:
         dropped: Sequence[int],
         gained: Sequence[tuple[int, Value | Values]],
     ) -> None:
-        """Finish an interrupted `retype`."""
+        """Do what is left of `retype`."""
         store = self.store
         for relation, source, target in lost:
-            self.unlink(source, relation.reference, target)
+            if target in relation.forward[source]:
+                store.disconnect(relation, source, target)
         for attribute in dropped:
             if store.values[attribute][node] is not None:
                 store.put(node, attribute, None)
@@ -508,22 +497,16 @@ class Model:
                 raise refusals.inside(self, node, container)
             found = self.container(above)
             above = found and found[0]
-        store, old = self.store, self.container(node)
+        old = self.container(node)
         try:
             if old:
-                store.disconnect(store.relations[old[1].index], old[0], node)
-            store.connect(relation, container, node)
+                self.store.disconnect(self.store.relations[old[1].index], old[0], node)
+            self.store.connect(relation, container, node)
         except BaseException:
-            if old:
-                store.torn.append((self._housed, (relation, container, node)))
-                store.recover()
+            self.store.interrupted.append((self.link, (container, relation.reference, node)))
+            self.store.interrupted.repair()
             raise
         return True
-
-    def _housed(self, relation: Relation, container: int, node: int) -> None:
-        """Finish an interrupted move, if it has begun."""
-        if self.container(node) is None:
-            self.store.connect(relation, container, node)
 
     def unlink(self, source: int, reference: Reference, target: int) -> bool:
         """Remove a link, and so its opposite; False if there is none."""
@@ -565,18 +548,9 @@ class Model:
                         relation.disconnect(holders[0], target)
                 relation.connect(source, target)
         except BaseException:
-            self.store.torn.append((self._targeted, (relation, source, target)))
-            self.store.recover()
+            self.store.interrupted.append((self.set_target, (source, reference, target)))
+            self.store.interrupted.repair()
             raise
-
-    def _targeted(self, relation: Relation, source: int, target: int | None) -> None:
-        """Finish an interrupted `set_target`."""
-        self._clear(relation, source)
-        if target is not None:
-            if relation.opposite_upper == 1:
-                for holder in tuple(relation.backward[target]):
-                    relation.disconnect(holder, target)
-            relation.connect(source, target)
 
     def set_targets(self, source: int, reference: Reference, targets: Sequence[int]) -> None:
         """Make these the targets, in this order, as `set_target` does for one.
@@ -598,8 +572,8 @@ class Model:
             try:
                 self._clear(relation, source)
             except BaseException:
-                self.store.torn.append((self._clear, (relation, source)))
-                self.store.recover()
+                self.store.interrupted.append((self._clear, (relation, source)))
+                self.store.interrupted.repair()
                 raise
             return
         if len(targets) > relation.upper:
@@ -680,10 +654,6 @@ class Model:
         """
         self._history.release(savepoint)
 
-    def take_back(self, savepoint: Savepoint) -> None:
-        """Roll back to a savepoint and close it with those inside it; nothing if it is closed already."""
-        self._history.taken_back(savepoint)
-
     def unwind(self, depth: int = 0) -> None:
         """Roll back until only so many savepoints are open.
 
@@ -691,33 +661,21 @@ class Model:
         """
         self._history.unwind(depth)
 
-    def transaction(self) -> AbstractContextManager[Savepoint]:
+    @contextmanager
+    def transaction(self) -> Iterator[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it."""
-        return as_context(self._transaction())
-
-    def _transaction(self) -> Generator[Any, Any, None]:
-        """The steps of an `ensured` context manager, written out because transactions are many."""
-        history, torn = self._history, self.store.torn
-        depth = history.depth
+        depth = self._history.depth
         try:
-            savepoint = history.savepoint()
+            savepoint = self._history.savepoint()
             yield savepoint
-            yield 1
-            problem = yield 0
-            if problem is None:
-                history.release(savepoint)
-            else:
-                torn.append((history.unwound, (depth,)))
-                self.store.recover()
+            self._history.release(savepoint)
         except BaseException:
             # Nothing to do if a listener raises: the transaction has ended by then.
-            torn.append((history.unwound, (depth,)))
-            self.store.recover()
+            self.store.interrupted.append(depth)
+            self.store.interrupted.repair()
             raise
-        while True:
-            yield 0
 
-    @ensured
+    @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:
         if self._history.loading:
             yield
@@ -725,7 +683,7 @@ class Model:
             with self.transaction():
                 yield
 
-    @ensured
+    @contextmanager
     def loading(self) -> Iterator[None]:
         """Build a model without a journal and without telling listeners of each change.
 
@@ -738,14 +696,20 @@ class Model:
         if history.loading:
             history.begin_loading()  # refuses
         listeners = store.listeners[:]
+
+        def end() -> None:
+            history.end_loading()
+            store.listeners[:] = [*listeners, *(each for each in store.listeners if each not in listeners)]
+            store.restored()
+
         try:
             history.begin_loading()
             store.listeners.clear()
             yield
-        finally:
-            history.end_loading()
-            store.listeners[:] = [*listeners, *(each for each in store.listeners if each not in listeners)]
-            store.restored()
+            end()
+        except BaseException:
+            end()
+            raise
 
     def commit(self) -> Version:
         """Name the present state. The version lives as long as somebody holds it.
@@ -851,8 +815,8 @@ class Model:
 
     def check_integrity(self) -> None:
         """Assert that all columns, indexes, hash and journal agree, from scratch; for tests."""
-        if self.store.torn:
-            self.store.recover()
+        if self.store.interrupted:
+            self.store.interrupted.repair()
         check_store(self.store)
         self._history.check_integrity()
 

@@ -13,8 +13,7 @@ from typing import Any, Protocol
 
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._hashing import class_code, node_salts, reference_code, value_code
-from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Journal, make_sure
-from envgraph.graph._torn import Torn
+from envgraph.graph._journal import IN, OUT, SET, Extent, IndexedSet, Journal
 from envgraph.metamodel import Metamodel, Reference, Value, Values
 
 CROWD = 32
@@ -24,6 +23,27 @@ Ends = list[tuple[int, ...] | IndexedSet[int]]
 """Column of adjacency: for each node the objects at the other ends of its links."""
 
 _CODES_KEPT = 1 << 16
+
+
+class Interrupted(list[Any]):
+    """What exceptions have left half done, such as that of Ctrl-C; empty but for the time until it is made good.
+
+    Whoever catches an exception in the middle of a write (`except BaseException`) adds how it is to be ended, before
+    anything else is called, and then calls `repair`. If that is interrupted, too, the next use of the model does it.
+    What is added is one of:
+
+    - None, if it was a single change;
+    - a function and its arguments, which may be called when some, all or none of it is done already;
+    - a savepoint to roll back to and close, or (an int) how many to leave open;
+    - a version to go to.
+
+    Attributes:
+        repair: see `History.repair`.
+    """
+
+    __slots__ = ("repair",)
+
+    repair: Callable[[], None]
 
 
 class Relation:
@@ -119,8 +139,8 @@ class Follower(Protocol):
     def checked_out(self) -> None:
         """The model is in another version, and what was recorded has been replayed: what is pending is void."""
 
-    def torn(self) -> None:
-        """A change has been interrupted before or after it was told, or while: it may be made or not."""
+    def interrupted(self) -> None:
+        """A change has been interrupted, before or after the notification or meanwhile: it may be made or not."""
 
     def suspend(self) -> None:
         """The model is about to be loaded: changes will not be told."""
@@ -149,7 +169,8 @@ class Store:
         relations: for each reference how it is stored.
         names: name of each object, or None; `by_name` maps back (to None for names no longer in use).
         next_id: id of the next new object; the columns are longer, and empty from there on.
-        journal: see `_journal`; written only while `recording`.
+        journal: see `_journal`.
+        recording: whether there is a state to go back to, so that changes are journalled.
         epoch: grows wherever undoing may lead to: what is recorded as a whole must be so again after that.
         loading: whether the model is being built without a journal.
         total: the sum behind the state hash.
@@ -158,7 +179,7 @@ class Store:
         value_added, value_removing: for each attribute (by `index`) a function of node and value, or None.
         class_added, class_removing: for each class (by index) a function of the node, or None.
         retyping: gives the two functions for a change from one class index to another, or None.
-        torn: what an interruption has left to be finished, before anything else is done; see `recover`.
+        interrupted: what is to be made good before anything else is done.
 
     No more than 30 attributes: CPython reads those of objects with more of them in a slower way.
 
@@ -183,7 +204,7 @@ class Store:
         self.by_name: dict[str, int | None] = {}
         self.next_id = 0
         self.journal: Journal = []
-        self.torn = Torn()
+        self.interrupted = Interrupted()
         self.recording = False
         self.epoch = 0
         self.loading = False
@@ -197,7 +218,6 @@ class Store:
         self.total = 0
         self.revision = 0
         self.salts: tuple[list[int], list[int]] = ([], [])
-        self._source_salts = self.salts[0]
         self._class_codes = tuple(class_code(cls) for cls in metamodel.class_list)
         self._value_codes: tuple[dict[Value | Values, int], ...] = tuple({} for _ in metamodel.attributes)
         for relation in self.relations:
@@ -210,14 +230,9 @@ class Store:
         size = count + 1
         if len(self.classes) >= size:
             return
-        try:
-            self._lengthen(size)
-        except BaseException:
-            self.torn.append((self._lengthen, (size,)))
-            self.recover()
-            raise
+        self.lengthen(size)
 
-    def _lengthen(self, size: int) -> None:
+    def lengthen(self, size: int) -> None:
         """Each column by what it lacks, as it may have been interrupted."""
         first, second = self.salts
         start = min(len(first), len(second))
@@ -245,60 +260,39 @@ class Store:
 
     def enter(self, node: int, cls: int) -> None:
         """The object becomes an instance of a class; it was none of any."""
-        if self.torn:
-            self.recover()
-        try:
-            self._enter(node, cls)
-            hook = self.class_added[cls]
-            if hook is not None:
-                hook(node)
-        except BaseException:
-            self.torn.append((self._classed, (node, cls)))
-            self.recover()
-            raise
+        self._enter(node, cls)
+        hook = self.class_added[cls]
+        if hook is not None:
+            hook(node)
 
     def _enter(self, node: int, cls: int) -> None:
         extent = self.extents[cls]
         if self.recording:
             self.journal.extend((extent, node, None, OUT))
         extent.add(node)
-        self.total += self._source_salts[node] * self._class_codes[cls]
+        self.total += self.salts[0][node] * self._class_codes[cls]
         self.revision += 1
         if self.listeners:
             self._inserted(ClassFact(self.metamodel.class_list[cls].name, node))
 
     def leave(self, node: int) -> None:
         """The object is no longer an instance of its class."""
-        if self.torn:
-            self.recover()
-        cls = self.classes[node]
-        try:
-            hook = self.class_removing[cls]
-            if hook is not None:
-                hook(node)
-            self._leave(node)
-        except BaseException:
-            self.torn.append((self._classed, (node, cls)))
-            self.recover()
-            raise
+        hook = self.class_removing[self.classes[node]]
+        if hook is not None:
+            hook(node)
+        self._leave(node)
 
     def move(self, node: int, cls: int) -> None:
         """The object becomes an instance of another class; what both classes are it never ceases to be."""
-        if self.torn:
-            self.recover()
         old = self.classes[node]
-        try:
-            removing, added = self.retyping(old, cls) if self.retyping else (None, None)
-            if removing is not None:
-                removing(node)
+        removing, added = self.retyping(old, cls) if self.retyping else (None, None)
+        if removing is not None:
+            removing(node)
+        if old >= 0:  # else it has been interrupted
             self._leave(node)
-            self._enter(node, cls)
-            if added is not None:
-                added(node)
-        except BaseException:
-            self.torn.append((self._moved, (node, old, cls)))
-            self.recover()
-            raise
+        self._enter(node, cls)
+        if added is not None:
+            added(node)
 
     def _leave(self, node: int) -> None:
         cls = self.classes[node]
@@ -308,13 +302,13 @@ class Store:
         if self.recording:
             self.journal.extend((extent, node, self.place[node], IN))
         extent.take(node)
-        self.total -= self._source_salts[node] * self._class_codes[cls]
+        self.total -= self.salts[0][node] * self._class_codes[cls]
         self.revision += 1
 
     def put(self, node: int, attribute: int, value: Any) -> None:
         """The object gets another value in an attribute, or None."""
-        if self.torn:
-            self.recover()
+        if self.interrupted:
+            self.interrupted.repair()
         if self.distinct[attribute]:
             self._put_many(node, attribute, value)
             return
@@ -335,7 +329,7 @@ class Store:
             if self.recording:
                 self.journal.extend((column, node, old, SET))
             column[node] = value
-            self.total += self._source_salts[node] * change
+            self.total += self.salts[0][node] * change
             self.revision += 1
             if value is not None:
                 hook = self.value_added[attribute]
@@ -344,8 +338,8 @@ class Store:
                 if self.listeners:
                     self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
         except BaseException:
-            self.torn.append((self._recount, ()))
-            self.recover()
+            self.interrupted.append(None)
+            self.interrupted.repair()
             raise
 
     def _put_many(self, node: int, attribute: int, values: Values | None) -> None:
@@ -370,7 +364,7 @@ class Store:
             column[node] = values
             for each, sign in ((old, -1), (values, 1)):
                 if each:
-                    self.total += sign * self._source_salts[node] * self._code(attribute, each)
+                    self.total += sign * self.salts[0][node] * self._code(attribute, each)
             self.revision += 1
             hook = self.value_added[attribute]
             if hook is not None or self.listeners:
@@ -383,8 +377,8 @@ class Store:
                         self._inserted(ValueFact(self.metamodel.attributes[attribute], node, value))
             self._keep(distinct, node, after)
         except BaseException:
-            self.torn.append((self._made_distinct, (node, attribute)))
-            self.recover()
+            self.interrupted.append(None)
+            self.interrupted.repair()
             raise
 
     def _keep(self, distinct: list[Values], node: int, values: Values) -> None:
@@ -405,11 +399,11 @@ class Store:
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward = relation.forward, relation.backward
         code, (first_salts, second_salts) = relation.code, self.salts
-        torn = self.torn
+        interrupted = self.interrupted
 
         def connect(source: int, target: int) -> None:
-            if torn:
-                store.recover()
+            if interrupted:
+                interrupted.repair()
             try:
                 ends = forward[source]
                 if len(ends) < CROWD:
@@ -436,8 +430,8 @@ class Store:
                 if store.listeners:
                     store._inserted(LinkFact(relation.fact, first, second))
             except BaseException:
-                torn.append((store._connected, (relation, source, target)))
-                store.recover()
+                interrupted.append(None)
+                interrupted.repair()
                 raise
 
         return connect
@@ -447,11 +441,11 @@ class Store:
         store, record, symmetric, flipped = self, self.journal.extend, relation.symmetric, relation.flipped
         forward, backward = relation.forward, relation.backward
         code, (first_salts, second_salts) = relation.code, self.salts
-        torn = self.torn
+        interrupted = self.interrupted
 
         def disconnect(source: int, target: int) -> None:
-            if torn:
-                store.recover()
+            if interrupted:
+                interrupted.repair()
             try:
                 first, second = source, target
                 if flipped or (symmetric and source > target):
@@ -478,22 +472,21 @@ class Store:
                 store.total -= code * first_salts[first] * second_salts[second]
                 store.revision += 1
             except BaseException:
-                torn.append((store._disconnected, (relation, source, target)))
-                store.recover()
+                interrupted.append(None)
+                interrupted.repair()
                 raise
 
         return disconnect
 
     def rename(self, node: int, name: str | None) -> None:
         """The object gets another name, or none. Names are no facts: listeners and hash ignore them."""
-        if self.torn:
-            self.recover()
-        old = self.names[node]
+        if self.interrupted:
+            self.interrupted.repair()
         try:
-            self._rename(node, old, name)
+            self._rename(node, self.names[node], name)
         except BaseException:
-            self.torn.append((self._rename, (node, old, name)))
-            self.recover()
+            self.interrupted.append(None)
+            self.interrupted.repair()
             raise
 
     def _rename(self, node: int, old: str | None, name: str | None) -> None:
@@ -551,12 +544,12 @@ class Store:
         return number
 
     def _inserted(self, fact: Fact) -> None:
-        if not self.torn.finishing:
+        if not self.interrupted:  # else they are told to forget what they know
             for listener in self.listeners:
                 listener.inserted(fact)
 
     def _removing(self, fact: Fact) -> None:
-        if not self.torn.finishing:
+        if not self.interrupted:
             for listener in self.listeners:
                 listener.removing(fact)
 
@@ -566,81 +559,55 @@ class Store:
         for listener in self.listeners:
             listener.restored()
 
-    # --- after an interruption
+    # --- after an exception
 
-    def recover(self) -> None:
-        """Finish what interruptions have left half done. Followers make sure of themselves; the listeners forget.
-
-        Whatever interrupts this, too, is raised after another attempt.
-        """
-        if not self.torn.finishing:
-            try:
-                self._finish()
-            except BaseException:
-                self._finish()
-                raise
-
-    def _finish(self) -> None:
-        revision = self.revision
-        self.torn.finish()
-        if self.revision != revision:
-            self.restored()
-
-    def _mend(self, ends: Ends, node: int, other: int) -> None:
-        make_sure(self.journal)
-        others = ends[node]
-        if isinstance(others, IndexedSet):
-            others.mend(other)
-
-    def _connected(self, relation: Relation, source: int, target: int) -> None:
-        """Finish an interrupted `connect`."""
-        self._mend(relation.forward, source, target)
-        self._mend(relation.backward, target, source)
-        if target not in relation.forward[source]:
-            self._add(relation.forward, source, target)
-        if source not in relation.backward[target]:
-            self._add(relation.backward, target, source)
-        self._recount()
-
-    def _disconnected(self, relation: Relation, source: int, target: int) -> None:
-        """Finish an interrupted `disconnect`, if it has begun."""
-        self._mend(relation.forward, source, target)
-        self._mend(relation.backward, target, source)
-        if not (target in relation.forward[source] and source in relation.backward[target]):
-            if target in relation.forward[source]:
-                self._drop(relation.forward, source, target)
-            if source in relation.backward[target]:
-                self._drop(relation.backward, target, source)
-        self._recount()
-
-    def _classed(self, node: int, cls: int) -> None:
-        """After an interrupted `enter` or `leave` the object is in the class, or it is not."""
-        make_sure(self.journal)
-        self.extents[cls].mend(node)
-        self._recount()
-
-    def _moved(self, node: int, old: int, new: int) -> None:
-        """Finish an interrupted `move`, if it has begun."""
-        make_sure(self.journal)
-        self.extents[old].mend(node)
-        self.extents[new].mend(node)
-        if self.classes[node] < 0:
-            self._enter(node, new)
-        self._recount()
-
-    def _made_distinct(self, node: int, attribute: int) -> None:
-        """After an interrupted `_put_many` the values are the old or the new ones, and those that differ follow."""
-        make_sure(self.journal)
-        values = self.values[attribute][node] or ()
-        self._keep(self.distinct[attribute], node, tuple(dict.fromkeys(values)))
-        self._recount()
-
-    def _recount(self) -> None:
-        """What depends on everything: the sum behind the hash, and the followers."""
+    def derive(self) -> None:
+        """Make right what follows from names, values, targets and members of extents; for `History.repair`."""
+        self.lengthen(max(len(self.classes), len(self.place), len(self.salts[0])))
+        self._derive_classes()
+        for name, node in list(self.by_name.items()):
+            if node is not None and self.names[node] != name:
+                self._map(name, None)
+        for node, named in enumerate(self.names):
+            if named is not None and self.by_name.get(named) != node:
+                self._map(named, node)
+        for attribute, values, distinct in zip(
+            self.metamodel.attributes, self.values, self.distinct, strict=True
+        ):
+            for node, kept in enumerate(distinct) if attribute.many else ():
+                if kept != tuple(dict.fromkeys(values[node] or ())):
+                    self._keep(distinct, node, tuple(dict.fromkeys(values[node] or ())))
+        for relation in self.relations:
+            if not relation.flipped:
+                self._derive_sources(relation.forward, relation.backward)
         self.total = recomputed_total(self)
         self.revision += 1
-        for follower in self.followers:
-            follower.torn()
+
+    def _derive_classes(self) -> None:
+        """Objects are in the extents of their classes, once."""
+        members = [set(extent) for extent in self.extents]
+        for extent, inside in zip(self.extents, members, strict=True):
+            if len(inside) < len(extent):  # `put` has copied what makes room
+                extent.pop()
+        for node, cls in enumerate(self.classes):
+            if cls >= 0 and node not in members[cls]:
+                self.extents[cls].append(node)
+        for extent in self.extents:
+            for place, node in enumerate(extent):
+                self.classes[node], self.place[node] = extent.number, place
+
+    def _derive_sources(self, forward: Ends, backward: Ends) -> None:
+        """Links that are known at one end only are those of the target's column; a symmetric one stays."""
+        for ends in (*forward, *backward):
+            if isinstance(ends, IndexedSet):
+                ends.mend()
+        for source, targets in enumerate(forward):
+            for target in targets:
+                if source not in backward[target]:
+                    self._add(backward, target, source)
+        for target, sources in enumerate(backward):
+            for source in [source for source in sources if target not in forward[source]]:
+                self._drop(backward, target, source)
 
     # --- reading
 

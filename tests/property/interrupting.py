@@ -30,12 +30,16 @@ def _sheltered(code: CodeType) -> frozenset[int]:
     """Where nobody looks for signals: from the beginning of a handler up to its first call, and where a function ends.
 
     Nor does anybody between the end of a `with` block and the call that follows, or when a function in Python has
-    returned.
+    returned. And an assignment to several names or attributes is one step: nothing can go wrong between the first
+    and the last, unless the first has been preceded by a call.
     """
     found: set[int] = set()
-    inside, nones = False, list[int]()
+    inside, nones, stored = False, list[int](), False
     for instruction in get_instructions(code):
         name = instruction.opname
+        if stored and name in ("STORE_ATTR", "STORE_FAST", "LOAD_FAST", "LOAD_DEREF"):
+            found.add(instruction.offset)
+        stored = name in ("STORE_ATTR", "STORE_FAST", "STORE_SUBSCR") or (stored and name.startswith("LOAD_"))
         inside |= name == "PUSH_EXC_INFO"
         if inside or name in ("RETURN_VALUE", "JUMP_FORWARD", "NOP", "SWAP"):
             found.add(instruction.offset)
@@ -97,6 +101,7 @@ class Trip:
             self.passed += 1
             if self.passed == self._instruction:
                 self.tripped = True
+                self.where = (frame.f_code.co_name, frame.f_lineno, frame.f_lasti)
                 raise Interrupted
         return self._instructions
 
@@ -114,4 +119,5 @@ class Trip:
             self.calls += 1
             if self.calls == self._call:
                 self._call = None
+                self.where = (frame.f_code.co_name, frame.f_lineno, frame.f_lasti)
                 raise Interrupted

@@ -6,10 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._journal import Extent, Journal, revert
+from envgraph.graph._journal import Extent, Journal, net_changes, take_back
 from envgraph.graph._journal import invert as _invert
-from envgraph.graph._journal import invert_net as _invert_net
-from envgraph.graph._torn import Torn
 
 
 class Register:
@@ -83,8 +81,8 @@ def invert(journal: Journal) -> Journal:
 def invert_net(journal: Journal) -> Journal:
     """The same, each place once."""
     inverse: Journal = []
-    _invert_net(journal, inverse, Torn())
-    return inverse
+    _invert(journal, inverse)
+    return net_changes(inverse)
 
 
 CHANGES = st.lists(
@@ -112,7 +110,7 @@ def test_reverting_to_a_mark_restores_everything(first: list, second: list) -> N
     mark, before = len(journal), world.snapshot()
     for change in second:
         world.change(*change)
-    revert(journal, mark, Torn())
+    take_back(journal, mark)
     assert world.snapshot() == before
     assert len(journal) == mark
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
+from itertools import count
 
 import pytest
 from hypothesis import settings
@@ -459,3 +461,27 @@ def test_a_commit_may_be_interrupted_anywhere() -> None:
         model.create("Person")
         model.checkout(version, discard=True)
         model.check_integrity()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_no_interruption_leaves_a_transaction_open(fails: bool) -> None:
+    model = Model(PEOPLE)
+    person = model.create("Person", age=0)
+
+    def change() -> None:
+        with model.transaction():
+            person.age = 1
+            if fails:
+                raise KeyError
+
+    for instruction in count(1):
+        trip = Trip(instruction)
+        with suppress(KeyError):
+            trip.run(change)
+        assert model.depth == 0
+        assert person.age in ((0,) if fails else (0, 1))
+        model.check_integrity()
+        person.age = 0
+        if not trip.tripped:
+            break
+    assert instruction > 100

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from gc import collect
+from operator import itemgetter
 from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
-from envgraph.graph import Model, ensured, make_sure
+from envgraph.graph import Model
 from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.explain._why import WhyNot
@@ -94,7 +96,7 @@ class ViewMatcher:
         self._views: dict[str, Rows] = {}
         self._network = self._new_network()
         self._subscriptions: list[Subscription] = []
-        self._news: list[tuple[Change, list[Row], list[Row]]] = []
+        self._news: list[tuple[int, Change, list[Row], list[Row]]] = []
         self._wanted: dict[str, None] = {}
         self._broken: int | None = None
         self._countable = False
@@ -264,6 +266,8 @@ class ViewMatcher:
         self._be_alone()
         store, old, known = self.model.store, self._network, self._views
         try:
+            if not any(follower is self for follower in store.followers):
+                store.followers.append(self)
             network = self._network = self._new_network()
             views = {pattern: network.view(pattern) for pattern in patterns}
             old.unhang()
@@ -274,11 +278,10 @@ class ViewMatcher:
             self._partly.forget()
             self._broken, self._spoilt = None, False
             self._outgrown = GROWTH * store.next_id + LEAST
-            if not any(follower is self for follower in store.followers):
-                store.followers.append(self)
-        except BaseException as problem:
-            store.torn.append((self._keep, (old, known, problem)))
-            store.recover()
+        except BaseException:
+            self._network, self._views = old, known
+            store.interrupted.append(None)
+            store.interrupted.repair()
             raise
 
     def _continued(self, old: MatchSet, new: MatchSet) -> Log | None:
@@ -291,19 +294,6 @@ class ViewMatcher:
             list.extend(log, [part for row in old for part in (row, False)])
             list.extend(log, [part for row in new for part in (row, True)])
         return log
-
-    def _keep(self, network: Network, views: dict[str, Rows], problem: BaseException) -> None:
-        """Go on with what there was before a `_rebuild` that has failed."""
-        self._network.unhang()
-        self._network, self._views = network, views
-        self._partly.forget()
-        followers = self.model.store.followers
-        if not views:
-            followers[:] = [follower for follower in followers if follower is not self]
-        elif not isinstance(problem, EvaluationError):
-            self.torn()
-        elif self._broken is None:
-            network.hang()
 
     def _build(self, source: Source) -> Any:
         network = self._network
@@ -328,41 +318,36 @@ class ViewMatcher:
             return
         try:
             self._network.settle()
-        except BaseException as problem:
-            store = self.model.store
-            store.torn.append((self._failed, (problem,)))
-            store.recover()
+        except BaseException:
+            interrupted = self.model.store.interrupted
+            interrupted.append(None)
+            interrupted.repair()
             raise
-
-    def _failed(self, problem: BaseException) -> None:
-        """A turn was not finished; what cannot be computed now cannot be counted anew either."""
-        if isinstance(problem, EvaluationError):
-            self._break()
-        else:
-            self.torn()
 
     def _break(self) -> None:
         depth = self.model.depth
         self._broken = depth if self._broken is None else min(self._broken, depth)
         self._network.unhang()
 
-    def torn(self) -> None:
+    def interrupted(self) -> None:
         """A change or a turn has been interrupted."""
+        self._partly.forget()
+        if not self._views:
+            self._leave()
+            return
         if self._suspended:
             return
-        make_sure(self.model.store.journal)
         for view in self._views.values():
             view.rows.indexes.clear()
-            if view.rows.log:
-                view.rows.mend(view.rows.log[-2])
+            view.rows.mend()
         self._countable |= self._broken is None
         self._break()
 
     def _up_to_date(self) -> bool:
         """Bring all views up to date, if they can be used; whether they can."""
         store = self.model.store
-        if store.torn:
-            store.recover()
+        if store.interrupted:
+            store.interrupted.repair()
         if self._suspended:
             if store.loading:
                 return False
@@ -383,15 +368,11 @@ class ViewMatcher:
             self._countable = False  # it would fail again
             return False
         except BaseException:
-            store = self.model.store
-            store.torn.append((self._count_again, ()))
-            store.recover()
+            interrupted = self.model.store.interrupted
+            interrupted.append(None)
+            interrupted.repair()
             raise
         return True
-
-    def _count_again(self) -> None:
-        self._countable = True
-        self.torn()
 
     def _built_anew(self) -> bool:
         """Build broken views anew, if there is no state to go back to; once for each state."""
@@ -539,7 +520,7 @@ class ViewMatcher:
     def _tell_all(self) -> None:
         first: BaseException | None = None
         while self._news:
-            call, appeared, disappeared = self._news[0]
+            _, call, appeared, disappeared = self._news[0]
             try:
                 call(appeared, disappeared)
             except BaseException as problem:  # Ctrl-C, too: the others would never hear of this
@@ -558,28 +539,25 @@ class ViewMatcher:
                 break
         else:
             return []
-        rows = {each.pattern: views[each.pattern].rows for each in self._subscriptions}
-        logs = [each.log for each in rows.values() if each.log]
-        changes = _net_changes(rows)
-        news = list(self._news)
-        for each in self._subscriptions:
-            if each.pattern in changes:
-                news.append((each.restored if restored else each.changed, *changes[each.pattern]))
-        try:
-            self._noted(news, logs)
-        except BaseException:
-            store = self.model.store
-            store.torn.append((self._noted, (news, logs)))
-            store.recover()
-            raise
-        return list(changes)
+        changed: list[str] = []
+        for pattern in self.listened:
+            rows = views[pattern].rows
+            if not rows.log:
+                continue
+            news, change = list(self._news), net_changes(rows)
+            if any(change):
+                changed.append(pattern)
+                news += [
+                    (number, each.restored if restored else each.changed, *change)
+                    for number, each in enumerate(self._subscriptions)
+                    if each.pattern == pattern
+                ]
+            log = BoundedLog()
+            self._news, rows.log = news, log
+        self._news.sort(key=itemgetter(0))
+        return changed
 
-    def _noted(self, news: list[tuple[Change, list[Row], list[Row]]], logs: Sequence[Log]) -> None:
-        self._news = news
-        for log in logs:
-            log.clear()
-
-    @ensured
+    @contextmanager
     def unheard(self) -> Iterator[None]:
         """Nobody is told what happens in the block, at whose end the state must be the one at its start."""
         self.settle()
@@ -755,12 +733,7 @@ class ViewMatcher:
             view.check(self.demand.rows(pattern, (FREE,) * len(self.library.parameter_types(pattern))))
 
 
-def _net_changes(rows: Mapping[str, MatchSet]) -> dict[str, tuple[list[Row], list[Row]]]:
-    """What has come to views and what has gone, in the order in which listeners are told."""
-    changes: dict[str, tuple[list[Row], list[Row]]] = {}
-    for pattern, each in rows.items():
-        if each.log:
-            appeared, disappeared = net(each.log)
-            if appeared or disappeared:
-                changes[pattern] = (sorted(appeared, key=each.position.__getitem__), sorted(disappeared))
-    return changes
+def net_changes(rows: MatchSet) -> tuple[list[Row], list[Row]]:
+    """What has come to a view and what has gone, in the order in which listeners are told."""
+    appeared, disappeared = net(rows.log or ())
+    return sorted(appeared, key=rows.position.__getitem__), sorted(disappeared)

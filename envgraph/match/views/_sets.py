@@ -202,7 +202,7 @@ class MatchSet(IndexedSet[Row]):
 
     # --- after an interruption
 
-    def mend(self, item: Row) -> None:
+    def mend(self, item: Row | None = None) -> None:
         """As `IndexedSet.mend`; or finish to become other rows."""
         self.indexes.clear()
         if self._becoming is None:

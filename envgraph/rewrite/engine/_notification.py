@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterable, Iterator
-from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING, Any, Final, cast
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Final, cast
 
 from envgraph.errors import InvalidArgument
-from envgraph.graph import as_context, ensured
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.rewrite.engine._catalog import Catalog
 from envgraph.rewrite.events._events import Agenda, ConflictSet, EventRule, update_key
@@ -183,26 +182,21 @@ class Events:
             return self._conflicts.held()
         matcher = self._catalog.matcher
         if isinstance(matcher, ViewMatcher) and matcher.heard:
-            return as_context(self._telling(matcher))
+            return self._telling(matcher)
         return None
 
-    def _telling(self, matcher: ViewMatcher) -> Generator[Any, Any, None]:
-        """Listeners are told at the end: by the model if there was a transaction, but many rules need none.
-
-        The steps of an `ensured` context manager, written out.
-        """
+    @contextmanager
+    def _telling(self, matcher: ViewMatcher) -> Iterator[None]:
+        """Listeners are told at the end: by the model if there was a transaction, but many rules need none."""
         yield
-        yield 1
-        if (yield 0) is None and not self._model.in_transaction:
+        if not self._model.in_transaction:
             matcher.deliver()
-        while True:
-            yield 0
 
     def muted(self) -> AbstractContextManager[None]:
         """What changes inside the block activates no event rule."""
         return NOTHING if self._conflicts is None else self._conflicts.muted()
 
-    @ensured
+    @contextmanager
     def asleep(self) -> Iterator[None]:
         """Listeners and event rules do not notice the block, which leaves the model as it was."""
         matcher = self._catalog.matcher

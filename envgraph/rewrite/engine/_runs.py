@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from copy import deepcopy
 from random import Random
 from typing import TYPE_CHECKING, Any, cast
 
 from envgraph.errors import EvaluationError, InvalidArgument, Span, limit
-from envgraph.graph import Node, ensured
+from envgraph.graph import Node
 from envgraph.match import ViewMatcher
 from envgraph.metamodel import Value
 from envgraph.pattern import ObjectType
@@ -190,7 +191,7 @@ class Runs:
             raise InvalidArgument(f"unit `{program.name}` needs values for {names}")
         return environment
 
-    @ensured
+    @contextmanager
     def lent(self, rng: Randomness) -> Iterator[Trace]:
         """Inside the block random choices are made by another generator, and what is applied is only noted here."""
         recorders, own, trace = self._history.recorders, self._rng, Trace(start=self._model.state_hash())
@@ -200,7 +201,7 @@ class Runs:
         finally:
             self._history.recorders, self._rng = recorders, own
 
-    @ensured
+    @contextmanager
     def aside(self) -> Iterator[None]:
         """Nothing notices the block, which leaves the model as it was: listeners, event rules, recordings, `rng`."""
         recorders, rng = self._history.recorders, self._rng

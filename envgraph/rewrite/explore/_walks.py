@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
-from envgraph.graph import Model, Savepoint, Shelf, Version, ensured
+from envgraph.graph import Model, Savepoint, Shelf, Version
 
 
 class Walk(Protocol):
@@ -86,7 +87,7 @@ class SavepointWalk:
             path.append(below)
 
 
-@ensured
+@contextmanager
 def walk_of_savepoints(model: Model) -> Iterator[Walk]:
     """A walk inside one transaction; at the end, however it comes, the model is as it was."""
     with model.transaction():
@@ -134,7 +135,7 @@ class VersionWalk:
         self.back()
 
 
-@ensured
+@contextmanager
 def walk_of_versions(model: Model) -> Iterator[Walk]:
     """A walk outside of any transaction; at the end, however it comes, the model is as it was."""
     start = model.commit()

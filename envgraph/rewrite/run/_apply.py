@@ -7,6 +7,7 @@ is carried out phase by phase over the matches of all its blocks, after looking 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from itertools import count
 from typing import Any, Final
 
@@ -18,7 +19,6 @@ from envgraph.metamodel import Metamodel, Reference
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
 from envgraph.rewrite.check._conflicts import Conflicts, Contradiction, Fresh, told
-from envgraph.rewrite.run._finish import finisher
 from envgraph.rewrite.run._notices import Report
 from envgraph.rewrite.run._refusal import OPERATIONS, refusal, table
 from envgraph.rewrite.run._source import Line, Writer, check_kept
@@ -68,38 +68,66 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
     endangered = _endangered([body], model.metamodel)
     writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True, again=again, endangered=endangered)
     kept = tuple(slot for slot in body.kept if body.classes[slot] in endangered)
-    changes = [*writer.unlink(body), *writer.delete(body)]
-    changes += [Line(writer.keep(kept, body))] if kept else []
-    changes += [line for phase in PHASES[3:] for line in getattr(writer, phase)(body)]
+    changes = _changes(writer, body, kept)
     computed = writer.compute(body)
     writer.namespace.update(
-        torn=model.store.torn,
-        recover=model.store.recover,
+        store=model.store,
+        interrupted=model.store.interrupted,
         refusals=REFUSALS,
         refused=lambda error: refusal(plan, error, model),
         BaseException=BaseException,
     )
     lines = [*computed, *changes]
-    several = len(changes) > 1
     if kept or _needs_savepoint(body, model.metamodel):
-        several = False
-        writer.namespace.update(savepoint=model.savepoint, release=model.release, take_back=model.take_back)
+        writer.namespace.update(savepoint=model.savepoint, release=model.release)
         lines = [*computed, Line("mark = savepoint()"), Line("try:"), *(line.inside for line in changes)]
-        lines += [Line(" release(mark)"), Line("except BaseException:"), *_interrupted("take_back, (mark,)")]
+        lines += [Line(" release(mark)"), *_interrupted("mark")]
+    elif len(changes) > 1:
+        names = [*(f"e{slot}" for slot in (*range(body.variables), *(c.slot for c in body.computed)))]
+        lines = [*computed, *(Line(f"{total} = None") for total in writer.sums)]
+        names += writer.sums
+        if body.creates:
+            lines.append(Line("first = store.next_id"))
+            names.append("first")
+        writer.namespace["redo"] = _redone(plan, model, endangered, names)
+        lines += [Line("try:"), *(line.inside for line in changes), Line("except refusals:"), Line(" raise")]
+        lines += _interrupted(f"(redo, ({''.join(f'{name}, ' for name in names)}))")
     lines.append(Line(f"return {writer.slots(tuple(range(body.slots)))}"))
     unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
     caught = [Line("except refusals as error:"), Line(" raise refused(error) from None")]
-    if several:
-        caught += [Line("except BaseException as error:"), *_interrupted("finish, (error, {})")]
     whole = [Line(unpack), Line("try:"), *(line.inside for line in lines), *caught]
-    if several:
-        writer.namespace["finish"] = finisher(whole, 2 + len(computed), changes, writer.namespace)
     return _function("do_apply", "row", whole, writer.namespace)
 
 
-def _interrupted(step: str) -> list[Line]:
-    """What a handler does with an interruption: see `Store.torn`."""
-    return [Line(f" torn.append(({step}))"), Line(" recover()"), Line(" raise")]
+def _changes(writer: Writer, body: BlockPlan, kept: tuple[int, ...] = ()) -> list[Line]:
+    """All changes of a straight rule, in order; what is `kept` is looked at after deletions."""
+    changes = [*writer.unlink(body), *writer.delete(body)]
+    changes += [Line(writer.keep(kept, body))] if kept else []
+    return changes + [line for phase in PHASES[3:] for line in getattr(writer, phase)(body)]
+
+
+def _interrupted(end: str) -> list[Line]:
+    """What is done with an exception in the middle of changes: see `Interrupted`."""
+    return [
+        Line("except BaseException:"),
+        Line(f" interrupted.append({end})"),
+        Line(" interrupted.repair()"),
+        Line(" raise"),
+    ]
+
+
+def _redone(
+    plan: RulePlan, model: Model, endangered: Collection[str], names: Sequence[str]
+) -> Callable[..., None]:
+    """Makes the changes of a straight rule of which some may be made; only the first of them may be refused."""
+
+    def redo(*values: Any) -> None:
+        writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True, redo=True, endangered=endangered)
+        function = _function("do_again", ", ".join(names), _changes(writer, plan.body), writer.namespace)
+        with suppress(*REFUSALS):
+            function(*values)
+
+    return redo
 
 
 def _endangered(blocks: Sequence[BlockPlan], metamodel: Metamodel) -> set[str]:

@@ -96,9 +96,9 @@ class Run:
     def abandon(self) -> None:
         """Take back what every open step has done, after an exception."""
         if self.opened:
-            store = self.model.store
-            store.torn.append((self.model.take_back, (self.opened[0],)))
-            store.recover()
+            interrupted = self.model.store.interrupted
+            interrupted.append(self.opened[0])
+            interrupted.repair()
             self.opened.clear()
 
 

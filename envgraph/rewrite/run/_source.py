@@ -84,11 +84,14 @@ class Writer:
         lossy: SPO.
         sure: objects are of the classes that the plan says, so that links are changed without a look at them.
         again: told of a link that is created and there already; None if nobody needs to be.
+        redo: whether some of the changes may be made already: ids of new objects are counted from `first`, and sums
+            are known unless they are None.
         doomed: what the whole application deletes, known when it is made; None if the block alone deletes.
         endangered: classes of objects that may go along with another one that is deleted.
 
     Attributes:
         namespace: what the source may refer to.
+        sums: names of the values that are computed between the changes.
     """
 
     def __init__(
@@ -99,6 +102,7 @@ class Writer:
         lossy: bool,
         sure: bool = False,
         again: Callable[[Link, int, int], None] | None = None,
+        redo: bool = False,
         doomed: Collection[int] | None = None,
         endangered: Collection[str | None] = (),
     ) -> None:
@@ -108,6 +112,8 @@ class Writer:
         self.slot = slot
         self.sure = sure
         self.again = again
+        self.redo = redo
+        self.sums: list[str] = []
         self.semantics = "spo" if lossy else "dpo"
         self.lossy = lossy
         self.namespace: dict[str, Any] = {
@@ -142,6 +148,8 @@ class Writer:
             "_more": more,
             "_less": less,
         }
+        if redo:
+            self.namespace["made"] = lambda node, cls: node if model.alive(node) else model.new_at(node, cls)
 
     def constant(self, value: object) -> str:
         """A name for a constant."""
@@ -216,7 +224,11 @@ class Writer:
 
     def create(self, plan: BlockPlan) -> list[Line]:
         """New objects."""
-        return [Line(f"{self.slot(n.node)} = new({self.constant(n.cls)})", n) for n in plan.creates]
+        made = "made(first + {}, {})" if self.redo else "new({1})"
+        return [
+            Line(f"{self.slot(new.node)} = {made.format(number, self.constant(new.cls))}", new)
+            for number, new in enumerate(plan.creates)
+        ]
 
     def link(self, plan: BlockPlan) -> list[Line]:
         """Merges, moves and new links."""
@@ -301,15 +313,22 @@ class Writer:
         if not isinstance(op, Increase):
             return [Line(self._assign(op), op)]
         # Two steps: to set a value once more changes nothing.
+        total = f"t{len(self.sums)}"
+        self.sums.append(total)
+        begin = f"if {total} is None: " if self.redo else ""
         node, attribute = self.slot(op.object), self.constant(op.attribute)
         if op.attribute.many:
             changed = f"values({node}, {attribute}), {self.slot(op.value)}"
-            new = f"t = _more({changed}, {attribute})" if op.operator == "+=" else f"t = _less({changed})"
-            return [Line(new, op), Line(f"set_value({node}, {attribute}, t)", op)]
+            new = (
+                f"{total} = _more({changed}, {attribute})"
+                if op.operator == "+="
+                else f"{total} = _less({changed})"
+            )
+            return [Line(begin + new, op), Line(f"set_value({node}, {attribute}, {total})", op)]
         function = "_add" if op.operator == "+=" else "_subtract"
         old = f"_need(value({node}, {attribute}), {self.constant(str(op.attribute))})"
-        new = f"t = _bounded({function}({old}, {self.slot(op.value)}))"
-        return [Line(new, op), Line(f"set_value({node}, {attribute}, t)", op)]
+        new = f"{total} = _bounded({function}({old}, {self.slot(op.value)}))"
+        return [Line(begin + new, op), Line(f"set_value({node}, {attribute}, {total})", op)]
 
     def _assign(self, op: SetValue | SetValues | SetTargets | ChangeTargets) -> str:
         node = self.slot(op.object)

@@ -4,8 +4,7 @@ import pytest
 
 from envgraph.errors import RuleError
 from envgraph.graph import EXCHANGE, IN, OUT, SET, IndexedSet
-from envgraph.graph._journal import Journal, invert, revert
-from envgraph.graph._torn import Torn
+from envgraph.graph._journal import Journal, invert, take_back
 from tests.unit.graph.domain import forest
 
 
@@ -45,7 +44,7 @@ def test_other_structures_can_use_the_journal():
     index[1] = (1, 2)
     mark = len(journal)
     journal.extend((matches, (1, 2), matches.take((1, 2)), IN))
-    revert(journal, mark, Torn())
+    take_back(journal, mark)
     assert matches == [(1, 2)]
     back: Journal = []
     invert(journal, back)
