@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from envgraph.errors import Diagnostic, Note, did_you_mean, nearest
-from envgraph.lang.syntax._hints import VALUE_WORDS, expectation, habit
-from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line, overlapping
+from envgraph.lang.syntax._hints import VALUE_WORDS
+from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line
 from envgraph.lang.syntax._stack import Level, ParseStack
+from envgraph.lang.syntax._unexpected import Reports
 
 _LOOKAHEAD = 3
-_ENDLESS = {"unterminated-text", "unterminated-comment", "too-many-errors"}
 _SEPARATORS = (";", ",", ")", "]")
 
 
@@ -29,12 +29,12 @@ class Recovery:
     """
 
     def __init__(self, stack: ParseStack, lexical: list[Diagnostic]) -> None:
-        self.diagnostics: list[Diagnostic] = []
+        self._reports = Reports(stack, lexical)
+        self.diagnostics = self._reports.diagnostics
         self._stack = stack
         self._grammar = stack.grammar
         self._source = stack.source
         self._lexemes = stack.lexemes
-        self._lexical = lexical
         self._closed: set[int] = set()
         """Keywords that braces have been closed before: once is enough, if it does not help."""
 
@@ -55,7 +55,7 @@ class Recovery:
             if resumed is not None:
                 return resumed
         if not self._surplus(index):
-            self._report_unexpected(index)
+            self._reports.unexpected(index)
         return self._close_all(index) if self._lexemes[index].kind == END else self._give_up(index)
 
     def stop(self, index: int) -> None:
@@ -118,7 +118,7 @@ class Recovery:
         for _ in range(closing):
             self._stack.feed(brace, Lexeme(PUNCTUATION, "}", lexeme.start, lexeme.start), place)
         notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
-        self._report(
+        self._reports.report(
             "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, "a `}` is missing before it", notes
         )
         return True
@@ -142,7 +142,7 @@ class Recovery:
         if lexeme.kind != "NAME" or lexeme.escaped:
             return False
         states = self._stack.states[:height]
-        meant = nearest(lexeme.value, self._words(states)) if len(lexeme.value) > 2 else None
+        meant = nearest(lexeme.value, self._reports.words(states)) if len(lexeme.value) > 2 else None
         if meant is None:
             return False
         terminal = self._grammar.core.keywords[meant]
@@ -150,15 +150,10 @@ class Recovery:
         if not self._stack.makes_sense(states, place + 1, self._line_end(index, index + _LOOKAHEAD)):
             return False
         hint = did_you_mean(lexeme.value, [meant])
-        self._report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint)
+        self._reports.report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, hint)
         self._stack.cut(height)
         self._stack.feed(terminal, replace(lexeme, value=meant), place)
         return True
-
-    def _words(self, states: list[int]) -> list[str]:
-        """The keywords that may come next; `and` is only read to be refused."""
-        words = self._grammar.core.keywords.items()
-        return [word for word, terminal in words if word != "and" and self._grammar.accepts(states, terminal)]
 
     def _line_end(self, index: int, most: int) -> int:
         """The last lexeme on the line of one, at most another: the next line may have a mistake of its own."""
@@ -185,7 +180,7 @@ class Recovery:
         if not self._stack.makes_sense(states, index, self._line_end(index, index + _LOOKAHEAD)):
             return None
         hint = f"write `^{lexeme.value}` for the name"
-        self._report("unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint)
+        self._reports.report("unescaped-keyword", f"`{lexeme.value}` is a keyword here", lexeme, hint)
         self._stack.cut(height)
         self._stack.feed("NAME", lexeme, index - 1)
         return index
@@ -198,7 +193,7 @@ class Recovery:
         states = self._stack.states[: level.height]
         if self._begins_statement(states, level.begin - 1, index):
             word = self._lexemes[level.begin - 1]
-            self._report("unexpected-token", f"unexpected `{word.value}`", word, "expected a name")
+            self._reports.report("unexpected-token", f"unexpected `{word.value}`", word, "expected a name")
             self._stack.cut(level.height)
             return level.begin - 1
         for place in range(level.begin, index):
@@ -209,8 +204,11 @@ class Recovery:
             keyword = None if lexeme.escaped else self._grammar.core.keywords.get(lexeme.value)
             starts = terminal == "NAME" and keyword and self._grammar.accepts(level.states, keyword)
             if starts and place > level.begin and first_on_line(self._source, lexeme.start):
-                self._report(
-                    "unexpected-token", f"unexpected `{lexeme.value}`", lexeme, self._expectation(states)
+                self._reports.report(
+                    "unexpected-token",
+                    f"unexpected `{lexeme.value}`",
+                    lexeme,
+                    self._reports.expectation(states),
                 )
                 self._stack.forget(level.height, level.begin, place)
                 self._stack.resume(level, index)
@@ -239,7 +237,7 @@ class Recovery:
         self._grammar.shift(states, terminal)
         if not self._stack.makes_sense(states, index + 1, index + _LOOKAHEAD):
             return None
-        self._report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, f"write `{meant}`")
+        self._reports.report("unexpected-token", f"unexpected `{lexeme.value}`", lexeme, f"write `{meant}`")
         self._stack.feed(terminal, replace(lexeme, value=meant), index)
         return index + 1
 
@@ -252,15 +250,17 @@ class Recovery:
                 continue
             states = list(self._stack.states)
             self._grammar.shift(states, terminal)
-            if sign == ";" and (self._foreign(index) or self._opens_block(lexeme)):
+            if sign == ";" and (self._reports.foreign(index) or self._opens_block(lexeme)):
                 continue
             if lexeme.kind == END or not self._stack.makes_sense(states, index, index + _LOOKAHEAD):
                 continue
             if sign != "," or first_on_line(self._source, lexeme.start):
                 before = Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end)
-                self._report("missing-token", f"missing `{sign}`", before, self._completion(sign, index))
+                self._reports.report(
+                    "missing-token", f"missing `{sign}`", before, self._completion(sign, index)
+                )
             else:
-                self._report_unexpected(index)
+                self._reports.unexpected(index)
             self._stack.feed(
                 terminal, Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end), index
             )
@@ -318,7 +318,9 @@ class Recovery:
         before = Lexeme(PUNCTUATION, sign, self._stack.previous_end, self._stack.previous_end)
         opening = self._stack.open_brace(place) if sign == "}" else None
         notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
-        self._report("missing-token", f"missing `{sign}`", before, self._completion(sign, place), notes)
+        self._reports.report(
+            "missing-token", f"missing `{sign}`", before, self._completion(sign, place), notes
+        )
         self._stack.feed(terminal, before, place)
 
     def _completion(self, sign: str, index: int) -> str:
@@ -424,82 +426,3 @@ class Recovery:
             and lexeme.braces == 0
             and bool(self.diagnostics)
         )
-
-    def _report_unexpected(self, index: int) -> None:
-        lexeme = self._lexemes[index]
-        if lexeme.kind == END:
-            opening = self._stack.open_brace(index)
-            notes = (Note("this `{` is not closed", self._stack.span(opening)),) if opening else ()
-            self._report("unexpected-end", "unexpected end of the file", lexeme, self._expectation(), notes)
-            return
-        foreign = self._foreign(index)
-        if foreign is not None:
-            keyword = self._lexemes[foreign.begin]
-            states = self._stack.states[: foreign.height]
-            hint = habit(self._grammar, states, self._lexemes, foreign.begin) or self._expectation(states)
-            self._report("unexpected-token", f"unexpected `{keyword.value}`", keyword, hint)
-            return
-        shown = self._source.text[lexeme.start : lexeme.end].split("\n")[0]
-        shown = shown if len(shown) <= 30 else shown[:27] + "..."
-        if lexeme.value == "}" and lexeme.kind == PUNCTUATION and lexeme.braces == 0:
-            hint = "no `{` is open here: take it out, or look for one that is closed too soon"
-            self._report("unexpected-token", "unexpected `}`", lexeme, hint)
-            return
-        meant = habit(self._grammar, self._stack.states, self._lexemes, index) or self._escape_hint(index)
-        meant = meant or self._meant(index) or self._expectation()
-        self._report("unexpected-token", f"unexpected `{shown}`", lexeme, meant)
-
-    def _foreign(self, index: int) -> Level | None:
-        """The statement under way, if a keyword of other places starts it, with a word after it."""
-        level = next(self._stack.levels(), None)
-        if level is None or level.begin < 0 or level.begin not in {index - 1, index - 2}:
-            return None
-        word, following = self._lexemes[level.begin : level.begin + 2]
-        keyword = word.kind == "NAME" and not word.escaped and word.value in self._grammar.core.keywords
-        if not keyword or following.kind != "NAME":
-            return None
-        states = self._stack.states[: level.height]
-        return level if self._stack.resolve(states, level.begin) == "NAME" else None
-
-    def _meant(self, index: int) -> str | None:
-        """The keyword that a word resembles, where no name is expected."""
-        lexeme = self._lexemes[index]
-        states = self._stack.states
-        if lexeme.kind != "NAME" or self._grammar.accepts(states, "NAME") or len(lexeme.value) <= 2:
-            return None
-        return did_you_mean(lexeme.value, self._words(states))
-
-    def _escape_hint(self, index: int) -> str | None:
-        """For a keyword where a name is expected."""
-        lexeme = self._lexemes[index]
-        keyword = lexeme.kind == "NAME" and not lexeme.escaped and lexeme.value in self._grammar.core.keywords
-        if keyword and "NAME" in self._grammar.expected(self._stack.states):
-            return f"write `^{lexeme.value}` for the name"
-        return None
-
-    def _expectation(self, states: list[int] | None = None) -> str:
-        """What may come next, in plain words."""
-        return expectation(self._grammar, self._stack.states if states is None else states)
-
-    def _replaced(self, missing: Lexeme) -> bool:
-        """Whether a character that means nothing stands where a sign is missing: then that is what to write for it."""
-        for place, one in enumerate(self._lexical):
-            if one.code != "stray-character" or one.span is None or one.span.start < missing.start:
-                continue
-            if not self._source.text[missing.start : one.span.start].strip():
-                self._lexical[place] = replace(one, hint=f"write `{missing.value}`")
-                return True
-        return False
-
-    def _report(
-        self, code: str, message: str, lexeme: Lexeme, hint: str | None, notes: tuple[Note, ...] = ()
-    ) -> None:
-        span = self._stack.span(lexeme)
-        # A misspelt token has been reported already; that it does not fit is its consequence.
-        before = self._source.span(self._stack.previous_end, lexeme.end)
-        if code == "missing-token" and self._replaced(lexeme):
-            return
-        swallowed = lexeme.kind == END and any(one.code in _ENDLESS for one in self._lexical)
-        if not swallowed and not overlapping(self._lexical, before):
-            subject = (lexeme.value,)
-            self.diagnostics.append(Diagnostic(code, message, span, hint, notes=notes, subject=subject))
