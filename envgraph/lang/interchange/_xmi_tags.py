@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import partial
@@ -10,12 +9,10 @@ from functools import partial
 from envgraph.code import dataclass
 from envgraph.errors import Note, Span, did_you_mean, with_article
 from envgraph.lang.interchange._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, plural, short
+from envgraph.lang.interchange._xmi_namespaces import Namespaces
 from envgraph.lang.read._ecore_types import too_large, value_of
-from envgraph.lang.read._imports import near_uri
-from envgraph.lang.syntax._xml import XMI, XSI, Handlers, Reader, Stop, namespaces
-from envgraph.metamodel import Attribute, EnumType, Package, Reference, Scalar, Value, simple_name, type_name
-
-XMI_SPACES = re.compile(r"http://(www\.omg\.org|schema\.omg\.org/spec)/(spec/)?XMI(/\d+(\.\d+)*)?")
+from envgraph.lang.syntax._xml import XMI, XSI, Handlers, Reader, Stop
+from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value, type_name
 
 
 @dataclass(slots=True)
@@ -50,11 +47,7 @@ class TagReader:
         self._stack: list[_Frame] = []
         self._skipped = 0
         self._top = False
-        self._scope: dict[str, str] = {}
-        self._scopes: list[tuple[int, dict[str, str]]] = []
-        self._types: dict[str, str | None] = {}
-        self._type_keys: tuple[str, ...] = ()
-        self._id_key: str | None = None
+        self._spaces = Namespaces(document)
 
     def check_syntax(self) -> None:
         """Only whether the file is XML."""
@@ -89,7 +82,7 @@ class TagReader:
         at = self._xml.begin(tag)
         for key in attributes:
             if key[:5] == "xmlns":
-                self._declare(attributes)
+                self._spaces.declare(attributes, len(self._xml.open))
                 break
         if self._skipped:
             self._skipped += 1
@@ -100,8 +93,7 @@ class TagReader:
 
     def _end(self, _: str) -> None:
         self._xml.open.pop()
-        while self._scopes and self._scopes[-1][0] > len(self._xml.open):
-            self._enter_scope(self._scopes.pop()[1])
+        self._spaces.leave(len(self._xml.open))
         if self._skipped:
             self._skipped -= 1
             return
@@ -137,114 +129,27 @@ class TagReader:
                 "take it out, or make an attribute of it",
             )
 
-    # --- namespaces ---
-
-    def _declare(self, attributes: dict[str, str]) -> None:
-        own = namespaces(attributes)
-        for key in [key for key in attributes if key[:5] == "xmlns"]:
-            del attributes[key]
-        self._scopes.append((len(self._xml.open), self._scope))
-        self._enter_scope({**self._scope, **own})
-
-    def _enter_scope(self, scope: dict[str, str]) -> None:
-        self._scope = scope
-        self._types = {}
-        spaces = [prefix for prefix, uri in scope.items() if uri == XSI or XMI_SPACES.fullmatch(uri)]
-        self._type_keys = tuple(f"{prefix}:type" for prefix in spaces)
-        self._id_key = next((f"{one}:id" for one in spaces if scope[one] != XSI), None)
-
-    def _class_named(self, name: str, at: int, key: str | None) -> str | None:
-        """The class of a tag or an `xsi:type`, such as `railway:Region`; None, reported, if there is none."""
-        if name in self._types:
-            return self._types[name]
-        found = self._look_up(name, at, key)
-        self._types[name] = found
-        return found
-
-    def _look_up(self, name: str, at: int, key: str | None) -> str | None:
-        span = self._document.places.attribute(at, key) if key else self._document.places.tag(at)
-        prefix, _, simple = name.rpartition(":")
-        metamodel, package = self._reading.metamodel, None
-        if prefix and prefix not in self._scope:
-            hint = (
-                did_you_mean(prefix, self._scope)
-                or f'write `xmlns:{prefix}="{metamodel.uri or metamodel.name}"`'
-            )
-            self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
-        elif prefix or "" in self._scope:
-            package = self._package(self._scope[prefix], span)
-            if package is None and not near_uri(self._scope[prefix], self._reading.packages):
-                return None
-        cls = self._home(simple, package, span)
-        if cls is None:
-            return None
-        if metamodel.classes[cls].abstract:
-            kinds = metamodel.concrete(cls)
-            names = ", ".join(f"`{one}`" for one in kinds)
-            hint = f"its concrete classes are {names}" if kinds else "it has no concrete subclass"
-            self._document.report("abstract-class", f"`{simple}` is abstract", span, hint)
-            return None
-        return cls
-
-    def _home(self, simple: str, package: Package | None, span: Span) -> str | None:
-        """The class of this name in a package; without one the class that alone has the name."""
-        metamodel = self._reading.metamodel
-        homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}
-        if package and package.path in homes:
-            return homes[package.path]
-        if not package and len(homes) == 1:
-            return next(iter(homes.values()))
-        message = f"unknown class `{simple}`"
-        hint = did_you_mean(simple, (simple_name(one) for one in metamodel.classes))
-        if homes:
-            uris = [f"`{one.uri}`" for one in metamodel.packages if one.path in homes]
-            hint = "it is in " + " and ".join(uris)
-            message = f"`{simple}` is in several packages"
-            if package:
-                message = f"`{simple}` is not in the package `{package.uri}`"
-        self._document.report("unknown-class", message, span, hint)
-        return None
-
-    def _package(self, uri: str, span: Span) -> Package | None:
-        packages = self._reading.packages
-        if uri not in packages and uri not in self._reading.foreign:
-            self._reading.foreign.add(uri)
-            message = f"the metamodel `{self._reading.metamodel.name}` has no namespace `{uri}`"
-            near = near_uri(uri, packages)
-            if near:  # then classes are looked for by their names alone
-                self._document.report("unknown-uri", message, span, near)
-            else:
-                hint = "it has " + ", ".join(f"`{one}`" for one in packages)
-                self._reading.unresolved("unknown-uri", message, span, hint, "objects of it are left out")
-        return packages.get(uri)
-
     # --- tags ---
 
     def _root(self, tag: str, attributes: dict[str, str], at: int) -> None:
         prefix, _, simple = tag.rpartition(":")
-        if not self._top and simple == "XMI" and XMI_SPACES.fullmatch(self._scope.get(prefix, "")):
+        if not self._top and simple == "XMI" and self._spaces.is_space(prefix):
             self._top = True
             return
         self._top = True
-        if prefix and XMI_SPACES.fullmatch(self._scope.get(prefix, "")):
+        if prefix and self._spaces.is_space(prefix):
             self._skipped = 1  # what other tools note
             return
-        cls = self._class_named(tag, at, None)
+        cls = self._spaces.class_named(tag, at, None)
         if cls is None:
             self._document.roots.append(LOST)
             self._skipped = 1
             return
         table = self._reading.table(cls)
-        self._type_of(attributes)
+        self._spaces.type_of(attributes)
         node = self._create(table, attributes, at)
         self._document.roots.append(node)
         self._stack.append(_Frame(node, table))
-
-    def _type_of(self, attributes: dict[str, str]) -> tuple[str | None, str | None]:
-        for key in self._type_keys:
-            if key in attributes:
-                return attributes.pop(key), key
-        return None, None
 
     def _inner(self, tag: str, attributes: dict[str, str], at: int) -> None:
         frame = self._stack[-1]
@@ -260,7 +165,7 @@ class TagReader:
             self._href(frame.node, reference, attributes, at)
             self._skipped = 1
             return
-        if self._is_nil(attributes):
+        if self._spaces.is_nil(attributes):
             self._skipped = 1
             return
         if not reference.containment:
@@ -272,9 +177,9 @@ class TagReader:
         self._child(frame, reference, attributes, at)
 
     def _child(self, frame: _Frame, reference: Reference, attributes: dict[str, str], at: int) -> None:
-        type_, key = self._type_of(attributes)
+        type_, key = self._spaces.type_of(attributes)
         # The name alone would be looked up in the namespace of the tag, and a reference has none.
-        cls = self._class_named(type_, at, key) if type_ else self._declared(reference, at)
+        cls = self._spaces.class_named(type_, at, key) if type_ else self._spaces.declared(reference, at)
         if cls is not None and not self._reading.metamodel.is_a(cls, reference.target):
             message = f"`{reference}` takes objects of class `{reference.target}`, not {with_article(cls)}"
             where = self._document.places.attribute(at, key) if key else self._document.places.tag(at)
@@ -291,27 +196,11 @@ class TagReader:
         node = self._create(table, attributes, at)
         self._stack.append(_Frame(node, table, frame.node, reference))
 
-    def _declared(self, reference: Reference, at: int) -> str | None:
-        """The class that a reference leads to, where a tag has no `xsi:type`."""
-        metamodel = self._reading.metamodel
-        if not metamodel.classes[reference.target].abstract:
-            return reference.target
-        kinds = metamodel.concrete(reference.target)
-        prefix = next((one for one, uri in self._scope.items() if uri in self._reading.packages), "")
-        if kinds:
-            home = metamodel.classes[kinds[0]].package
-            uris = [one.uri for one in metamodel.packages if one.path == home]
-            prefix = next((one for one, uri in self._scope.items() if uri in uris), prefix)
-        hint = f'write `xsi:type="{prefix}:{simple_name(kinds[0])}"` for example' if kinds else None
-        message = f"`{reference.target}` is abstract: the tag needs an `xsi:type`"
-        self._document.report("abstract-class", message, self._document.places.tag(at), hint)
-        return None
-
     def _other_tag(self, frame: _Frame, table: Table, tag: str, attributes: dict[str, str], at: int) -> None:
         """A tag that is no reference: an attribute, an extension of a tool, or a mistake."""
         attribute = table.attributes.get(tag)
         if attribute is not None:
-            nil = self._is_nil(attributes)
+            nil = self._spaces.is_nil(attributes)
             if nil and attribute.many:
                 message, span = f"a value of `{attribute}` is missing", self._document.places.tag(at)
                 self._document.report("missing-value", message, span, "write it, or leave the tag out")
@@ -324,7 +213,7 @@ class TagReader:
             return
         self._skipped = 1
         prefix = tag.rpartition(":")[0]
-        if prefix and XMI_SPACES.fullmatch(self._scope.get(prefix, "")):
+        if prefix and self._spaces.is_space(prefix):
             return
         known = [*table.references, *table.attributes]
         self._unknown_feature(table, tag, self._document.places.tag(at), known)
@@ -339,20 +228,12 @@ class TagReader:
             hint = "it has " + ", ".join(f"`{one}`" for one in known) if known else "it has no features"
         self._document.report("unknown-feature", f"`{table.name}` has no feature `{name}`", span, hint)
 
-    def _is_nil(self, attributes: dict[str, str]) -> bool:
-        return any(
-            value == "true"
-            and key.rpartition(":")[2] == "nil"
-            and self._scope.get(key.rpartition(":")[0]) == XSI
-            for key, value in attributes.items()
-        )
-
     # --- objects ---
 
     def _create(self, table: Table, attributes: dict[str, str], at: int) -> int:
         """The object of a tag, with the values of its attributes."""
         model = self._model
-        name = attributes.pop(self._id_key, None) if self._id_key else None
+        name = attributes.pop(self._spaces.id_key, None) if self._spaces.id_key else None
         own = name
         if name is not None and name in model:  # of an object of another document, perhaps
             if name in self._document.ids:
@@ -380,7 +261,7 @@ class TagReader:
     def _duplicate(self, name: str, at: int) -> None:
         first = self._document.ids.get(name)
         notes = (Note("the first one is here", self._document.tag(first)),) if first is not None else ()
-        key = self._id_key or ""
+        key = self._spaces.id_key or ""
         message = f"there are two objects `{name}`"
         where, hint = self._document.places.attribute(at, key), "give each object an id of its own"
         self._document.report("duplicate-object", message, where, hint, notes=notes)
@@ -447,11 +328,12 @@ class TagReader:
     def _other_attribute(self, table: Table, key: str, at: int) -> None:
         prefix, _, simple = key.rpartition(":")
         if prefix:
-            uri = self._scope.get(prefix)
+            uri = self._spaces.scope.get(prefix)
             if uri is None and prefix != "xml":
                 space = XSI if prefix == "xsi" else XMI if prefix == "xmi" else "..."
                 hint = (
-                    did_you_mean(prefix, self._scope) or f'write `xmlns:{prefix}="{space}"` in the first tag'
+                    did_you_mean(prefix, self._spaces.scope)
+                    or f'write `xmlns:{prefix}="{space}"` in the first tag'
                 )
                 span = self._document.places.name_of(at, key)
                 self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)

@@ -1,0 +1,152 @@
+"""What names in the tags of an `.xmi` file mean: prefixes, classes, and the attributes of XMI itself."""
+
+from __future__ import annotations
+
+import re
+
+from envgraph.errors import Span, did_you_mean
+from envgraph.lang.interchange._xmi_document import Document
+from envgraph.lang.read._imports import near_uri
+from envgraph.lang.syntax._xml import XSI, namespaces
+from envgraph.metamodel import Package, Reference, simple_name
+
+XMI_SPACES = re.compile(r"http://(www\.omg\.org|schema\.omg\.org/spec)/(spec/)?XMI(/\d+(\.\d+)*)?")
+
+
+class Namespaces:
+    """The prefixes that hold where a document is being read.
+
+    Attributes:
+        scope: the namespace of each prefix.
+        id_key: the attribute that has the identifier of a tag.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._reading = document.reading
+        self.scope: dict[str, str] = {}
+        self.id_key: str | None = None
+        self._scopes: list[tuple[int, dict[str, str]]] = []
+        self._types: dict[str, str | None] = {}
+        self._type_keys: tuple[str, ...] = ()
+
+    def declare(self, attributes: dict[str, str], depth: int) -> None:
+        """Takes the declarations out of the attributes of a tag at this depth; they hold inside it."""
+        own = namespaces(attributes)
+        for key in [key for key in attributes if key[:5] == "xmlns"]:
+            del attributes[key]
+        self._scopes.append((depth, self.scope))
+        self._enter_scope({**self.scope, **own})
+
+    def leave(self, depth: int) -> None:
+        """Forgets the declarations of tags that are deeper."""
+        while self._scopes and self._scopes[-1][0] > depth:
+            self._enter_scope(self._scopes.pop()[1])
+
+    def is_space(self, prefix: str) -> bool:
+        """Whether a prefix stands for XMI itself."""
+        return XMI_SPACES.fullmatch(self.scope.get(prefix, "")) is not None
+
+    def _enter_scope(self, scope: dict[str, str]) -> None:
+        self.scope = scope
+        self._types = {}
+        spaces = [prefix for prefix, uri in scope.items() if uri == XSI or XMI_SPACES.fullmatch(uri)]
+        self._type_keys = tuple(f"{prefix}:type" for prefix in spaces)
+        self.id_key = next((f"{one}:id" for one in spaces if scope[one] != XSI), None)
+
+    def class_named(self, name: str, at: int, key: str | None) -> str | None:
+        """The class of a tag or an `xsi:type`, such as `railway:Region`; None, reported, if there is none."""
+        if name in self._types:
+            return self._types[name]
+        found = self._look_up(name, at, key)
+        self._types[name] = found
+        return found
+
+    def _look_up(self, name: str, at: int, key: str | None) -> str | None:
+        span = self._document.places.attribute(at, key) if key else self._document.places.tag(at)
+        prefix, _, simple = name.rpartition(":")
+        metamodel, package = self._reading.metamodel, None
+        if prefix and prefix not in self.scope:
+            hint = (
+                did_you_mean(prefix, self.scope)
+                or f'write `xmlns:{prefix}="{metamodel.uri or metamodel.name}"`'
+            )
+            self._document.report("unknown-prefix", f"the prefix `{prefix}` is not declared", span, hint)
+        elif prefix or "" in self.scope:
+            package = self._package(self.scope[prefix], span)
+            if package is None and not near_uri(self.scope[prefix], self._reading.packages):
+                return None
+        cls = self._home(simple, package, span)
+        if cls is None:
+            return None
+        if metamodel.classes[cls].abstract:
+            kinds = metamodel.concrete(cls)
+            names = ", ".join(f"`{one}`" for one in kinds)
+            hint = f"its concrete classes are {names}" if kinds else "it has no concrete subclass"
+            self._document.report("abstract-class", f"`{simple}` is abstract", span, hint)
+            return None
+        return cls
+
+    def _home(self, simple: str, package: Package | None, span: Span) -> str | None:
+        """The class of this name in a package; without one the class that alone has the name."""
+        metamodel = self._reading.metamodel
+        homes = {path: one for path, one in metamodel.named(simple).items() if one in metamodel.classes}
+        if package and package.path in homes:
+            return homes[package.path]
+        if not package and len(homes) == 1:
+            return next(iter(homes.values()))
+        message = f"unknown class `{simple}`"
+        hint = did_you_mean(simple, (simple_name(one) for one in metamodel.classes))
+        if homes:
+            uris = [f"`{one.uri}`" for one in metamodel.packages if one.path in homes]
+            hint = "it is in " + " and ".join(uris)
+            message = f"`{simple}` is in several packages"
+            if package:
+                message = f"`{simple}` is not in the package `{package.uri}`"
+        self._document.report("unknown-class", message, span, hint)
+        return None
+
+    def _package(self, uri: str, span: Span) -> Package | None:
+        packages = self._reading.packages
+        if uri not in packages and uri not in self._reading.foreign:
+            self._reading.foreign.add(uri)
+            message = f"the metamodel `{self._reading.metamodel.name}` has no namespace `{uri}`"
+            near = near_uri(uri, packages)
+            if near:  # then classes are looked for by their names alone
+                self._document.report("unknown-uri", message, span, near)
+            else:
+                hint = "it has " + ", ".join(f"`{one}`" for one in packages)
+                self._reading.unresolved("unknown-uri", message, span, hint, "objects of it are left out")
+        return packages.get(uri)
+
+    def type_of(self, attributes: dict[str, str]) -> tuple[str | None, str | None]:
+        """Takes the `xsi:type` out of the attributes of a tag, with the key that it has there."""
+        for key in self._type_keys:
+            if key in attributes:
+                return attributes.pop(key), key
+        return None, None
+
+    def declared(self, reference: Reference, at: int) -> str | None:
+        """The class that a reference leads to, where a tag has no `xsi:type`."""
+        metamodel = self._reading.metamodel
+        if not metamodel.classes[reference.target].abstract:
+            return reference.target
+        kinds = metamodel.concrete(reference.target)
+        prefix = next((one for one, uri in self.scope.items() if uri in self._reading.packages), "")
+        if kinds:
+            home = metamodel.classes[kinds[0]].package
+            uris = [one.uri for one in metamodel.packages if one.path == home]
+            prefix = next((one for one, uri in self.scope.items() if uri in uris), prefix)
+        hint = f'write `xsi:type="{prefix}:{simple_name(kinds[0])}"` for example' if kinds else None
+        message = f"`{reference.target}` is abstract: the tag needs an `xsi:type`"
+        self._document.report("abstract-class", message, self._document.places.tag(at), hint)
+        return None
+
+    def is_nil(self, attributes: dict[str, str]) -> bool:
+        """Whether a tag stands for no object."""
+        return any(
+            value == "true"
+            and key.rpartition(":")[2] == "nil"
+            and self.scope.get(key.rpartition(":")[0]) == XSI
+            for key, value in attributes.items()
+        )
