@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 
-from envgraph.code import dataclass
 from envgraph.errors import (
     LoadError,
     Note,
@@ -20,39 +19,38 @@ from envgraph.errors import (
     Span,
     did_you_mean,
     has_errors,
-    name_hint,
     sort_diagnostics,
 )
 from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, without_values
 from envgraph.lang.interchange._ecore_names import Enough, Joint, Names, Target, inside
+from envgraph.lang.interchange._ecore_parts import (
+    annotations_of,
+    boolean,
+    bounds_of,
+    called,
+    data_type_of,
+    default_of,
+    doc_of,
+    integer,
+    marks_of,
+    name_of,
+)
 from envgraph.lang.read._ecore_types import (
     ECORE,
-    ECORE_TYPES,
-    DataType,
-    java_type,
-    too_large,
-    value_of,
 )
 from envgraph.lang.read._imports import without_consequences
 from envgraph.lang.read._metamodel import MetamodelFile
 from envgraph.lang.syntax._xml import XMI, XSI, Element
 from envgraph.metamodel import (
-    Annotation,
     Attribute,
     Class,
     EnumType,
     Feature,
-    Glyph,
     Metamodel,
     Package,
-    Places,
     Reference,
-    Scalar,
-    Value,
 )
 
-_GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
-_OWN = "envgraph"
 _DEEPEST = 50
 
 
@@ -129,16 +127,6 @@ _WITHOUT_VALUES: Mapping[str, str] = {
 }
 
 
-@dataclass(slots=True)
-class _Marks:
-    """What annotations say of a class."""
-
-    key: tuple[str, ...] = ()
-    glyph: Glyph | None = None
-    frozen: bool = False
-    places: Places = ()
-
-
 def _read_all(joint: Joint, readers: Sequence[_Reader]) -> Metamodel | None:
     sound = [one for one in readers if one.begin()]
     if not sound:
@@ -208,8 +196,8 @@ class _Reader(Names):
         """Whether the file has a package."""
         root, problem = self.document.root, self.document.problem
         if problem or root is None:
-            self._joint.diagnostics.extend([problem] if problem else [])
-            self._joint.lost |= self.names()
+            self.joint.diagnostics.extend([problem] if problem else [])
+            self.joint.lost |= self.names()
             return False
         return self._is_package(root)
 
@@ -230,8 +218,8 @@ class _Reader(Names):
     def begin_metamodel(self, root: Element) -> str:
         """The name of the outermost package."""
         if "name" in root.attributes:
-            self.span = self._at(root, "name")
-        return self._name(root, "package")
+            self.span = self.at(root, "name")
+        return name_of(self, root, "package")
 
     # --- packages and what is in them ---
 
@@ -249,7 +237,7 @@ class _Reader(Names):
         else:
             message = f"a metamodel is an `ecore:EPackage`, and this is a `{root.tag}`"
             hint = "a model has the ending `.xmi`" if root.namespace else None
-        self._error("not-ecore", message, where, hint)
+        self.error("not-ecore", message, where, hint)
         return False
 
     def _enter_package(self, path: str, element: Element, depth: int = 0) -> None:
@@ -257,7 +245,7 @@ class _Reader(Names):
         self._kinds[element] = "EPackage"
         self._check_parts(element, "EPackage")
         if depth > _DEEPEST:
-            self._error(
+            self.error(
                 "nested-too-deeply",
                 "packages are nested too deeply",
                 self.places.tag(element.byte),
@@ -273,7 +261,7 @@ class _Reader(Names):
     def _enter_classifier(self, element: Element) -> None:
         kind = self._kind(element, ("EClass", "EEnum", "EDataType"), "a classifier")
         if kind is None:
-            self._joint.lost.add(element.attributes.get("name", ""))
+            self.joint.lost.add(element.attributes.get("name", ""))
             return
         self._kinds[element] = kind
         self._check_parts(element, kind)
@@ -281,7 +269,7 @@ class _Reader(Names):
         for member in inside(element, "eStructuralFeatures") if kind == "EClass" else ():
             found = self._kind(member, features, "a feature")
             if found is None:
-                self._joint.lost.add(member.attributes.get("name", ""))
+                self.joint.lost.add(member.attributes.get("name", ""))
             else:
                 self._kinds[member] = found
                 self._check_parts(member, found)
@@ -299,22 +287,22 @@ class _Reader(Names):
                     f"the prefix `{prefix}` is not declared",
                     f'write `xmlns:xsi="{XSI}"` in the first tag',
                 )
-                self._error("unknown-prefix", message, where, hint)
+                self.error("unknown-prefix", message, where, hint)
                 return None
             hint = f'write `xsi:type="ecore:{known[0]}"`'
-            self._error("missing-type", f"{what} needs an `xsi:type`", self.places.tag(element.byte), hint)
+            self.error("missing-type", f"{what} needs an `xsi:type`", self.places.tag(element.byte), hint)
             return None
         value = element.attributes[key]
         prefix, _, name = value.rpartition(":")
         if name in known and element.scope.get(prefix) == ECORE:
             return name
-        where = self._at(element, key)
+        where = self.at(element, key)
         if name in known:
             hint = did_you_mean(prefix, element.scope) or f'write `xmlns:{prefix}="{ECORE}"` in the first tag'
-            self._error("unknown-prefix", f"the prefix `{prefix}` does not stand for Ecore", where, hint)
+            self.error("unknown-prefix", f"the prefix `{prefix}` does not stand for Ecore", where, hint)
         else:
             hint = did_you_mean(name, known) or "there are " + ", ".join(f"`ecore:{one}`" for one in known)
-            self._error("unknown-type", f"{what} cannot be `{value}`", where, hint)
+            self.error("unknown-type", f"{what} cannot be `{value}`", where, hint)
         return None
 
     def _check_parts(self, element: Element, kind: str) -> None:
@@ -324,23 +312,21 @@ class _Reader(Names):
             if ":" not in key and key != "xmlns" and key not in attributes:
                 where = self.places.name_of(element.byte, key)
                 message = f"`{kind}` has no attribute `{key}`"
-                self._error("unknown-attribute", message, where, did_you_mean(key, attributes))
+                self.error("unknown-attribute", message, where, did_you_mean(key, attributes))
         for child in element.children:
             if child.name not in (*children, "Extension"):
                 message = f"`{kind}` has nothing called `{child.name}`"
                 hint = did_you_mean(child.name, children)
-                self._error("unknown-element", message, self.places.tag(child.byte), hint)
+                self.error("unknown-element", message, self.places.tag(child.byte), hint)
 
     def package(self, path: str, element: Element) -> Package:
         uri, prefix = element.attributes.get("nsURI", ""), element.attributes.get("nsPrefix", "")
         name = element.attributes.get("name", "")
         if not uri:
             where = self.places.tag(element.byte)
-            self._warn(
-                "missing-uri", f"package `{name}` has no `nsURI`", where, "other files name it by that"
-            )
+            self.warn("missing-uri", f"package `{name}` has no `nsURI`", where, "other files name it by that")
         if path:
-            self._name(element, "package")
+            name_of(self, element, "package")
         return Package(path, uri or path or name, prefix or name)
 
     # --- enums ---
@@ -348,17 +334,17 @@ class _Reader(Names):
     def enum(self, path: str, element: Element) -> EnumType:
         literals, labels, numbers, places = [], [], [], []
         for index, literal in enumerate(inside(element, "eLiterals")):
-            name = self._name(literal, "literal")
+            name = name_of(self, literal, "literal")
             literals.append(name)
             labels.append(literal.attributes.get("literal", name))
             # As in EMF, where the number is that of the enumeration's author, and 0 if nothing is said.
-            numbers.append(self._integer(literal, "value", 0))
+            numbers.append(integer(self, literal, "value", 0))
             places.append((f"literal {index}", self.named(literal)))
         usual = tuple(range(len(literals)))
         return EnumType(
-            self._called(element, "enum"),
+            called(self, element, "enum"),
             tuple(literals),
-            doc=self._doc(element),
+            doc=doc_of(element),
             span=self.named(element),
             places=tuple(places),
             package=path,
@@ -371,26 +357,26 @@ class _Reader(Names):
     def cls(self, path: str, element: Element) -> Class:
         supertypes, places = [], []
         for target in self._supertypes(element):
-            name = self._joint.names.get(target.element, "") if target.element else ""
+            name = self.joint.names.get(target.element, "") if target.element else ""
             supertypes.append(name)
             places.append((f"extends {name}", target.span))
-        any_object = self._joint.any_object
+        any_object = self.joint.any_object
         if any_object and element is not any_object and not supertypes:
-            supertypes.append(self._joint.names[any_object])
+            supertypes.append(self.joint.names[any_object])
         features = [one for one in map(self._feature, inside(element, "eStructuralFeatures")) if one]
-        abstract = self._boolean(element, "abstract", False)
-        marks = self._marks(element, features)
+        abstract = boolean(self, element, "abstract", False)
+        marks = marks_of(self, element, features)
         self._check_class(element)
         return Class(
-            self._called(element, "class"),
-            abstract=self._boolean(element, "interface", False) or abstract,
+            called(self, element, "class"),
+            abstract=boolean(self, element, "interface", False) or abstract,
             supertypes=tuple(supertypes),
             features=tuple(features),
             key=marks.key,
             glyph=marks.glyph,
             frozen=marks.frozen,
-            doc=self._doc(element),
-            annotations=self._annotations(element),
+            doc=doc_of(element),
+            annotations=annotations_of(self, element),
             span=self.named(element),
             places=(*places, *marks.places),
             package=path,
@@ -399,7 +385,7 @@ class _Reader(Names):
 
     def _left_out_of(self, element: Element) -> tuple[tuple[str, str], ...]:
         members = [(one.attributes.get("name", ""), one) for one in inside(element, "eStructuralFeatures")]
-        known = self._joint.left_out
+        known = self.joint.left_out
         return tuple((name, known[name][one]) for name, one in members if one in known.get(name, ()))
 
     def _supertypes(self, element: Element) -> Iterator[Target]:
@@ -409,7 +395,7 @@ class _Reader(Names):
             if kind == "EClass":
                 yield target
             elif kind is not None:
-                self._error(
+                self.error(
                     "wrong-type", "a class extends classes only", target.span, "name a class, or leave it out"
                 )
 
@@ -424,42 +410,7 @@ class _Reader(Names):
             number, verb = len(operations), "is" if len(operations) == 1 else "are"
             message = f"{number} operation{'s' * (number > 1)} of `{name}` {verb} left out"
             hint = "what they do is written as rules; nothing else is lost"
-            self._warn("left-out", message, self.places.tag(operations[0].byte), hint)
-
-    def _marks(self, element: Element, features: Sequence[Feature]) -> _Marks:
-        """Key, glyph and `frozen`: from an annotation of ours; an `iD` attribute is a key too."""
-        marks = _Marks()
-        for one, name, value in self._details(element):
-            match name:
-                case "key":
-                    marks.key = tuple(value.split())
-                    marks.places += tuple(
-                        (f"key {part}", self.places.attribute(one.byte, "value", part)) for part in marks.key
-                    )
-                case "glyph":
-                    letter, colour = value[:1], value[2:]
-                    marks.glyph = Glyph(letter, colour) if colour else Glyph(letter)
-                    span = self._at(one, "value")
-                    marks.places += (("letter", span), ("colour", span))
-                case "frozen":
-                    marks.frozen = True
-        identifiers = tuple(one.name for one in features if isinstance(one, Attribute) and one.identifier)
-        marks.key = marks.key or identifiers
-        return marks
-
-    def _annotations(self, element: Element) -> tuple[Annotation, ...]:
-        """What `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
-        found = []
-        for one, name, value in self._details(element):
-            values = (value[:1], *value[2:].split()) if name == "glyph" else tuple(value.split())
-            found.append(Annotation(name, values, span=self._at(one, "key")))
-        return tuple(found)
-
-    def _details(self, element: Element) -> Iterator[tuple[Element, str, str]]:
-        for annotation in inside(element, "eAnnotations"):
-            if annotation.attributes.get("source") == _OWN:
-                for one in inside(annotation, "details"):
-                    yield one, one.attributes.get("key", ""), one.attributes.get("value", "")
+            self.warn("left-out", message, self.places.tag(operations[0].byte), hint)
 
     # --- features ---
 
@@ -472,16 +423,16 @@ class _Reader(Names):
             what = "feature map" if word == "eType" else f"{word} feature"
             message = f"the {what} `{element.attributes.get('name', '')}` is left out"
             hint = _WITHOUT_VALUES[word]
-            self._warn("left-out", message, self.places.name_of(element.byte, word), hint)
+            self.warn("left-out", message, self.places.name_of(element.byte, word), hint)
             why = "a feature map" if word == "eType" else word
             self._leave_out(element, f"it is {why}, and was left out of the metamodel")
             return None
-        errors = self._joint.errors
+        errors = self.joint.errors
         found = self._attribute(element) if kind == "EAttribute" else self._reference(element)
-        if found is None and self._joint.allow_unresolved and self._joint.errors == errors:
+        if found is None and self.joint.allow_unresolved and self.joint.errors == errors:
             self._leave_out(element, "its type is in a file that is nowhere")
         elif found is None:
-            self._joint.lost.add(element.attributes.get("name", ""))
+            self.joint.lost.add(element.attributes.get("name", ""))
         return found
 
     def _without_values(self, element: Element) -> str | None:
@@ -498,99 +449,53 @@ class _Reader(Names):
 
     def _leave_out(self, element: Element, why: str) -> None:
         name = element.attributes.get("name", "")
-        self._joint.lost.add(name)
-        self._joint.left_out.setdefault(name, {})[element] = why
+        self.joint.lost.add(name)
+        self.joint.left_out.setdefault(name, {})[element] = why
 
     def _type(self, element: Element, what: str) -> Target | None:
         """The one type of a feature; None if it has none or it cannot be read, which has been reported."""
-        before = len(self._joint.diagnostics)
+        before = len(self.joint.diagnostics)
         found = [*self._targets(element, "eType"), *self._generic(element, "eGenericType")]
         if found:
             return found[0]
-        if len(self._joint.diagnostics) == before and not self._mentions(element, ("eType", "eGenericType")):
+        if len(self.joint.diagnostics) == before and not self._mentions(element, ("eType", "eGenericType")):
             name = element.attributes.get("name", "")
-            self._error(
+            self.error(
                 "missing-type", f"{what} `{name}` has no type", self.named(element), 'write `eType="..."`'
             )
         return None
 
     def _attribute(self, element: Element) -> Attribute | None:
         target = self._type(element, "attribute")
-        lower, upper = self._bounds(element)
-        name = self._name(element, "attribute")
-        data = self._data_type(target, name) if target else None
+        lower, upper = bounds_of(self, element)
+        name = name_of(self, element, "attribute")
+        data = data_type_of(self, target, name) if target else None
         if data is None or target is None:
             return None
         many = upper != 1
-        default = None if many else self._default(element, name, data.type)
-        places = [("type", target.span), ("default", self._at(element, "defaultValueLiteral"))]
+        default = None if many else default_of(self, element, name, data.type)
+        places = [("type", target.span), ("default", self.at(element, "defaultValueLiteral"))]
         bound = next((one for one in ("upperBound", "lowerBound") if one in element.attributes), None)
         if bound:
-            places.append(("multiplicity", self._at(element, bound)))
+            places.append(("multiplicity", self.at(element, bound)))
         return Attribute(
             name,
             data.type,
             default,
-            doc=self._doc(element),
-            annotations=self._annotations(element),
+            doc=doc_of(element),
+            annotations=annotations_of(self, element),
             span=self.named(element),
             places=tuple(places),
             lower=lower if many else 0 if lower == 0 and data.nullable and default is None else 1,
             upper=upper,
-            unique=self._boolean(element, "unique", True),
-            identifier=self._boolean(element, "iD", False),
+            unique=boolean(self, element, "unique", True),
+            identifier=boolean(self, element, "iD", False),
         )
-
-    def _data_type(self, target: Target, name: str) -> DataType | None:
-        if target.data is not None:
-            self._check_exact(target.data, name, target.span)
-            return target.data
-        if target.element is None:
-            return None
-        kind = self._kinds.get(target.element)
-        if target.element is self._joint.any_object:  # a type parameter
-            return ECORE_TYPES["EJavaObject"]
-        if kind == "EEnum":
-            return DataType(self._joint.enums[target.element])
-        type_name = target.element.attributes.get("name", "")
-        if kind == "EDataType":
-            java = target.element.attributes
-            data = java_type(java.get("instanceTypeName", java.get("instanceClassName", "")))
-            self._check_exact(data, name, target.span)
-            return data
-        if kind == "EClass":
-            hint = 'write `xsi:type="ecore:EReference"`'
-            self._error("wrong-type", f"`{type_name}` is a class, not a data type", target.span, hint)
-        elif kind is not None:
-            hint = 'name a data type or an enum, such as `eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"`'
-            self._error("wrong-type", f"`{type_name}` is no data type", target.span, hint)
-        return None
-
-    def _check_exact(self, data: DataType, name: str, span: Span) -> None:
-        if not data.exact:
-            hint = "take `EInt`, `EDouble` or an enum for values to calculate with"
-            self._warn("read-as-string", f"values of `{name}` are read as strings", span, hint)
-
-    def _default(self, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:
-        text = element.attributes.get("defaultValueLiteral")
-        if text is None:
-            return None
-        value = value_of(text, type_)
-        if value is None:
-            wanted = type_.name if isinstance(type_, EnumType) else str(type_)
-            words = type_.labels or type_.literals if isinstance(type_, EnumType) else ("true", "false")
-            numeric = type_ in (Scalar.INT, Scalar.FLOAT)
-            hint = too_large(text, type_) if numeric else name_hint(text, words)
-            if numeric and hint is None:
-                hint = f"write {'a whole' if type_ is Scalar.INT else 'a'} number, or leave it out"
-            message = f"default of `{name}` is not of type `{wanted}`"
-            self._error("wrong-type", message, self._at(element, "defaultValueLiteral"), hint)
-        return value
 
     def _reference(self, element: Element) -> Reference | None:
         target = self._type(element, "reference")
-        lower, upper = self._bounds(element)
-        name = self._name(element, "reference")
+        lower, upper = bounds_of(self, element)
+        name = name_of(self, element, "reference")
         if target is None:
             return None
         kind = self._kinds.get(target.element) if target.element else "EDataType"
@@ -598,28 +503,28 @@ class _Reader(Names):
             data = kind in ("EEnum", "EDataType")
             hint = 'write `xsi:type="ecore:EAttribute"`' if data else "name a class"
             if kind:  # else not even that is known, which has been reported
-                self._error("wrong-type", "a reference leads to a class", target.span, hint)
+                self.error("wrong-type", "a reference leads to a class", target.span, hint)
             return None
-        if upper != 1 and not self._boolean(element, "unique", True):
+        if upper != 1 and not boolean(self, element, "unique", True):
             where = self.places.name_of(element.byte, "unique")
             hint = "make a class for each time, with a reference to the object"
-            self._warn("unique", f"`{name}` holds an object once, and not several times", where, hint)
+            self.warn("unique", f"`{name}` holds an object once, and not several times", where, hint)
         opposite = self._opposite(element, target.element)
         places = [("target", target.span)]
         bound = next((one for one in ("upperBound", "lowerBound") if one in element.attributes), None)
         if bound:
-            places.append(("multiplicity", self._at(element, bound)))
+            places.append(("multiplicity", self.at(element, bound)))
         if opposite:
             places.append(("opposite", opposite[1]))
         return Reference(
             name,
-            self._joint.names.get(target.element, ""),
+            self.joint.names.get(target.element, ""),
             lower,
             upper,
-            containment=self._boolean(element, "containment", False),
+            containment=boolean(self, element, "containment", False),
             opposite=opposite[0] if opposite else None,
-            doc=self._doc(element),
-            annotations=self._annotations(element),
+            doc=doc_of(element),
+            annotations=annotations_of(self, element),
             span=self.named(element),
             places=tuple(places),
         )
@@ -631,7 +536,7 @@ class _Reader(Names):
             if other is None or other not in self._kinds:
                 return None
             if self._kinds[other] != "EReference":
-                self._error(
+                self.error(
                     "opposite-mismatch",
                     "an opposite is a reference",
                     target.span,
@@ -658,7 +563,7 @@ class _Reader(Names):
                         f"declare the opposite in `{there.attributes.get('name')}`, to which `{mine}` leads"
                     )
                 message = f"`{mine}` and `{its}` are not each other's opposites"
-                self._error("opposite-mismatch", message, target.span, hint, (note,))
+                self.error("opposite-mismatch", message, target.span, hint, (note,))
                 return None
             return other.attributes.get("name", ""), target.span
         return None
@@ -675,50 +580,7 @@ class _Reader(Names):
 
     # --- parts of an element ---
 
-    def _name(self, element: Element, what: str) -> str:
-        name = element.attributes.get("name", "")
-        if not name:
-            where = self.places.tag(element.byte)
-            self._error("missing-name", f"the {what} has no name", where, 'write `name="..."`')
-            return f"unnamed_{element.byte}"
-        return name
-
-    def _called(self, element: Element, what: str) -> str:
-        """What a class or an enum is called in the metamodel."""
-        return self._name(element, what) and (self._joint.names[element] or f"unnamed_{element.byte}")
-
-    def _doc(self, element: Element) -> str | None:
-        for annotation in inside(element, "eAnnotations"):
-            if annotation.attributes.get("source") == _GENMODEL:
-                for one in inside(annotation, "details"):
-                    if one.attributes.get("key") == "documentation":
-                        return one.attributes.get("value")
-        return None
-
-    def _boolean(self, element: Element, name: str, otherwise: bool) -> bool:
-        text = element.attributes.get(name)
-        if text not in (None, "true", "false"):
-            hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
-            self._error(
-                "wrong-type", f"`{name}` is true or false, not `{text}`", self._at(element, name), hint
-            )
-            return otherwise
-        return otherwise if text is None else text == "true"
-
-    def _integer(self, element: Element, name: str, otherwise: int) -> int:
-        text = element.attributes.get(name)
-        if text is None:
-            return otherwise
-        if not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
-            hint = "write `-1` for any number" if name == "upperBound" else "write a whole number from 0"
-            self._error("wrong-type", f"`{name}` is a number, not `{text}`", self._at(element, name), hint)
-            return otherwise
-        return int(text)
-
-    def _bounds(self, element: Element) -> tuple[int, int | None]:
-        lower, upper = self._integer(element, "lowerBound", 0), self._integer(element, "upperBound", 1)
-        return lower, None if upper < 0 else upper
-
     def check_instance(self, element: Element) -> None:
+        """Report a data type without a name."""
         if self._kinds.get(element) == "EDataType":
-            self._name(element, "data type")
+            name_of(self, element, "data type")

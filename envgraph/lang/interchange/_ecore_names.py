@@ -84,7 +84,7 @@ class Names:
         self.packages: list[tuple[str, Element]] = []
         self.span = self.places.source.span(0, 0)
         self._others: dict[str, tuple[Names | None, Element | None]] = {}
-        self._joint = joint
+        self.joint = joint
         self._kinds = joint.kinds
         self._owners = joint.owners
 
@@ -111,7 +111,7 @@ class Names:
 
     def _erase(self, element: Element, message: str) -> None:
         where = self.places.tag(element.byte)
-        self._warn("generic-type", message, where, "it takes more objects than it says")
+        self.warn("generic-type", message, where, "it takes more objects than it says")
 
     def _erased(self, parameter: Target) -> Iterator[Target]:
         """What a type parameter is at most; parameters may be bounds of each other."""
@@ -124,10 +124,10 @@ class Names:
                 found = [one for bound in bounds for one in parameter.reader._targets(bound, "eClassifier")]
                 yield from (Target(one.element, one.data, span, one.reader) for one in found)
                 if not bounds:
-                    yield Target(self._joint.any_object, None, span, self)
+                    yield Target(self.joint.any_object, None, span, self)
                 return
             parameter = above[0]
-        self._error("generic-type", "this type parameter has no end", span, "give it a class as its bound")
+        self.error("generic-type", "this type parameter has no end", span, "give it a class as its bound")
 
     def _targets(self, element: Element, name: str) -> Iterator[Target]:
         """What an attribute names (`#//A ecore:EClass other.ecore#//B`), and tags of that name with an `href`."""
@@ -141,7 +141,7 @@ class Names:
                 yield target
         for child in inside(element, name):
             if "href" in child.attributes:
-                target = self._find(child.attributes["href"], self._at(child, "href"))
+                target = self._find(child.attributes["href"], self.at(child, "href"))
                 if target:
                     yield target
 
@@ -177,11 +177,11 @@ class Names:
     def _look_for(self, text: str) -> tuple[Names | None, Element | None]:
         if not text:
             return self, self._root
-        for reader in self._joint.readers:
+        for reader in self.joint.readers:
             for package in reader.document.packages:
                 if package.attributes.get("nsURI") == text:
                     return reader, package
-        known = self._joint.by_file
+        known = self.joint.by_file
         path = unquote(text)
         here = self.places.source.name.rpartition("/")[0]
         exact = self.document.paths.get(text) or posixpath.normpath(posixpath.join(here, path))
@@ -196,11 +196,11 @@ class Names:
 
     def _no_file(self, text: str, part: str, span: Span) -> None:
         key = (self.places.source.name, text)
-        if self._joint.quiet or key in self._joint.missing:
+        if self.joint.quiet or key in self.joint.missing:
             return
-        self._joint.missing.add(key)
+        self.joint.missing.add(key)
         if "://" in text:
-            known = [uri for one in self._joint.readers for uri in one.document.calls()]
+            known = [uri for one in self.joint.readers for uri in one.document.calls()]
             message, file = f"none of the files has the package `{text}`", "its file"
             hint = near_uri(text, known)
         else:
@@ -208,24 +208,24 @@ class Names:
             message, file, hint = f"`{text}`: there is no such file", f"`{last}`", None
         name = f"name {file}, which has `{part}`, too: for example with `--metamodel`"
         hint = hint or f"{name}; `--allow-unresolved` leaves out what needs it"
-        if self._joint.allow_unresolved:
-            self._warn("missing-file", message, span, "what needs it is left out")
+        if self.joint.allow_unresolved:
+            self.warn("missing-file", message, span, "what needs it is left out")
         else:
-            self._error("missing-file", message, span, hint)
+            self.error("missing-file", message, span, hint)
 
     def _unknown_library_type(self, name: str, types: Mapping[str, DataType], span: Span) -> None:
-        if self._joint.quiet:
+        if self.joint.quiet:
             return
         message = f"Ecore has no type `{name}`" if types is ECORE_TYPES else f"unknown type `{name}`"
-        self._error("unknown-type", message, span, did_you_mean(name, types))
+        self.error("unknown-type", message, span, did_you_mean(name, types))
 
     def _unknown_part(self, fragment: str, span: Span, reader: Names, base: Element) -> None:
-        if self._joint.quiet:
+        if self.joint.quiet:
             return
         document = reader.document
         steps = [step for step in fragment.split("/") if step]
         name = steps[-1] if steps else fragment
-        if name in self._joint.lost:
+        if name in self.joint.lost:
             return
         around = document.at("/" + "/".join(["", *steps[:-1]]), base) if len(steps) > 1 else base
         if around is None:  # the class is unknown, and not only its feature
@@ -234,48 +234,48 @@ class Names:
         hint = did_you_mean(name, known)
         if self._kinds.get(around) == "EClass":
             message = f"`{around.attributes.get('name')}` has no feature `{name}`"
-            self._error("unknown-reference", message, span, hint)
+            self.error("unknown-reference", message, span, hint)
             return
         file = "" if reader is self else f" in {document.source.name.rpartition('/')[2]}"
         if hint is None and name in ECORE_TYPES:
             hint = f"write `ecore:EDataType {ECORE}#//{name}` for the data type"
         elif hint is None and not fragment.startswith("/"):
             hint = f"write `#//{name}` for a class of this file" if name in known and not file else None
-        self._error("unknown-class", f"unknown class or data type `{name}`{file}", span, hint)
+        self.error("unknown-class", f"unknown class or data type `{name}`{file}", span, hint)
 
     def quietly(self, element: Element, *names: str) -> list[Target]:
         """The targets, without another word on what is wrong with them."""
-        self._joint.quiet = True
+        self.joint.quiet = True
         found = [one for name in names for one in self._targets(element, name)]
-        self._joint.quiet = False
+        self.joint.quiet = False
         return found
 
     # --- messages ---
 
     def named(self, element: Element) -> Span:
-        return self._at(element, "name")
+        return self.at(element, "name")
 
-    def _at(self, element: Element, attribute: str) -> Span:
+    def at(self, element: Element, attribute: str) -> Span:
         return self.places.attribute(element.byte, attribute)
 
-    def _error(
+    def error(
         self, code: str, message: str, where: Span, hint: str | None = None, notes: tuple[Note, ...] = ()
     ) -> None:
-        if self._joint.quiet:
+        if self.joint.quiet:
             return
-        self._joint.diagnostics.append(Diagnostic(code, message, where, hint, notes=notes))
-        self._joint.errors += 1
-        if self._joint.errors == _MOST:
+        self.joint.diagnostics.append(Diagnostic(code, message, where, hint, notes=notes))
+        self.joint.errors += 1
+        if self.joint.errors == _MOST:
             message = "too many mistakes: the rest of the file is not read"
-            self._joint.diagnostics.append(Diagnostic("too-many-errors", message, where, "mend these first"))
+            self.joint.diagnostics.append(Diagnostic("too-many-errors", message, where, "mend these first"))
             raise Enough
 
-    def _warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
-        if self._joint.quiet:
+    def warn(self, code: str, message: str, where: Span, hint: str | None = None) -> None:
+        if self.joint.quiet:
             return
-        self._joint.warnings += 1
-        if self._joint.warnings > _MOST + 1:
+        self.joint.warnings += 1
+        if self.joint.warnings > _MOST + 1:
             return
-        if self._joint.warnings > _MOST:
+        if self.joint.warnings > _MOST:
             code, message, hint = "too-many-warnings", "too many warnings: the others are not shown", None
-        self._joint.diagnostics.append(Diagnostic(code, message, where, hint, Severity.WARNING))
+        self.joint.diagnostics.append(Diagnostic(code, message, where, hint, Severity.WARNING))

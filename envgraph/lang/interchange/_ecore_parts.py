@@ -1,0 +1,168 @@
+"""What single attributes and annotations of tags in an `.ecore` file say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from envgraph.code import dataclass
+from envgraph.errors import Span, did_you_mean, name_hint
+from envgraph.lang.interchange._ecore_names import Names, Target, inside
+from envgraph.lang.read._ecore_types import ECORE_TYPES, DataType, java_type, too_large, value_of
+from envgraph.lang.syntax._xml import Element
+from envgraph.metamodel import Annotation, Attribute, EnumType, Feature, Glyph, Places, Scalar, Value
+
+_OWN = "envgraph"
+_GENMODEL = "http://www.eclipse.org/emf/2002/GenModel"
+
+
+@dataclass(slots=True)
+class Marks:
+    """What annotations say of a class."""
+
+    key: tuple[str, ...] = ()
+    glyph: Glyph | None = None
+    frozen: bool = False
+    places: Places = ()
+
+
+def _details(element: Element) -> Iterator[tuple[Element, str, str]]:
+    for annotation in inside(element, "eAnnotations"):
+        if annotation.attributes.get("source") == _OWN:
+            for one in inside(annotation, "details"):
+                yield one, one.attributes.get("key", ""), one.attributes.get("value", "")
+
+
+def marks_of(names: Names, element: Element, features: Sequence[Feature]) -> Marks:
+    """Key, glyph and `frozen`: from an annotation of ours; an `iD` attribute is a key too."""
+    marks = Marks()
+    for one, name, value in _details(element):
+        match name:
+            case "key":
+                marks.key = tuple(value.split())
+                marks.places += tuple(
+                    (f"key {part}", names.places.attribute(one.byte, "value", part)) for part in marks.key
+                )
+            case "glyph":
+                letter, colour = value[:1], value[2:]
+                marks.glyph = Glyph(letter, colour) if colour else Glyph(letter)
+                span = names.at(one, "value")
+                marks.places += (("letter", span), ("colour", span))
+            case "frozen":
+                marks.frozen = True
+    identifiers = tuple(one.name for one in features if isinstance(one, Attribute) and one.identifier)
+    marks.key = marks.key or identifiers
+    return marks
+
+
+def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
+    """What `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
+    found = []
+    for one, name, value in _details(element):
+        values = (value[:1], *value[2:].split()) if name == "glyph" else tuple(value.split())
+        found.append(Annotation(name, values, span=names.at(one, "key")))
+    return tuple(found)
+
+
+def doc_of(element: Element) -> str | None:
+    """The documentation, where EMF keeps it."""
+    for annotation in inside(element, "eAnnotations"):
+        if annotation.attributes.get("source") == _GENMODEL:
+            for one in inside(annotation, "details"):
+                if one.attributes.get("key") == "documentation":
+                    return one.attributes.get("value")
+    return None
+
+
+def name_of(names: Names, element: Element, what: str) -> str:
+    """The name of something; one of our own, reported, if it has none."""
+    name = element.attributes.get("name", "")
+    if not name:
+        where = names.places.tag(element.byte)
+        names.error("missing-name", f"the {what} has no name", where, 'write `name="..."`')
+        return f"unnamed_{element.byte}"
+    return name
+
+
+def called(names: Names, element: Element, what: str) -> str:
+    """What a class or an enum is called in the metamodel."""
+    return name_of(names, element, what) and (names.joint.names[element] or f"unnamed_{element.byte}")
+
+
+def boolean(names: Names, element: Element, name: str, otherwise: bool) -> bool:
+    """A truth value; a wrong one is reported."""
+    text = element.attributes.get(name)
+    if text not in (None, "true", "false"):
+        hint = did_you_mean(text, ("true", "false")) or "write `true` or `false`"
+        names.error("wrong-type", f"`{name}` is true or false, not `{text}`", names.at(element, name), hint)
+        return otherwise
+    return otherwise if text is None else text == "true"
+
+
+def integer(names: Names, element: Element, name: str, otherwise: int) -> int:
+    """A number; a wrong one is reported."""
+    text = element.attributes.get(name)
+    if text is None:
+        return otherwise
+    if not re.fullmatch(r"[+-]?[0-9]{1,10}", text):
+        hint = "write `-1` for any number" if name == "upperBound" else "write a whole number from 0"
+        names.error("wrong-type", f"`{name}` is a number, not `{text}`", names.at(element, name), hint)
+        return otherwise
+    return int(text)
+
+
+def bounds_of(names: Names, element: Element) -> tuple[int, int | None]:
+    """The lower and the upper bound of a feature, None for any number."""
+    lower, upper = integer(names, element, "lowerBound", 0), integer(names, element, "upperBound", 1)
+    return lower, None if upper < 0 else upper
+
+
+def default_of(names: Names, element: Element, name: str, type_: Scalar | EnumType) -> Value | None:
+    """The default of an attribute of this name; None if there is none, or a wrong one, which is reported."""
+    text = element.attributes.get("defaultValueLiteral")
+    if text is None:
+        return None
+    value = value_of(text, type_)
+    if value is None:
+        wanted = type_.name if isinstance(type_, EnumType) else str(type_)
+        words = type_.labels or type_.literals if isinstance(type_, EnumType) else ("true", "false")
+        numeric = type_ in (Scalar.INT, Scalar.FLOAT)
+        hint = too_large(text, type_) if numeric else name_hint(text, words)
+        if numeric and hint is None:
+            hint = f"write {'a whole' if type_ is Scalar.INT else 'a'} number, or leave it out"
+        message = f"default of `{name}` is not of type `{wanted}`"
+        names.error("wrong-type", message, names.at(element, "defaultValueLiteral"), hint)
+    return value
+
+
+def data_type_of(names: Names, target: Target, name: str) -> DataType | None:
+    """The type of an attribute of this name, by what it leads to; None, reported, if it is none."""
+    if target.data is not None:
+        _check_exact(names, target.data, name, target.span)
+        return target.data
+    if target.element is None:
+        return None
+    kind = names.joint.kinds.get(target.element)
+    if target.element is names.joint.any_object:  # a type parameter
+        return ECORE_TYPES["EJavaObject"]
+    if kind == "EEnum":
+        return DataType(names.joint.enums[target.element])
+    type_name = target.element.attributes.get("name", "")
+    if kind == "EDataType":
+        java = target.element.attributes
+        data = java_type(java.get("instanceTypeName", java.get("instanceClassName", "")))
+        _check_exact(names, data, name, target.span)
+        return data
+    if kind == "EClass":
+        hint = 'write `xsi:type="ecore:EReference"`'
+        names.error("wrong-type", f"`{type_name}` is a class, not a data type", target.span, hint)
+    elif kind is not None:
+        hint = 'name a data type or an enum, such as `eType="ecore:EDataType http://www.eclipse.org/emf/2002/Ecore#//EInt"`'
+        names.error("wrong-type", f"`{type_name}` is no data type", target.span, hint)
+    return None
+
+
+def _check_exact(names: Names, data: DataType, name: str, span: Span) -> None:
+    if not data.exact:
+        hint = "take `EInt`, `EDouble` or an enum for values to calculate with"
+        names.warn("read-as-string", f"values of `{name}` are read as strings", span, hint)
