@@ -9,7 +9,7 @@ from math import inf
 from typing import Any, Final
 
 from envgraph.code import define
-from envgraph.graph import Model
+from envgraph.graph import Model, Store
 from envgraph.match._aggregates import least, mean, most, total
 from envgraph.match._limits import at_most
 from envgraph.match._matcher import FREE, Row, check_arguments, check_bound
@@ -51,7 +51,7 @@ from envgraph.match.plan._options import OPAQUE_COST, Unplannable
 from envgraph.match.plan._plan import BodyPlan, ViewKey
 from envgraph.match.plan._planner import Planner
 from envgraph.match.plan._sharing import Ends
-from envgraph.metamodel import Value
+from envgraph.metamodel import Metamodel, Value
 from envgraph.pattern import EXPRESSION_NAMESPACE, Library, ObjectType, StaticType
 
 _BUILTINS: Final = {
@@ -313,7 +313,7 @@ class CompiledMatcher:
             case Classes():
                 return store.classes
             case ClassTable(cls):
-                return self._class_table(cls)
+                return _class_table(self.library.metamodel, cls)
             case Members(index):
                 return store.extents[index]
             case Values(index):
@@ -334,7 +334,7 @@ class CompiledMatcher:
             case View(key, mode):
                 function = self._function(key, mode, _NOWHERE)
                 many = self.calls.paths(key.pattern) > MOST_PATHS
-                return self._remembering(function) if many else function
+                return _remembering(function, store) if many else function
             case Recursive(pattern, bound):
                 within = self.calls.component(pattern) == inside
                 if within:
@@ -352,28 +352,6 @@ class CompiledMatcher:
         ends = Ends(tallied.pattern, tallied.start, tallied.given, tallied.wanted)
         rows = _made_late(lambda: self._build(ends_source(self._planner, ends), _NOWHERE))
         return Tallying(tallied.function, column, rows)
-
-    def _remembering(self, function: Function) -> Function:
-        """The function with its answers in the present state: where calls meet again, work would double at each."""
-        store, answers, revision = self.model.store, dict[tuple[Any, ...], Any](), -1
-
-        def remembered(*values: Any) -> Any:
-            nonlocal revision
-            if revision != store.revision:
-                revision = store.revision
-                answers.clear()
-            if values not in answers:
-                if len(answers) >= MOST_REMEMBERED:
-                    answers.clear()
-                answers[values] = function(*values)
-            return answers[values]
-
-        return remembered
-
-    def _class_table(self, cls: str) -> tuple[bool, ...]:
-        """Whether an object is an instance, by its class index; -1, for no object, finds the entry at the end."""
-        metamodel = self.library.metamodel
-        return (*(metamodel.is_a(each.name, cls) for each in metamodel.class_list), False)
 
     def _closure(self, step: str, reflexive: bool, question: Reach) -> object:
         place = (step, reflexive)
@@ -413,7 +391,9 @@ class _Steps:
         self._built: dict[tuple[bool, Reach], Function] = {}
         source_type = matcher.library.parameter_types(step)[0]
         self._source_class = source_type.cls if isinstance(source_type, ObjectType) else None
-        self._table = matcher._class_table(self._source_class) if self._source_class else ()
+        self._table = (
+            _class_table(matcher.library.metamodel, self._source_class) if self._source_class else ()
+        )
 
     @cached_property
     def backward_is_better(self) -> bool:
@@ -468,6 +448,29 @@ class _Steps:
             rows = self._matcher._solver(self._step, ())()
             return dict.fromkeys(row[0] for row in rows)
         return self._matcher._function(ViewKey(self._step, (), (0,)), Mode.VALUES, _NOWHERE)()  # type: ignore[no-any-return]
+
+
+def _remembering(function: Function, store: Store) -> Function:
+    """The function with its answers in the present state: where calls meet again, work would double at each."""
+    answers, revision = dict[tuple[Any, ...], Any](), -1
+
+    def remembered(*values: Any) -> Any:
+        nonlocal revision
+        if revision != store.revision:
+            revision = store.revision
+            answers.clear()
+        if values not in answers:
+            if len(answers) >= MOST_REMEMBERED:
+                answers.clear()
+            answers[values] = function(*values)
+        return answers[values]
+
+    return remembered
+
+
+def _class_table(metamodel: Metamodel, cls: str) -> tuple[bool, ...]:
+    """Whether an object is an instance, by its class index; -1, for no object, finds the entry at the end."""
+    return (*(metamodel.is_a(each.name, cls) for each in metamodel.class_list), False)
 
 
 def _made_late(make: Callable[[], Function]) -> Function:
