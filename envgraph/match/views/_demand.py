@@ -6,25 +6,26 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from envgraph.match._matcher import Row
+from envgraph.match.generate._symbols import Mode
 from envgraph.match.views._network import Network
 from envgraph.match.views._operators import unrecorded
 
 if TYPE_CHECKING:
-    from envgraph.match.demand._compiled import CompiledMatcher
+    from envgraph.match.demand._program import Program
 
 
-def whole_pattern(matcher: CompiledMatcher, pattern: str) -> Callable[[], list[Row]] | None:
+def whole_pattern(program: Program, pattern: str) -> Callable[[], list[Row]] | None:
     """A function that lists all rows of a recursive pattern in ascending order; None for one that has no deltas.
 
     The rows are remembered for as long as the model does not change. The list must not be changed.
     """
-    store = matcher.model.store
+    store = program.model.store
     network = Network(
         store,
-        matcher.library,
-        matcher.calls,
-        lambda source: matcher.build(source, network.held),
-        lambda name: matcher.prepare(name, ()),
+        program.library,
+        program.calls,
+        lambda source: program.build(source, network.held),
+        lambda name: program.answering(name, (), Mode.ROWS),
     )
     with unrecorded(store):  # its relations are no part of any version
         view = network.recursive(pattern)

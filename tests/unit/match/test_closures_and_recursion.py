@@ -12,7 +12,7 @@ from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match.demand import _closures as closures
-from envgraph.match.demand import _compiled as compiled
+from envgraph.match.demand import _program as compiled
 from envgraph.match.demand import _recursion as recursion
 from envgraph.match.passes import _calls as calls
 from envgraph.match.views import _recursive as recursive_views
@@ -89,7 +89,7 @@ def test_what_is_remembered_of_reached_objects_is_bounded(monkeypatch: pytest.Mo
     matcher = CompiledMatcher(model, library(STEP, REACHES))
     for _ in range(3):
         assert all(matcher.exists("reaches", (a, b)) for a in range(25) for b in range(25))
-    (view,) = matcher._closures.values()
+    (view,) = matcher._program._closures.values()
     assert sum(len(reached) for reached in view._reached.values() if reached) <= 50
 
 
@@ -265,7 +265,7 @@ def test_what_is_remembered_of_recursive_patterns_is_bounded(monkeypatch: pytest
     matcher = CompiledMatcher(chain(8), library(RIGHT))
     for start in range(8):
         assert matcher.count("right", (start, FREE)) == 7 - start
-        assert matcher._recursion._kept <= 10 + 2 * 8  # what one question takes comes on top
+        assert matcher._program._recursion._kept <= 10 + 2 * 8  # what one question takes comes on top
 
 
 DISTANCE = pattern(

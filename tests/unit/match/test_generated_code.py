@@ -105,7 +105,7 @@ def test_generated_source_holds_no_text_of_the_user(mode: Mode) -> None:
         ),
     )
     key = ViewKey("class_", (), () if mode is Mode.EXISTS else (0, 1))
-    text = view_source(nodes._planner, key, mode).text
+    text = view_source(nodes._program.planner, key, mode).text
     assert not re.search("evil|import|None_|lambda|class", text)
     assert not [
         node

@@ -102,7 +102,7 @@ def test_rows_with_a_value_that_is_asked_about_often_are_derived_once(body: list
     model.set_value(length - 1, METAMODEL.attributes[0], 1)
     matcher = CompiledMatcher(model, patterns)
     assert matcher.rows("apart", (FREE,)) == [(length - 1,)]
-    assert matcher._recursion._kept < 12 * length
+    assert matcher._program._recursion._kept < 12 * length
 
 
 def test_a_call_whose_rows_another_one_takes_over_reads_no_more_than_its_own() -> None:
