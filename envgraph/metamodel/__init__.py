@@ -1,6 +1,7 @@
 """Metamodels: classes with inheritance, attributes, references, enums and multiplicities."""
 
 from envgraph.errors import shorten
+from envgraph.metamodel._check import check_classes
 from envgraph.metamodel._diagram import class_colours
 from envgraph.metamodel._ecore import metamodel_to_ecore, xml_text, xml_value
 from envgraph.metamodel._features import (
@@ -45,6 +46,7 @@ __all__ = [
     "Value",
     "Values",
     "accepts",
+    "check_classes",
     "class_colours",
     "default_of",
     "metamodel_to_ecore",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from envgraph.metamodel._features import Class, Feature
 
@@ -68,10 +68,14 @@ class Above:
 
     Attributes:
         table: the classes by name.
+        unknown: names of what could not be read.
     """
 
-    def __init__(self, classes: Sequence[Class], table: Mapping[str, Class]) -> None:
+    def __init__(
+        self, classes: Sequence[Class], table: Mapping[str, Class], unknown: Collection[str]
+    ) -> None:
         self.table = table
+        self.unknown = unknown
         self._component: dict[str, int] = {}
         self._own: dict[str, Mapping[str, Feature]] = {}
         # Only names that several classes declare can be inherited twice: all others are left out.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import islice
 
 from envgraph.errors import Diagnostic, Note, Span, did_you_mean, name_hint
@@ -24,9 +24,17 @@ from envgraph.metamodel._features import (
 MOST_ERRORS = 100
 
 
-def check_classes(classes: Sequence[Class], enums: Sequence[EnumType]) -> list[Diagnostic]:
-    """The problems of the classes and enums of one metamodel; after a hundred it ends."""
-    found = list(islice(_problems(classes, enums), MOST_ERRORS + 1))
+def check_classes(
+    classes: Sequence[Class], enums: Sequence[EnumType], unknown: Collection[str] = ()
+) -> list[Diagnostic]:
+    """The problems of the classes and enums of one metamodel; after a hundred it ends.
+
+    Args:
+        classes: all that are known.
+        enums: all that are known.
+        unknown: names of other classes and features: what they are could not be read.
+    """
+    found = list(islice(_problems(classes, enums, unknown), MOST_ERRORS + 1))
     if len(found) > MOST_ERRORS:
         message = "too many mistakes: the other classes are not checked"
         found[MOST_ERRORS:] = [
@@ -35,10 +43,12 @@ def check_classes(classes: Sequence[Class], enums: Sequence[EnumType]) -> list[D
     return found
 
 
-def _problems(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterator[Diagnostic]:
+def _problems(
+    classes: Sequence[Class], enums: Sequence[EnumType], unknown: Collection[str]
+) -> Iterator[Diagnostic]:
     table = {cls.name: cls for cls in reversed(classes)}
     declared = {enum.name: enum for enum in reversed(enums)}
-    above = Above(classes, table)
+    above = Above(classes, table, unknown)
     yield from _duplicates([*classes, *enums])
     yield from _check_names(classes, enums)
     for enum in enums:
@@ -47,7 +57,7 @@ def _problems(classes: Sequence[Class], enums: Sequence[EnumType]) -> Iterator[D
         yield from _check_supertypes(cls, above)
         yield from _check_features(cls, above)
         yield from _check_types(cls, declared)
-        yield from _check_key(cls, table)
+        yield from _check_key(cls, above)
         yield from _check_glyph(cls)
         for attribute in (one for one in cls.features if isinstance(one, Attribute)):
             yield from _check_looks(attribute)
@@ -147,6 +157,8 @@ def _check_supertypes(cls: Class, inherited: Above) -> Iterator[Diagnostic]:
     places = dict(cls.places)
     for above in cls.supertypes:
         span = places.get(f"extends {above}", cls.span)
+        if above in inherited.unknown and above not in table:
+            continue
         if above not in table:
             hint = name_hint(above, set(table) - {cls.name}) or f"declare it: `class {above} {{ }}`"
             yield Diagnostic("unknown-class", f"unknown class `{above}`", span, hint)
@@ -240,6 +252,8 @@ def _check_default(attribute: Attribute, cls: Class) -> Iterator[Diagnostic]:
 def _check_reference(reference: Reference, cls: Class, above: Above) -> Iterator[Diagnostic]:
     table = above.table
     if reference.target not in table:
+        if reference.target in above.unknown:
+            return
         yield Diagnostic(
             "unknown-class",
             f"unknown class `{reference.target}`",
@@ -264,6 +278,8 @@ def _check_opposite(reference: Reference, cls: Class, above: Above) -> Iterator[
         }
         owner, found = there.get(reference.opposite or "", ("", None))
     if not isinstance(found, Reference):
+        if reference.opposite in above.unknown:
+            return
         names = [name for name, (_, feature) in there.items() if isinstance(feature, Reference)]
         yield Diagnostic(
             "unknown-reference",
@@ -313,10 +329,10 @@ def _listed(names: Sequence[str]) -> str | None:
     return "it has " + ", ".join(f"`{name}`" for name in names) if names else None
 
 
-def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
+def _check_key(cls: Class, above: Above) -> Iterator[Diagnostic]:
     known: dict[str, Feature] = {f.name: f for f in cls.features}
     if any(name not in known for name in cls.key):
-        known = {f.name: f for above in linearise(cls.name, table) for f in table[above].features}
+        known = {f.name: f for name in linearise(cls.name, above.table) for f in above.table[name].features}
     if len(set(cls.key)) != len(cls.key):
         twice = next(name for name in cls.key if cls.key.count(name) > 1)
         message = f"`@key` of `{cls.name}` names `{twice}` twice"
@@ -328,7 +344,7 @@ def _check_key(cls: Class, table: Mapping[str, Class]) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "many-valued", message, place(cls, f"key {name}"), "a key has one value for each object"
             )
-        elif not isinstance(found, Attribute):
+        elif not isinstance(found, Attribute) and name not in above.unknown:
             attributes = [key for key, one in known.items() if isinstance(one, Attribute) and not one.many]
             hint = "a key has attributes only: leave it out" if name in known else f"declare it: `int {name}`"
             yield Diagnostic(

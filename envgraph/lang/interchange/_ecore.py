@@ -38,7 +38,6 @@ from envgraph.lang.interchange._ecore_parts import (
 from envgraph.lang.read._ecore_types import (
     ECORE,
 )
-from envgraph.lang.read._imports import without_consequences
 from envgraph.lang.read._metamodel import MetamodelFile
 from envgraph.lang.syntax._xml import XMI, XSI, Element
 from envgraph.metamodel import (
@@ -100,12 +99,11 @@ def read_ecore(
         metamodel = _read_all(joint, readers)
     except Enough:
         stopped = True
-    found = without_consequences(joint.diagnostics, frozenset(joint.lost))
     # What is left out of a class is no gap: to name it is a mistake, of which the class knows the reason.
     lost = joint.lost - joint.left_out.keys()
     if stopped:
         lost = {name for reader in readers for name in reader.names()}
-    return MetamodelFile(metamodel, readers[0].span, tuple(found), frozenset(lost))
+    return MetamodelFile(metamodel, readers[0].span, tuple(joint.diagnostics), frozenset(lost))
 
 
 def parse_ecore(source: Source) -> Metamodel:

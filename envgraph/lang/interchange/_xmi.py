@@ -18,7 +18,6 @@ from envgraph.graph import Model
 from envgraph.lang.interchange._xmi_document import Document, Fetch, Reading, Spans
 from envgraph.lang.interchange._xmi_links import Linker
 from envgraph.lang.interchange._xmi_tags import TagReader
-from envgraph.lang.read._imports import without_consequences
 from envgraph.lang.read._model import ModelText
 from envgraph.lang.syntax._consequences import once_for_each_name
 from envgraph.lang.syntax._xml import XSI, Handlers, Reader, Stop, XmlPlaces, namespaces
@@ -76,8 +75,7 @@ def read_xmi(
         reading.model if complete else None,
         Spans(reading),
     )
-    kept = without_consequences(reading.diagnostics, lost)
-    return XmiFile(text, tuple(reading.documents), tuple(kept))
+    return XmiFile(text, tuple(reading.documents), tuple(reading.diagnostics))
 
 
 def parse_xmi(source: Source, metamodel: Metamodel, *, allow_unresolved: bool = False) -> Model:

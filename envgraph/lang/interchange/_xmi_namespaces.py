@@ -95,6 +95,8 @@ class Namespaces:
             return homes[package.path]
         if not package and len(homes) == 1:
             return next(iter(homes.values()))
+        if simple in self._reading.lost:
+            return None
         message = f"unknown class `{simple}`"
         hint = did_you_mean(simple, (simple_name(one) for one in metamodel.classes))
         if homes:

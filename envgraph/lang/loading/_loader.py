@@ -625,7 +625,7 @@ class _Loader:
         parts: set[str] = set()
         for parsed in self.models:
             if isinstance(parsed, Parsed):
-                read = read_models(parsed, metamodel, lost)
+                read = read_models(parsed, metamodel)
                 models.extend(read.models)
                 self.diagnostics.extend(read.diagnostics)
             elif parsed.name not in self.xml:

@@ -20,7 +20,6 @@ from envgraph.errors import (
     sort_diagnostics,
 )
 from envgraph.lang.read._ecore_types import ECORE_TYPES
-from envgraph.lang.read._imports import without_consequences
 from envgraph.lang.read._java import (
     CASTS,
     CONSTANTS,
@@ -147,7 +146,7 @@ class Reading:
 
     def result(self) -> tuple[Diagnostic, ...]:
         """All diagnostics in the order of the text, without those that follow from others."""
-        return tuple(sort_diagnostics(without_consequences(self.diagnostics, self.all_lost())))
+        return tuple(sort_diagnostics(self.diagnostics))
 
     def all_lost(self) -> frozenset[str]:
         """All names that may be defined in what is not in the data."""
@@ -155,10 +154,9 @@ class Reading:
 
     def alias(self, token: Token) -> None:
         """A mention of an import by its alias, or of a package by its name."""
-        known = token in self.aliases or (
-            self.types is not None and (self.types.metamodel is None or self.types.packages(str(token)))
-        )
-        if not known:
+        known = {*self.aliases, *self.parsed.lost}
+        packages = self.types and (self.types.metamodel is None or self.types.packages(str(token)))
+        if token not in known and not packages:
             hint = did_you_mean(token, self.aliases) or f'write `import "..." as {token}`'
             self.error("unknown-alias", f"no import is called `{token}`", token, hint)
         self.used.add(str(token))

@@ -70,9 +70,7 @@ def read_grid(parsed: Parsed, tree: Tree[Token], metamodel: Metamodel | None, re
     lines = list(_lines(parsed, tokens(parts["rows"].children)[0], keep_blanks=blanks))
     usual = _check_lengths(lines, report, "blanks at the end of a row count" if blanks else None)
     # Without the metamodel, whose glyphs the letters are, nothing is known of any of them.
-    lost: Container[str] = (
-        parsed.lost if given else () if metamodel else {*"".join(one.text for one in lines)}
-    )
+    lost = parsed.lost if given or metamodel else {*"".join(one.text for one in lines)}
     cells = _cells(lines, legend, lost, given, usual, report)
     return GridText(name, cells, max((len(line.text) for line in lines), default=0), len(lines), axes)
 

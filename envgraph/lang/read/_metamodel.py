@@ -18,7 +18,6 @@ from envgraph.errors import (
     name_hint,
     with_article,
 )
-from envgraph.lang.read._imports import without_consequences
 from envgraph.lang.syntax._parsing import Parsed, annotation_of, tokens, trees
 from envgraph.metamodel import (
     SUPPRESS,
@@ -34,6 +33,7 @@ from envgraph.metamodel import (
     Reference,
     Scalar,
     Value,
+    check_classes,
     type_name,
 )
 from envgraph.pattern import data_type_hint
@@ -72,7 +72,7 @@ def read_metamodel(parsed: Parsed) -> MetamodelFile:
     reader = _Reader(parsed)
     metamodel = reader.read()
     lost = parsed.lost | reader.lost
-    return MetamodelFile(metamodel, reader.span, tuple(without_consequences(reader.diagnostics, lost)), lost)
+    return MetamodelFile(metamodel, reader.span, tuple(reader.diagnostics), lost)
 
 
 @dataclass(slots=True)
@@ -106,12 +106,14 @@ class _Reader:
         class_trees = trees(definitions, "class")
         self._class_names = [str(tokens(tree.children, "NAME")[0]) for tree in class_trees]
         classes = [self._class(tree) for tree in class_trees]
+        if has_errors(self.diagnostics):
+            self.diagnostics += check_classes(classes, enums, self.parsed.lost | self.lost)
+            return None
         try:
-            metamodel = Metamodel(name, classes, enums, uri)
+            return Metamodel(name, classes, enums, uri)
         except ResolutionError as error:
             self.diagnostics.extend(error.diagnostics)
             return None
-        return None if has_errors(self.diagnostics) else metamodel
 
     # --- definitions ---
 
@@ -228,6 +230,8 @@ class _Reader:
             return Scalar(token)
         if token in self._enums:
             return self._enums[token]
+        if token in self.parsed.lost:
+            return None
         if token in self._class_names:
             hint = f"write `refers {rest}` or `contains {rest}`"
             self._error("wrong-type", f"`{token}` is a class, not a data type", token, hint)

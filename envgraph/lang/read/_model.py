@@ -25,7 +25,7 @@ from envgraph.errors import (
 )
 from envgraph.graph import Model
 from envgraph.lang.read._grid import Cell, Entry, GridText, read_grid
-from envgraph.lang.read._imports import Import, without_consequences
+from envgraph.lang.read._imports import Import
 from envgraph.lang.read._metamodel import sign
 from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, listed, plural, value_of, values_of
 from envgraph.lang.read._refused_links import link_hint
@@ -74,13 +74,12 @@ def imports_of(parsed: Parsed) -> tuple[Import, ...]:
     return tuple(Import(str(path), parsed.span(path)) for path in paths)
 
 
-def read_models(parsed: Parsed, metamodel: Metamodel | None, lost: frozenset[str] = frozenset()) -> ModelFile:
+def read_models(parsed: Parsed, metamodel: Metamodel | None) -> ModelFile:
     """The models of a parsed file, and all that is wrong with them, syntax errors included.
 
     Args:
         parsed: the file.
         metamodel: what its classes are looked up in; None when that could not be loaded: then little is checked.
-        lost: names that errors elsewhere may have taken away.
     """
     diagnostics = list(parsed.diagnostics)
     models: dict[str, ModelText] = {}
@@ -106,8 +105,7 @@ def read_models(parsed: Parsed, metamodel: Metamodel | None, lost: frozenset[str
         diagnostics.append(
             Diagnostic("missing-model", "the file defines no model", parsed.source.span(0, 0), hint)
         )
-    kept = without_consequences(diagnostics, parsed.lost | lost)
-    return ModelFile(tuple(models.values()), tuple(kept))
+    return ModelFile(tuple(models.values()), tuple(diagnostics))
 
 
 Made = dict[int, list[tuple[int, Span]]]
@@ -418,6 +416,8 @@ class _Reader:
             if node is not None:
                 yield node, self.parsed.span(token)
             return
+        if token in self.parsed.lost:
+            return
         # To compare every unknown name with every known one would take minutes.
         self._unknown += 1
         hint = did_you_mean(token, self._names) if self._unknown <= _MOST_HINTS else None
@@ -439,7 +439,10 @@ class _Reader:
     def _cell(self, tree: Tree[Token]) -> Iterator[tuple[int, Span]]:
         name = tokens(tree.children)[0]
         if str(name) not in self._grids:
-            self.reports.error("unknown-object", f"unknown grid `{name}`", name, name_hint(name, self._grids))
+            if name not in self.parsed.lost:
+                self.reports.error(
+                    "unknown-object", f"unknown grid `{name}`", name, name_hint(name, self._grids)
+                )
             return
         grid = self._grids[str(name)]
         column, row = (
