@@ -199,7 +199,11 @@ class Rewriting:
             result = runner.apply_checked(row)
         else:
             known = self._catalog.ids(runner.shape, arguments) if arguments else NO_ARGUMENTS
-            found = runner.pick_known(self._runs.rng, known)
+            if known:
+                rows = runner.rows_known(known)
+                found = rows[self._pick(len(rows))] if rows else None
+            else:
+                found = runner.pick(self._runs.rng)
             if found is None:
                 return None
             try:

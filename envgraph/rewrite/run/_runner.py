@@ -187,13 +187,6 @@ class RuleRunner(ABC):
         rows = self.rows(arguments) if arguments else self.live_rows()
         return rows[draw(rng, len(rows))] if rows else None
 
-    def pick_known(self, rng: Randomness, arguments: Mapping[str, Value]) -> Row | None:
-        """As `pick`, unchecked: see `rows_known`."""
-        if not arguments:
-            return self.pick(rng)
-        rows = self.rows_known(arguments)
-        return rows[draw(rng, len(rows))] if rows else None
-
     def once(self, rng: Randomness) -> Row | None:
         """Apply the rule at one of its matches, equally likely: the fast path of loops, unchecked and unrecorded.
 
