@@ -570,16 +570,13 @@ class History:
 
     def _repair(self) -> None:
         store, goals = self._store, self._store.interrupted
-        torn = not all(isinstance(goal, Savepoint | int) for goal in goals)
-        if torn:
-            take_back(self._inverse or [], 0)
-            if self._reverting is not None:
-                mark, backwards = self._reverting
-                del store.journal[mark + length_hint(backwards) + 4 :]
-                self._reverting = None
-            settle(store.journal)
+        transactions = Savepoint | int
+        if not all(isinstance(goal, transactions) for goal in goals):
+            self._settle_journal()
             for follower in store.followers[:]:
                 follower.interrupted()
+        writes = [goal for goal in goals if goal is None or isinstance(goal, tuple | Vertex)]
+        if writes:
             store.derive()
         for goal in goals:
             if isinstance(goal, tuple):
@@ -592,10 +589,20 @@ class History:
                 self._roll_back(self._stack[goal])
             elif isinstance(goal, Vertex):
                 self._check_out(goal)
-        if torn:
+        if writes:
             store.recording = True  # until it turns out that nobody can go back
             self._tidy()
         goals.clear()
+
+    def _settle_journal(self) -> None:
+        """Nothing is in doubt: an interrupted replay is undone, an interrupted rollback has just so much left to do."""
+        journal = self._store.journal
+        take_back(self._inverse or [], 0)
+        if self._reverting is not None:
+            mark, backwards = self._reverting
+            del journal[mark + length_hint(backwards) + 4 :]
+            self._reverting = None
+        settle(journal)
 
     def check_integrity(self) -> None:
         """Assert that the tree hangs together, and holds nothing that could have been freed."""

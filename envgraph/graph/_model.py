@@ -664,14 +664,14 @@ class Model:
     @contextmanager
     def transaction(self) -> Iterator[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it."""
-        depth = self._history.depth
+        depth, savepoint = self._history.depth, None
         try:
             savepoint = self._history.savepoint()
             yield savepoint
             self._history.release(savepoint)
         except BaseException:
             # Nothing to do if a listener raises: the transaction has ended by then.
-            self.store.interrupted.append(depth)
+            self.store.interrupted.append(depth if savepoint is None else savepoint)
             self.store.interrupted.repair()
             raise
 

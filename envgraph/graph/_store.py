@@ -32,7 +32,7 @@ class Interrupted(list[Any]):
     anything else is called, and then calls `repair`. If that is interrupted, too, the next use of the model does it.
     What is added is one of:
 
-    - None, if it was a single change;
+    - None, if it was a single change, and what follows the model (a `Follower`), if it was what that does;
     - a function and its arguments, which may be called when some, all or none of it is done already;
     - a savepoint to roll back to and close, or (an int) how many to leave open;
     - a version to go to.

@@ -485,3 +485,42 @@ def test_no_interruption_leaves_a_transaction_open(fails: bool) -> None:
         if not trip.tripped:
             break
     assert instruction > 100
+
+
+class Refusing:
+    """A listener that raises when it is notified of a change for the n-th time."""
+
+    def __init__(self, number: int) -> None:
+        self.left = number
+
+    def inserted(self, _: object) -> None:
+        """See `Listener`."""
+        self.left -= 1
+        if self.left == 0:
+            raise Refused
+
+    removing = inserted
+
+    def restored(self) -> None:
+        """See `Listener`."""
+
+
+class Refused(Exception):
+    """What a listener raises."""
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_nor_does_an_exception_of_a_listener(name: str) -> None:
+    steps = SCENARIOS[name]
+    states, numbered, _ = play(steps)
+    for change in (*range(1, 9), 12, 17, 25, 40):
+        world = World()
+        world.model.subscribe(Refusing(change))
+        for number, step in enumerate(steps):
+            try:
+                step(world)
+            except Refused:
+                world.check()
+                assert world.state() in (states[number], states[number + 1])
+                world.go_on(numbered[number + 1])
+                break

@@ -280,7 +280,7 @@ class ViewMatcher:
             self._outgrown = GROWTH * store.next_id + LEAST
         except BaseException:
             self._network, self._views = old, known
-            store.interrupted.append(None)
+            store.interrupted.append(self)
             store.interrupted.repair()
             raise
 
@@ -309,7 +309,7 @@ class ViewMatcher:
         if self._broken is None:
             self._bring_up()
             self._plan_anew()  # not after it: the order of the rows has to be the same then
-        elif not self._counted_anew():
+        elif not self._mended():
             self._broken = min(self._broken, self.model.depth)
             self._spoilt |= not self._broken
 
@@ -318,10 +318,12 @@ class ViewMatcher:
             return
         try:
             self._network.settle()
-        except BaseException:
+        except BaseException as problem:
             interrupted = self.model.store.interrupted
-            interrupted.append(None)
+            interrupted.append(self)
             interrupted.repair()
+            if isinstance(problem, EvaluationError):
+                self._countable = False  # it would fail again
             raise
 
     def _break(self) -> None:
@@ -338,7 +340,6 @@ class ViewMatcher:
         if self._suspended:
             return
         for view in self._views.values():
-            view.rows.indexes.clear()
             view.rows.mend()
         self._countable |= self._broken is None
         self._break()
@@ -353,38 +354,31 @@ class ViewMatcher:
                 return False
             self.loaded()
         if self._broken is not None:
-            return self._counted_anew() or self._built_anew()
+            return self._mended()
         self._bring_up()
         return True
 
-    def _counted_anew(self) -> bool:
-        """Count interrupted views anew; not after a savepoint or commit at which that has failed."""
-        if not self._countable or self._spoilt or self._broken is None or self.model.depth > self._broken:
-            return False
+    def _mended(self) -> bool:
+        """Count broken views anew, or build them, if there is no state to go back to; whether that was possible."""
+        model = self.model
+        assert self._broken is not None
         try:
-            self._network.recount()
-            self._hear_again()
-        except EvaluationError:
-            self._countable = False  # it would fail again
+            if self._countable and not self._spoilt and model.depth <= self._broken:
+                self._network.recount()
+                self._hear_again()
+                return True
+            if self._tried == model.revision or not model.idle:
+                return False
+            self._tried = model.revision
+            self._rebuild(self._views)
+            return True
+        except EvaluationError:  # whoever asks for that very pattern is told
+            self._countable = False
             return False
         except BaseException:
-            interrupted = self.model.store.interrupted
-            interrupted.append(None)
-            interrupted.repair()
+            model.store.interrupted.append(self)
+            model.store.interrupted.repair()
             raise
-        return True
-
-    def _built_anew(self) -> bool:
-        """Build broken views anew, if there is no state to go back to; once for each state."""
-        revision = self.model.revision
-        if self._tried == revision or not self.model.idle:
-            return False
-        self._tried = revision
-        try:
-            self._rebuild(self._views)
-        except EvaluationError:
-            return False  # whoever asks for that very pattern is told
-        return True
 
     def rolled_back(self) -> None:
         """Views are as they were: the journal has brought them back."""
@@ -428,12 +422,11 @@ class ViewMatcher:
 
     def loaded(self) -> None:
         """A load has ended."""
-        if self._views:
-            self._break()
-            self._tried = -1
         self._suspended = False
         if self._views:
-            self._built_anew()
+            self._break()
+            self._countable, self._tried = False, -1
+            self._mended()
 
     # --- listening
 

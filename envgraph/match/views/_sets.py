@@ -74,14 +74,13 @@ class MatchSet(IndexedSet[Row]):
         indexes: by positions, for those who ask for rows with values there; an interruption empties it.
     """
 
-    __slots__ = ("_becoming", "indexes", "log", "store")
+    __slots__ = ("indexes", "log", "store")
 
     def __init__(self, store: Store) -> None:
         super().__init__()
         self.store = store
         self.log: Log | None = None
         self.indexes: dict[tuple[int, ...], Index] = {}
-        self._becoming: tuple[int, list[Any], list[Row]] | None = None
 
     def appear(self, row: Row) -> None:
         """Add a row that is not there, and record it."""
@@ -193,34 +192,22 @@ class MatchSet(IndexedSet[Row]):
 
     def _become(self, rows: list[Row], gone: Sequence[Row], come: Sequence[Row]) -> None:
         if self.log is not None:
-            parts = [*(p for row in gone for p in (row, False)), *(p for row in come for p in (row, True))]
-            self._becoming = (len(self.log), parts, rows)
-            list.extend(self.log, parts)
-        self[:] = rows
-        super().reindex()
-        self._becoming = None
-
-    # --- after an interruption
-
-    def mend(self, item: Row | None = None) -> None:
-        """As `IndexedSet.mend`; or finish to become other rows."""
-        self.indexes.clear()
-        if self._becoming is None:
-            super().mend(item)
+            log = type(self.log)()
+            list.extend(log, self.log)
+            list.extend(log, [part for row in gone for part in (row, False)])
+            list.extend(log, [part for row in come for part in (row, True)])
+            self[:], self.log = rows, log
         else:
-            self.reindex()
+            self[:] = rows
+        super().reindex()
 
     def reindex(self) -> None:
-        """Make positions and log those of the rows; the last part of the log may tell what has not happened."""
+        """Make positions and log those of the rows; the last entry of the log may tell what has not happened."""
         self.indexes.clear()
         super().reindex()
         log = self.log
-        if log is not None and self._becoming is not None:
-            length, parts, rows = self._becoming
-            log[length:] = parts if self == rows else []
-        elif log and (log[-2] in self.position) != log[-1]:
+        if log and (log[-2] in self.position) != log[-1]:
             del log[-2:]
-        self._becoming = None
 
 
 class Table(dict[Any, "tuple[Any, ...] | IndexedSet[Any]"]):
