@@ -22,6 +22,7 @@ from envgraph.code._tree import (
     Member,
     Name,
     Operation,
+    Raise,
     Return,
     Statement,
     Text,
@@ -114,9 +115,15 @@ class _Printer:
                 self.inside(f"while {expression_text(test)}", body, pad, origin)
             case Leave(how):
                 self.line(f"{pad}{how}", origin)
-            case Try(body, error, handler):
+            case Raise(value):
+                self.line(
+                    f"{pad}raise {expression_text(value)} from None" if value else f"{pad}raise", origin
+                )
+            case Try(body, handlers):
                 self.inside("try", body, pad, origin)
-                self.inside(f"except {error.name}", handler, pad, origin)
+                for handler in handlers:
+                    name = f" as {handler.name.name}" if handler.name else ""
+                    self.inside(f"except {handler.error.name}{name}", handler.body, pad, origin)
             case _:
                 assert_never(node)
 

@@ -197,12 +197,28 @@ class Yield:
 
 
 @dataclass(frozen=True, slots=True)
+class Raise:
+    """Raises an error; without a value the one that is being handled."""
+
+    value: Expression | None = None
+    origin: object = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Handler:
+    """What is done about an error, which gets a name if that is used."""
+
+    error: Name
+    name: Local | None
+    body: Body
+
+
+@dataclass(frozen=True, slots=True)
 class Try:
-    """Something, and something else where that raises an error."""
+    """Something, and something else where that raises an error: what the first handler for it says."""
 
     body: Body
-    error: Name
-    handler: Body
+    handlers: tuple[Handler, ...]
     origin: object = field(default=None, compare=False, repr=False)
 
 
@@ -216,5 +232,5 @@ class Function:
     origin: object = field(default=None, compare=False, repr=False)
 
 
-Statement: TypeAlias = "Assign | Do | If | For | While | Leave | Return | Yield | Try | Function"
+Statement: TypeAlias = "Assign | Do | If | For | While | Leave | Return | Yield | Raise | Try | Function"
 Body: TypeAlias = tuple[Statement, ...]

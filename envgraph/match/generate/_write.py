@@ -10,6 +10,7 @@ from envgraph.code import (
     Call,
     Expression,
     Function,
+    Handler,
     Local,
     Name,
     Return,
@@ -112,8 +113,8 @@ class Module:
         inputs = tuple(
             sorted({each for each in names.values() if isinstance(each, Local)}, key=lambda each: each.name)
         )
-        failed = (Return(NONE),)
-        body = (Try((Return(compiled.tree),), Name("EvaluationError"), failed),)
+        failed = Handler(Name("EvaluationError"), None, (Return(NONE),))
+        body = (Try((Return(compiled.tree),), (failed,)),)
         return Call(self.function(self.fresh("x"), inputs, body), inputs)
 
     def function(self, name: str, parameters: Sequence[Local], body: Body) -> Name:

@@ -11,7 +11,28 @@ from contextlib import suppress
 from itertools import count
 from typing import Any, Final
 
-from envgraph.code import dataclass, define
+from envgraph.code import (
+    NONE,
+    Assign,
+    Body,
+    Constant,
+    Do,
+    Expression,
+    Function,
+    Handler,
+    Index,
+    Local,
+    Member,
+    Name,
+    Raise,
+    Return,
+    Try,
+    call,
+    dataclass,
+    define,
+    method,
+    tuple_of,
+)
 from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, limit
 from envgraph.graph import Model
 from envgraph.match import Matcher
@@ -20,8 +41,8 @@ from envgraph.rewrite._match import Row
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Link, RulePlan, SetTargets, SetValue
 from envgraph.rewrite.check._conflicts import Conflicts, Contradiction, Fresh, told
 from envgraph.rewrite.run._notices import Report
-from envgraph.rewrite.run._refusal import OPERATIONS, refusal, table
-from envgraph.rewrite.run._source import Line, Writer, check_kept
+from envgraph.rewrite.run._refusal import refusal
+from envgraph.rewrite.run._source import FIRST, Writer, check_kept
 
 Effect = Callable[[Row], Sequence[Any]]
 """Applies a rule at a row that is a match, and returns all slots of the rule, created objects among them.
@@ -66,7 +87,7 @@ def _contended(body: BlockPlan) -> bool:
 def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
     body = plan.body
     endangered = _endangered([body], model.metamodel)
-    writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True, again=again, endangered=endangered)
+    writer = Writer(model, _slot, lossy=plan.lossy, sure=True, again=again, endangered=endangered)
     kept = tuple(slot for slot in body.kept if body.classes[slot] in endangered)
     changes = _changes(writer, body, kept)
     computed = writer.compute(body)
@@ -77,55 +98,62 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
         refused=lambda error: refusal(plan, error, model),
         BaseException=BaseException,
     )
-    lines = [*computed, *changes]
+    whole: Body = (*computed, *changes)
     if kept or _needs_savepoint(body, model.metamodel):
         writer.namespace.update(savepoint=model.savepoint, release=model.release)
-        lines = [*computed, Line("mark = savepoint()"), Line("try:"), *(line.inside for line in changes)]
-        lines += [Line(" release(mark)"), *_interrupted("mark")]
+        mark = Local("mark")
+        protected = Try((*changes, Do(call("release", mark))), (_interrupted(mark),))
+        whole = (*computed, Assign(mark, call("savepoint")), protected)
     elif len(changes) > 1:
-        names = [*(f"e{slot}" for slot in (*range(body.variables), *(c.slot for c in body.computed)))]
-        lines = [*computed, *(Line(f"{total} = None") for total in writer.sums)]
+        names = [_slot(slot) for slot in (*range(body.variables), *(c.slot for c in body.computed))]
+        begin = [Assign(total, NONE) for total in writer.sums]
         names += writer.sums
         if body.creates:
-            lines.append(Line("first = store.next_id"))
-            names.append("first")
+            begin.append(Assign(FIRST, Member(Name("store"), "next_id")))
+            names.append(FIRST)
         writer.namespace["redo"] = _redone(plan, model, endangered, names)
-        lines += [Line("try:"), *(line.inside for line in changes), Line("except refusals:"), Line(" raise")]
-        lines += _interrupted(f"(redo, ({''.join(f'{name}, ' for name in names)}))")
-    lines.append(Line(f"return {writer.slots(tuple(range(body.slots)))}"))
-    unpack = f"{writer.slots(tuple(range(body.variables)))} = row" if body.variables else "pass"
-    caught = [Line("except refusals as error:"), Line(" raise refused(error) from None")]
-    whole = [Line(unpack), Line("try:"), *(line.inside for line in lines), *caught]
-    return _function("do_apply", "row", whole, writer.namespace)
+        redo = tuple_of(Name("redo"), tuple_of(*names))
+        handlers = Handler(Name("refusals"), None, (Raise(),)), _interrupted(redo)
+        whole = (*computed, *begin, Try(changes, handlers))
+    row, error = Local("row"), Local("error")
+    unpacked = (Assign(writer.slots(range(body.variables)), row),) if body.variables else ()
+    caught = Handler(Name("refusals"), error, (Raise(call("refused", error)),))
+    tried = Try((*whole, Return(writer.slots(range(body.slots)))), (caught,))
+    function = Function("do_apply", (row,), (*unpacked, tried))
+    effect: Effect = define((function,), _FILE, writer.namespace)["do_apply"]
+    return effect
 
 
-def _changes(writer: Writer, body: BlockPlan, kept: tuple[int, ...] = ()) -> list[Line]:
+_FILE: Final = "<rule of envgraph>"
+
+
+def _slot(number: int) -> Local:
+    return Local(f"e{number}")
+
+
+def _changes(writer: Writer, body: BlockPlan, kept: tuple[int, ...] = ()) -> Body:
     """All changes of a straight rule, in order; what is `kept` is looked at after deletions."""
     changes = [*writer.unlink(body), *writer.delete(body)]
-    changes += [Line(writer.keep(kept, body))] if kept else []
-    return changes + [line for phase in PHASES[3:] for line in getattr(writer, phase)(body)]
+    changes += [writer.keep(kept, body)] if kept else []
+    return (*changes, *(statement for phase in PHASES[3:] for statement in getattr(writer, phase)(body)))
 
 
-def _interrupted(end: str) -> list[Line]:
+def _interrupted(end: Expression) -> Handler:
     """What is done with an exception in the middle of changes: see `Interrupted`."""
-    return [
-        Line("except BaseException:"),
-        Line(f" interrupted.append({end})"),
-        Line(" interrupted.repair()"),
-        Line(" raise"),
-    ]
+    done = [method(Name("interrupted"), "append", end), method(Name("interrupted"), "repair")]
+    return Handler(Name("BaseException"), None, (*map(Do, done), Raise()))
 
 
 def _redone(
-    plan: RulePlan, model: Model, endangered: Collection[str], names: Sequence[str]
+    plan: RulePlan, model: Model, endangered: Collection[str], names: Sequence[Local]
 ) -> Callable[..., None]:
     """Makes the changes of a straight rule of which some may be made; only the first of them may be refused."""
 
     def redo(*values: Any) -> None:
-        writer = Writer(model, "e{}".format, lossy=plan.lossy, sure=True, redo=True, endangered=endangered)
-        function = _function("do_again", ", ".join(names), _changes(writer, plan.body), writer.namespace)
+        writer = Writer(model, _slot, lossy=plan.lossy, sure=True, redo=True, endangered=endangered)
+        function = Function("do_again", tuple(names), _changes(writer, plan.body))
         with suppress(*REFUSALS):
-            function(*values)
+            define((function,), _FILE, writer.namespace)["do_again"](*values)
 
     return redo
 
@@ -189,16 +217,6 @@ def _contains(reference: Reference, opposite: Reference | None) -> bool:
     return reference.containment or (opposite is not None and opposite.containment)
 
 
-def _function(
-    name: str, parameters: str, lines: Sequence[Line], namespace: dict[str, Any]
-) -> Callable[..., Any]:
-    lines = lines or [Line("pass")]
-    source = "\n".join([f"def {name}({parameters}):", *(line.inside.source for line in lines)])
-    namespace.setdefault(OPERATIONS, {})[name] = table(lines)
-    function: Callable[..., Any] = define(source, f"<rule {name}>", namespace)[name]
-    return function
-
-
 REFUSALS: Final = (RuleError, EvaluationError)
 
 
@@ -231,11 +249,16 @@ class _Block:
             matcher.prepare(plan.pattern, tuple(range(len(plan.arguments)))) if plan.kind != "rule" else None
         )
         self.nested = [_Block(inner, model, matcher, lossy, doomed, endangered) for inner in plan.nested]
-        self.phases: dict[str, Callable[[list[Any]], None] | None] = {}
-        writer = Writer(model, "e[{}]".format, lossy=lossy, doomed=doomed, endangered=endangered)
-        for phase in PHASES:
-            lines = getattr(writer, phase)(plan)
-            self.phases[phase] = _function(f"do_{phase}", "e", lines, writer.namespace) if lines else None
+        slots = Local("e")
+        writer = Writer(
+            model, lambda n: Index(slots, Constant(n)), lossy=lossy, doomed=doomed, endangered=endangered
+        )
+        phases = {phase: tuple(getattr(writer, phase)(plan)) for phase in PHASES}
+        functions = tuple(Function(f"do_{phase}", (slots,), body) for phase, body in phases.items() if body)
+        made = define(functions, _FILE, writer.namespace)
+        self.phases: dict[str, Callable[[list[Any]], None] | None] = {
+            phase: made.get(f"do_{phase}") for phase in PHASES
+        }
 
     def collect(
         self,

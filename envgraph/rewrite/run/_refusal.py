@@ -1,24 +1,21 @@
 """What the application of a rule says when the model refuses it, or a value of it cannot be computed.
 
-Generated functions know nothing about places. A table beside each of them, of which an exception's line number is the
-index, leads back to the operation and so to the text; it is read when something has failed.
+The line of a generated function that has failed comes from an operation, and that from a place of a text.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import FrameType, MappingProxyType
 from typing import Any, Final
 
+from envgraph.code import origin_of
 from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute
 from envgraph.pattern import explained
 from envgraph.rewrite._plan import Compute, Link, RulePlan, Unlink
-from envgraph.rewrite.run._source import Dragged, Line, Operation
-
-OPERATIONS: Final = "_operations"
-"""The name of the tables in the namespace of generated functions, by the name of the function."""
+from envgraph.rewrite.run._source import Dragged
 
 _ADVICE: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -33,15 +30,10 @@ _ADVICE: Final[Mapping[str, str]] = MappingProxyType(
 )
 
 
-def table(lines: Sequence[Line]) -> tuple[Operation | None, ...]:
-    """The operation of each line of the source of a function, whose head is the first."""
-    return (None, *(line.operation for line in lines for _ in line.source.split("\n")))
-
-
 def refusal(plan: RulePlan, error: RuleError | EvaluationError, model: Model) -> RuleError | EvaluationError:
     """The reason that the model gives, with the rule that was to be applied and the place; the model is as before."""
     message = f"rule `{plan.name}` cannot be applied: {error.message}"
-    operation, frame = _failed(error)
+    operation, frame = origin_of(error)
     span = getattr(operation, "span", None) or error.span or plan.span
     if isinstance(error, EvaluationError):
         found = EvaluationError(error.message, span, error.hint)
@@ -57,18 +49,7 @@ def refusal(plan: RulePlan, error: RuleError | EvaluationError, model: Model) ->
     return RuleError(message, rule=plan.name, reason=error.reason, details=details, span=span, hint=hint)
 
 
-def _failed(error: BaseException) -> tuple[Operation | None, FrameType | None]:
-    """The operation that raised an error, and the frame of the generated function."""
-    trace = error.__traceback__
-    while trace is not None:
-        tables = trace.tb_frame.f_globals.get(OPERATIONS)
-        if tables is not None:
-            return tables[trace.tb_frame.f_code.co_name][trace.tb_lineno - 1], trace.tb_frame
-        trace = trace.tb_next
-    return None, None
-
-
-def _advice(error: RuleError, operation: Operation | None) -> str | None:
+def _advice(error: RuleError, operation: object) -> str | None:
     if error.hint:
         return error.hint
     if error.reason == "missing-link" and isinstance(operation, Unlink) and operation.span:

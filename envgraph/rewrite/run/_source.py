@@ -1,18 +1,39 @@
-"""Python source for the parts of a plan.
+"""Code for the parts of a plan.
 
-The source holds names of ours and operators; classes, features and literals are constants of the generated function's
-namespace. Slot number 3 is the local variable `e3`, or `e[3]` where blocks share a list.
+Classes, features and literals are values of the generated function's namespace. Slot number 3 is the local variable
+`e3`, or `e[3]` where blocks share a list. Each statement comes from the operation that it carries out.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from sys import maxsize
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
-from envgraph.code import Name, Text
+from envgraph.code import (
+    NONE,
+    Assign,
+    Body,
+    Choice,
+    Constant,
+    Do,
+    Expression,
+    For,
+    If,
+    Index,
+    Let,
+    Local,
+    Name,
+    Operation,
+    Statement,
+    Tuple,
+    call,
+    inverse,
+    joined,
+    some,
+)
 from envgraph.errors import EvaluationError, RuleError, with_article
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Reference, Value, Values
@@ -20,7 +41,6 @@ from envgraph.pattern import (
     EXPRESSION_NAMESPACE,
     Binary,
     Conditional,
-    Expression,
     FunctionCall,
     Navigation,
     ObjectType,
@@ -33,9 +53,9 @@ from envgraph.pattern import (
     is_method,
     with_children,
 )
+from envgraph.pattern import Expression as Term
 from envgraph.rewrite._plan import (
     Absorb,
-    Assign,
     BlockPlan,
     ChangeClass,
     ChangeTargets,
@@ -50,33 +70,22 @@ from envgraph.rewrite._plan import (
     SetValues,
     Unlink,
 )
+from envgraph.rewrite._plan import Assign as Assign_
 
 _DRAGGED: Final = "`move` it out of the container, or delete it too"
 
-Namer = Callable[[int], str]
-"""The source that stands for a slot."""
+Namer = Callable[[int], Local | Index]
+"""What stands for a slot."""
 
 LinkFact = tuple[Reference, int, int]
 """A link of a model: reference, source, target."""
 
 
-Operation = Compute | Unlink | Delete | ChangeClass | New | Absorb | Rehome | Link | Assign
-
-
-class Line(NamedTuple):
-    """A statement of generated source, of one line or several, and what it carries out."""
-
-    source: str
-    operation: Operation | None = None
-
-    @property
-    def inside(self) -> Line:
-        """The statement as part of another one."""
-        return Line("\n".join(f" {part}" for part in self.source.split("\n")), self.operation)
+Carried = Compute | Unlink | Delete | ChangeClass | New | Absorb | Rehome | Link | Assign_
 
 
 class Writer:
-    """Writes the source of one function, and keeps the constants it names.
+    """Writes the code of functions, and keeps the constants they name.
 
     Args:
         model: that the function changes.
@@ -90,8 +99,8 @@ class Writer:
         endangered: classes of objects that may go along with another one that is deleted.
 
     Attributes:
-        namespace: what the source may refer to.
-        sums: names of the values that are computed between the changes.
+        namespace: what the code may refer to.
+        sums: the values that are computed between the changes.
     """
 
     def __init__(
@@ -113,7 +122,7 @@ class Writer:
         self.sure = sure
         self.again = again
         self.redo = redo
-        self.sums: list[str] = []
+        self.sums: list[Local] = []
         self.semantics = "spo" if lossy else "dpo"
         self.lossy = lossy
         self.namespace: dict[str, Any] = {
@@ -135,6 +144,7 @@ class Writer:
             "_leave": lambda node, container, reference: leave(model, node, container, reference),
             "_check_kept": lambda nodes, names: check_kept(model, nodes, names),
             "_extend": model.add_target,
+            "_semantics": self.semantics,
             "_inside": lambda node, others: inside(model, node, others),
             "_house": lambda source, reference, target: house(model, source, reference, target),
             "_release": lambda node, reference, targets, every: release(
@@ -151,89 +161,87 @@ class Writer:
         if redo:
             self.namespace["made"] = lambda node, cls: node if model.alive(node) else model.new_at(node, cls)
 
-    def constant(self, value: object) -> str:
+    def constant(self, value: object) -> Name:
         """A name for a constant."""
         name = f"k{len(self.namespace)}"
         self.namespace[name] = value
-        return name
+        return Name(name)
 
-    def slots(self, numbers: tuple[int, ...]) -> str:
+    def slots(self, numbers: Iterable[int]) -> Tuple:
         """A tuple of slots."""
-        return f"({''.join(f'{self.slot(number)}, ' for number in numbers)})"
+        return Tuple(tuple(self.slot(number) for number in numbers))
 
     # --- the phases of a block, in order
 
-    def compute(self, plan: BlockPlan) -> list[Line]:
+    def compute(self, plan: BlockPlan) -> list[Statement]:
         """Values on the state before the rule, and links that have to be there."""
-        asked = [
-            Line(f"_there({self.slot(u.source)}, {self.constant(u.reference)}, {self.slot(u.target)})", u)
-            for u in plan.unlinks
-            if u.required
-        ]
-        return [*asked, *(Line(f"{self.slot(c.slot)} = {self._value(c)}", c) for c in plan.computed)]
+        asked = [Do(call("_there", *self._ends(u)), u) for u in plan.unlinks if u.required]
+        return [*asked, *(Assign(self.slot(c.slot), self._value(c), origin=c) for c in plan.computed)]
 
-    def unlink(self, plan: BlockPlan) -> list[Line]:
+    def unlink(self, plan: BlockPlan) -> list[Statement]:
         """Links that go, and objects that leave their container: all before one enters another."""
         fresh = {new.node for new in plan.creates}
         leaving = [
-            Line(self._leave(move, move.container in fresh), move)
-            for move in plan.moves
-            if move.node not in fresh
+            self._leave(move, move.container in fresh) for move in plan.moves if move.node not in fresh
         ]
         setting = [change for change in plan.sets if isinstance(change, SetTargets | ChangeTargets)]
         housing = [change for change in setting if self._houses(change.reference)]
         others = len(plan.moves) + sum(self._houses(link.reference) for link in plan.links)
         if not self.sure or len(housing) + others > 1:
-            leaving += [Line(line, change) for change in housing for line in self._release(change, fresh)]
-        return [*(Line(self._unlink(unlink), unlink) for unlink in plan.unlinks), *leaving]
+            leaving += [statement for change in housing for statement in self._release(change, fresh)]
+        return [*map(self._unlink, plan.unlinks), *leaving]
 
     def _houses(self, reference: Reference) -> bool:
         relation = self.model.store.relations[reference.index]
         return relation.containment or relation.contained
 
-    def _release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[str]:
+    def _release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[Statement]:
         """What targets that are set take out of containers."""
         known = tuple(value for value in op.values if value not in fresh)
         if op.object in fresh and (not op.reference.containment or _removes(op)):
             return []
         if _removes(op):
-            return [self._assign(replace(op, values=known))]
-        node = "None" if op.object in fresh else self.slot(op.object)
-        every = isinstance(op, SetTargets)
-        return [f"_release({node}, {self.constant(op.reference)}, {self.slots(known)}, {every})"]
+            return [self._assign(replace(op, values=known), op)]
+        node = NONE if op.object in fresh else self.slot(op.object)
+        every = Constant(isinstance(op, SetTargets))
+        return [Do(call("_release", node, self.constant(op.reference), self.slots(known), every), op)]
 
-    def delete(self, plan: BlockPlan) -> list[Line]:
+    def delete(self, plan: BlockPlan) -> list[Statement]:
         """Objects that go."""
-        return [Line(self._delete(d, plan), d) for d in plan.deletes]
+        return [self._delete(d, plan) for d in plan.deletes]
 
-    def strip(self, plan: BlockPlan) -> list[Line]:
+    def strip(self, plan: BlockPlan) -> list[Statement]:
         """Links that objects which are merged take along."""
-        return [Line(f"{self.slot(a.links)} = _strip({self.slot(a.absorbed)})", a) for a in plan.absorbs]
-
-    def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> str:
-        """Makes sure that what the rule keeps has not gone with its container."""
-        names = tuple(plan.names[slot] for slot in slots)
-        return f"_check_kept({self.slots(slots)}, {self.constant(names)})"
-
-    def retype(self, plan: BlockPlan) -> list[Line]:
-        """Objects that change their class."""
         return [
-            Line(f"retype({self.slot(r.node)}, {self.constant(r.cls)}, {self.lossy})", r)
-            for r in plan.retypes
+            Assign(self.slot(a.links), call("_strip", self.slot(a.absorbed)), origin=a) for a in plan.absorbs
         ]
 
-    def create(self, plan: BlockPlan) -> list[Line]:
+    def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> Statement:
+        """Makes sure that what the rule keeps has not gone with its container."""
+        names = tuple(plan.names[slot] for slot in slots)
+        return Do(call("_check_kept", self.slots(slots), self.constant(names)))
+
+    def retype(self, plan: BlockPlan) -> list[Statement]:
+        """Objects that change their class."""
+        lossy = Constant(self.lossy)
+        return [Do(call("retype", self.slot(r.node), self.constant(r.cls), lossy), r) for r in plan.retypes]
+
+    def create(self, plan: BlockPlan) -> list[Statement]:
         """New objects."""
-        made = "made(first + {}, {})" if self.redo else "new({1})"
         return [
-            Line(f"{self.slot(new.node)} = {made.format(number, self.constant(new.cls))}", new)
+            Assign(self.slot(new.node), self._new(number, self.constant(new.cls)), origin=new)
             for number, new in enumerate(plan.creates)
         ]
 
-    def link(self, plan: BlockPlan) -> list[Line]:
+    def _new(self, number: int, cls: Name) -> Expression:
+        if not self.redo:
+            return call("new", cls)
+        return call("made", Operation("+", (FIRST, Constant(number))), cls)
+
+    def link(self, plan: BlockPlan) -> list[Statement]:
         """Merges, moves and new links."""
         moves = [
-            Line(f"link({self.slot(m.container)}, {self.constant(m.reference)}, {self.slot(m.node)})", m)
+            Do(call("link", self.slot(m.container), self.constant(m.reference), self.slot(m.node)), m)
             for m in plan.moves
         ]
         fresh = {new.node for new in plan.creates}
@@ -244,158 +252,163 @@ class Writer:
             content = content_of(op.reference, op.source, op.target, self.model)
             homeless = content in fresh and housed[content] == 1
             new = op.source in fresh or op.target in fresh
-            links.append(Line(self._link(op, fresh=new, homeless=homeless), op))
-        return [*(Line(self._absorb(absorb), absorb) for absorb in plan.absorbs), *moves, *links]
+            links.append(self._link(op, fresh=new, homeless=homeless))
+        return [*map(self._absorb, plan.absorbs), *moves, *links]
 
-    def assign(self, plan: BlockPlan) -> list[Line]:
+    def assign(self, plan: BlockPlan) -> list[Statement]:
         """Values and targets that are set."""
-        return [line for change in plan.sets for line in self._assigned(change)]
+        return [statement for change in plan.sets for statement in self._assigned(change)]
 
     # --- parts
 
-    def _unlink(self, op: Unlink) -> str:
-        return self._take(self.slot(op.source), op.reference, self.slot(op.target))
+    def _ends(self, op: Unlink | Link) -> tuple[Expression, Name, Expression]:
+        return self.slot(op.source), self.constant(op.reference), self.slot(op.target)
 
-    def _take(self, source: str, reference: Reference, target: str) -> str:
-        """Remove a link, if it is there."""
-        relation = self.model.store.relations[reference.index]
+    def _unlink(self, op: Unlink) -> Statement:
+        """Removes a link, if it is there."""
         if not self.sure:
-            return f"unlink({source}, {self.constant(reference)}, {target})"
+            return Do(call("unlink", *self._ends(op)), op)
+        relation = self.model.store.relations[op.reference.index]
+        source, target = self.slot(op.source), self.slot(op.target)
         forward, disconnect = self.constant(relation.forward), self.constant(relation.disconnect)
-        return f"if {target} in {forward}[{source}]: {disconnect}({source}, {target})"
+        there_ = Operation("in", (target, Index(forward, source)))
+        return If(there_, (Do(call(disconnect, source, target)),), origin=op)
 
-    def _make(self, source: str, reference: Reference, target: str, homeless: bool) -> str:
-        """Add a link that is not there; `homeless` if what it contains, if anything, is surely in no container."""
-        relation = self.model.store.relations[reference.index]
-        ends = f"({source}, {self.constant(reference)}, {target})"
+    def _make(self, op: Link, homeless: bool) -> Expression:
+        """Adds a link that is not there; `homeless` if what it contains, if anything, is surely in no container."""
+        relation = self.model.store.relations[op.reference.index]
+        source, reference, target = self._ends(op)
         if relation.containment or relation.contained:
-            return f"link{ends}" if homeless else f"_house{ends}"
+            return call("link" if homeless else "_house", source, reference, target)
         if not self.sure:
-            return f"link{ends}"
+            return call("link", source, reference, target)
         forward, backward = self.constant(relation.forward), self.constant(relation.backward)
         room = []
         if relation.upper < maxsize:
-            room.append(f"len({forward}[{source}]) < {relation.upper}")
+            room.append(_fewer(Index(forward, source), relation.upper))
         if relation.opposite_upper < maxsize:
-            room.append(f"len({backward}[{target}]) < {relation.opposite_upper}")
-        made = f"{self.constant(relation.connect)}({source}, {target})"
+            room.append(_fewer(Index(backward, target), relation.opposite_upper))
+        made = call(self.constant(relation.connect), source, target)
         # Where there is no room `link` says so.
-        return f"{made} if {' and '.join(room)} else link{ends}" if room else made
+        return (
+            Choice(joined("and", room, True), made, call("link", source, reference, target)) if room else made
+        )
 
-    def _leave(self, op: Rehome, fresh: bool) -> str:
+    def _leave(self, op: Rehome, fresh: bool) -> Statement:
         """An object leaves its container; `fresh` if it goes to one that is not there yet."""
-        container = "None" if fresh else self.slot(op.container)
-        return f"_leave({self.slot(op.node)}, {container}, {self.constant(op.reference)})"
+        container = NONE if fresh else self.slot(op.container)
+        return Do(call("_leave", self.slot(op.node), container, self.constant(op.reference)), op)
 
-    def _delete(self, op: Delete, plan: BlockPlan) -> str:
+    def _delete(self, op: Delete, plan: BlockPlan) -> Statement:
         # A container that went before has taken its contents along; one that will go takes them.
-        node, test = self.slot(op.node), f"alive({self.slot(op.node)})"
+        node = self.slot(op.node)
+        test: Expression = call("alive", node)
         if plan.classes[op.node] in self.endangered and (self.doomed is not None or len(plan.deletes) > 1):
-            others = self.slots(tuple(other.node for other in plan.deletes if other is not op))
-            test += (
-                f" and not _inside({node}, {others if self.doomed is None else self.constant(self.doomed)})"
-            )
-        return f"if {test}: delete({node}, {self.semantics!r})"
+            others = self.slots(other.node for other in plan.deletes if other is not op)
+            doomed = others if self.doomed is None else self.constant(self.doomed)
+            test = Operation("and", (test, inverse(call("_inside", node, doomed))))
+        return If(test, (Do(call("delete", node, Name("_semantics"))),), origin=op)
 
-    def _absorb(self, op: Absorb) -> str:
-        return f"_absorb({self.slot(op.kept)}, {self.slot(op.absorbed)}, {self.slot(op.links)})"
+    def _absorb(self, op: Absorb) -> Statement:
+        return Do(call("_absorb", *map(self.slot, (op.kept, op.absorbed, op.links))), op)
 
-    def _link(self, op: Link, *, fresh: bool, homeless: bool) -> str:
+    def _link(self, op: Link, *, fresh: bool, homeless: bool) -> Statement:
         """Adds a link unless it is there; `fresh` if that cannot be, `homeless` as for `_make`."""
         source, target = self.slot(op.source), self.slot(op.target)
         forward = self.constant(self.model.store.relations[op.reference.index].forward)
-        made = f"if {target} not in {forward}[{source}]: {self._make(source, op.reference, target, homeless)}"
+        made = Do(self._make(op, homeless))
+        again: Body = ()
         if self.again is not None and not fresh:
-            made += f"\n else: _again({self.constant(op)}, {source}, {target})"
-        return f"if {target} is not None:\n {made}"
+            again = (Do(call("_again", self.constant(op), source, target)),)
+        missing = Operation("not in", (target, Index(forward, source)))
+        return If(some(target), (If(missing, (made,), again),), origin=op)
 
-    def _assigned(self, op: Assign) -> list[Line]:
+    def _assigned(self, op: Assign_) -> list[Statement]:
         if not isinstance(op, Increase):
-            return [Line(self._assign(op), op)]
+            return [self._assign(op, op)]
         # Two steps: to set a value once more changes nothing.
-        total = f"t{len(self.sums)}"
-        self.sums.append(total)
-        begin = f"if {total} is None: " if self.redo else ""
-        node, attribute = self.slot(op.object), self.constant(op.attribute)
+        node, attribute, value = self.slot(op.object), self.constant(op.attribute), self.slot(op.value)
+        new: Expression
         if op.attribute.many:
-            changed = f"values({node}, {attribute}), {self.slot(op.value)}"
-            new = (
-                f"{total} = _more({changed}, {attribute})"
-                if op.operator == "+="
-                else f"{total} = _less({changed})"
-            )
-            return [Line(begin + new, op), Line(f"set_value({node}, {attribute}, {total})", op)]
-        function = "_add" if op.operator == "+=" else "_subtract"
-        old = f"_need(value({node}, {attribute}), {self.constant(str(op.attribute))})"
-        new = f"{total} = _bounded({function}({old}, {self.slot(op.value)}))"
-        return [Line(begin + new, op), Line(f"set_value({node}, {attribute}, {total})", op)]
+            old = call("values", node, attribute)
+            new = call("_more", old, value, attribute) if op.operator == "+=" else call("_less", old, value)
+        else:
+            function = "_add" if op.operator == "+=" else "_subtract"
+            one = call("_need", call("value", node, attribute), self.constant(str(op.attribute)))
+            new = call("_bounded", call(function, one, value))
+        total = Local(f"t{len(self.sums)}")
+        self.sums.append(total)
+        summed: Statement = Assign(total, new, origin=op)
+        if self.redo:
+            summed = If(Operation("is", (total, NONE)), (summed,), origin=op)
+        return [summed, Do(call("set_value", node, attribute, total), op)]
 
-    def _assign(self, op: SetValue | SetValues | SetTargets | ChangeTargets) -> str:
+    def _assign(self, op: SetValue | SetValues | SetTargets | ChangeTargets, origin: Assign_) -> Statement:
         node = self.slot(op.object)
         match op:
-            case SetValue():
-                value = "None" if op.value is None else self.slot(op.value)
-                return f"set_value({node}, {self.constant(op.attribute)}, {value})"
-            case SetValues():
-                attribute = self.constant(op.attribute)
-                return f"set_value({node}, {attribute}, _listed({self.slots(op.values)}, {attribute}))"
-            case SetTargets():
-                return self._set_targets(op)
-            case ChangeTargets():
-                return self._change_targets(op)
-
-    def _set_targets(self, op: SetTargets) -> str:
-        node, reference = self.slot(op.object), self.constant(op.reference)
-        if op.reference.many:
-            return f"set_targets({node}, {reference}, _present({self.slots(op.values)}))"
-        return f"set_target({node}, {reference}, {self.slot(op.values[0]) if op.values else 'None'})"
-
-    def _change_targets(self, op: ChangeTargets) -> str:
-        node, reference = self.slot(op.object), self.constant(op.reference)
-        loop = f"for t in {self.slots(op.values)}:"
-        if op.operator == "+=":
-            return f"{loop}\n if t is not None: _extend({node}, {reference}, t)"
-        return f"{loop}\n if t is not None: unlink({node}, {reference}, t)"
+            case SetValue(_, attribute):
+                value = NONE if op.value is None else self.slot(op.value)
+                return Do(call("set_value", node, self.constant(attribute), value), origin)
+            case SetValues(_, attribute):
+                name = self.constant(attribute)
+                values = call("_listed", self.slots(op.values), name)
+                return Do(call("set_value", node, name, values), origin)
+            case SetTargets(_, reference) if reference.many:
+                targets = call("_present", self.slots(op.values))
+                return Do(call("set_targets", node, self.constant(reference), targets), origin)
+            case SetTargets(_, reference):
+                target = self.slot(op.values[0]) if op.values else NONE
+                return Do(call("set_target", node, self.constant(reference), target), origin)
+            case ChangeTargets(_, reference):
+                change = "_extend" if op.operator == "+=" else "unlink"
+                changed = Do(call(change, node, self.constant(reference), _T))
+                return For(_T, self.slots(op.values), (If(some(_T), (changed,)),), origin)
 
     # --- values
 
-    def _value(self, compute: Compute) -> str:
+    def _value(self, compute: Compute) -> Expression:
         types = {name: type_ for name, _, type_ in compute.scope}
-        names = {name: self.slot(slot) for name, slot, _ in compute.scope}
+        names: dict[str, Expression] = {name: self.slot(slot) for name, slot, _ in compute.scope}
         reader = PathReader(self, types, names)
         expression = reader.without_paths(compute.expression, compute.needed)
         return self.expression(expression, reader.names, reader.types)
 
     def expression(
-        self, expression: Expression, names: Mapping[str, str], types: Mapping[str, StaticType | None]
-    ) -> str:
-        """The source of an expression without paths."""
+        self, expression: Term, names: Mapping[str, Expression], types: Mapping[str, StaticType | None]
+    ) -> Expression:
+        """The code of an expression without paths."""
         base = len(self.namespace)
         known = {name: type_ for name, type_ in types.items() if type_ is not None}
-        sources = {name: Text(source) for name, source in names.items()}
-        compiled = compile_expression(
-            expression, sources, known, constant=lambda number: Name(f"c{base}_{number}")
-        )
+        compiled = compile_expression(expression, names, known, constant=lambda n: Name(f"c{base}_{n}"))
         for number, literal in enumerate(compiled.constants):
             self.namespace[f"c{base}_{number}"] = literal
-        return compiled.source
+        return compiled.tree
+
+
+_T: Final = Local("t")
+FIRST: Final = Local("first")
+"""The id of the first new object."""
+
+
+def _fewer(collection: Expression, most: int) -> Operation:
+    return Operation("<", (call("len", collection), Constant(most)))
 
 
 class PathReader:
-    """Replaces the paths of an expression by variables, whose source reads the model.
+    """Replaces the paths of an expression by variables, whose code reads the model.
 
     A path that leads nowhere is None where `evaluate` gives None, and an error where an operator needs a value.
     """
 
     def __init__(
-        self, writer: Writer, types: Mapping[str, StaticType | None], names: Mapping[str, str]
+        self, writer: Writer, types: Mapping[str, StaticType | None], names: Mapping[str, Expression]
     ) -> None:
         self.writer = writer
         self.metamodel = writer.model.metamodel
         self.types = dict(types)
         self.names = dict(names)
 
-    def without_paths(self, node: Expression, needed: bool = False) -> Expression:
+    def without_paths(self, node: Term, needed: bool = False) -> Term:
         """The expression without paths; `needed` where the operator around it takes no None."""
         match node:
             case Navigation() if is_method(node, self._type(node.object)):
@@ -416,15 +429,13 @@ class PathReader:
                 return node
 
     def _path(self, node: Navigation, needed: bool) -> Variable:
-        source, feature = self._read(node)
-        if needed:
-            source = f"_need({source}, {self.writer.constant(node.feature)})"
+        code, feature = self._read(node)
         name = f"#{len(self.names)}"
-        self.names[name] = source
+        self.names[name] = call("_need", code, self.writer.constant(node.feature)) if needed else code
         self.types[name] = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
         return Variable(name)
 
-    def _read(self, node: Navigation) -> tuple[str, Attribute | Reference]:
+    def _read(self, node: Navigation) -> tuple[Expression, Attribute | Reference]:
         owner = self._type(node.object)
         assert isinstance(owner, ObjectType), "the expression has been checked"
         feature = self.metamodel.feature(owner.cls, node.feature)
@@ -434,15 +445,16 @@ class PathReader:
         read = "value" if isinstance(feature, Attribute) else "target"
         constant = self.writer.constant(feature)
         if isinstance(inner, Variable):
-            return f"{read}({base}, {constant})", feature
-        temporary = f"t{len(self.writer.namespace)}"
-        self.writer.namespace[temporary] = None
-        return f"(None if ({temporary} := {base}) is None else {read}({temporary}, {constant}))", feature
+            return call(read, base, constant), feature
+        temporary = Local(f"t{len(self.writer.namespace)}")
+        self.writer.namespace[temporary.name] = None
+        nowhere = Operation("is", (Let(temporary, base), NONE))
+        return Choice(nowhere, NONE, call(read, temporary, constant)), feature
 
-    def _type(self, node: Expression) -> StaticType | None:
+    def _type(self, node: Term) -> StaticType | None:
         return check_expression(node, self.types, self.metamodel)[0]
 
-    def _base(self, node: Expression) -> str:
+    def _base(self, node: Term) -> Expression:
         if isinstance(node, Variable):
             return self.names[node.name]
         return self.writer.expression(self.without_paths(node), self.names, self.types)

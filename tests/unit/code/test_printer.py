@@ -18,6 +18,7 @@ from envgraph.code import (
     Expression,
     For,
     Function,
+    Handler,
     If,
     Index,
     Leave,
@@ -26,6 +27,7 @@ from envgraph.code import (
     Member,
     Name,
     Operation,
+    Raise,
     Return,
     Try,
     Tuple,
@@ -147,7 +149,14 @@ def test_statements() -> None:
                 Assign(Tuple((B,)), A),
                 If(B, (Leave("continue"),), (Assign(Index(C, A), B, "+="),)),
                 While(Constant(True), (Leave("break"),)),
-                Try((Do(Call(Name("f"))),), Name("Error"), ()),
+                Try(
+                    (Do(Call(Name("f"))),),
+                    (
+                        Handler(Name("Error"), None, ()),
+                        Handler(Name("Other"), C, (Raise(Call(Name("told"), (C,))),)),
+                        Handler(Name("Third"), None, (Raise(),)),
+                    ),
+                ),
                 Yield(A),
                 Yield(Local("out"), each=True),
             ),
@@ -169,6 +178,10 @@ def test_statements() -> None:
         "            f()\n"
         "        except Error:\n"
         "            pass\n"
+        "        except Other as c:\n"
+        "            raise told(c) from None\n"
+        "        except Third:\n"
+        "            raise\n"
         "        yield a\n"
         "        yield from out\n"
         "    return\n"
