@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TypeVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, Tabular, can_end, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Tabular, can_end, distinct_keys, indexed_classes
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,
@@ -87,11 +87,7 @@ class DistinctKeys:
 
     def holds(self, engine: Engine) -> bool:
         """Whether the keys tell all objects apart."""
-        try:
-            KeyIndex.of(engine.model, self.classes)
-        except EvaluationError:
-            return False
-        return True
+        return all(distinct_keys(engine.model, cls) for cls in self.classes)
 
     def __str__(self) -> str:
         return "each object has a key of its own"

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from envgraph.env import KeyIndex, indexed_classes
+from envgraph.env import KeyIndex, distinct_keys, indexed_classes
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
@@ -70,8 +70,10 @@ def test_without_a_key_objects_count_in_the_order_of_creation_and_later_ones_aft
 
 
 def test_two_objects_with_one_key_are_an_error() -> None:
+    model = boxes(("small", 1), ("small", 1))
     with pytest.raises(EvaluationError, match="the same key"):
-        KeyIndex.of(boxes(("small", 1), ("small", 1)), ["Box"])
+        KeyIndex.of(model, ["Box"])
+    assert not distinct_keys(model, "Box") and distinct_keys(model, "Crate")
 
 
 def test_an_object_without_a_value_in_its_key_is_an_error() -> None:
@@ -81,6 +83,7 @@ def test_an_object_without_a_value_in_its_key_is_an_error() -> None:
     model.set_value(0, attribute, None)
     with pytest.raises(EvaluationError, match="no `number`, which is part of its key"):
         KeyIndex.of(model, ["Box"])
+    assert not distinct_keys(model, "Box") and distinct_keys(model, "Crate")
 
 
 def test_objects_and_classes_that_are_not_in_the_index() -> None:
@@ -89,6 +92,11 @@ def test_objects_and_classes_that_are_not_in_the_index() -> None:
         index.index(boxes(("small", 2)), "Box", 0)
     with pytest.raises(InvalidArgument, match="class `Loose` is not in the index: it has Box"):
         index.size("Loose")
+
+
+def test_keys_that_tell_objects_apart_are_distinct() -> None:
+    model = boxes(("small", 1), ("small", 2), ("large", 1), loose=2)
+    assert all(distinct_keys(model, cls) for cls in ("Box", "Crate", "Loose"))
 
 
 def test_json_and_back() -> None:
