@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from sys import intern
-from typing import Any, NamedTuple
 
-from lark.parse_tree_builder import ExpandSingleChild
 from lark.parsers.lalr_analysis import Shift
 
 from envgraph.code import dataclass
 from envgraph.lang.syntax._data import data_path
-from envgraph.lang.syntax._grammar_tables import tables
+from envgraph.lang.syntax._grammar_tables import States, tables
 from envgraph.lang.syntax._lexer import END, LexicalCore
-
-
-class Reduction(NamedTuple):
-    """What a rule makes of its parts.
-
-    Attributes:
-        size: how many parts there are.
-        rule: what the result is called.
-        make: makes it; None where it is the one part, as in a chain of precedences.
-    """
-
-    size: int
-    rule: str
-    make: Callable[[list[Any]], Any] | None
-
-
-Row = dict[str, tuple[Any, Any]]
-"""What to do at each terminal: shift to a state, or a `Reduction`; and the state to go to after each rule."""
 
 RECOVERY: dict[str, tuple[str, ...]] = {
     "metamodel": ("definition", "member"),
@@ -66,7 +44,7 @@ class Grammar:
 
     name: str
     core: LexicalCore
-    states: dict[int, Row]
+    states: States
     start: int
     end: int
     recovery: tuple[str, ...]
@@ -123,28 +101,7 @@ def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
     for terminal in (*(t.name for t in found.terminals), END):
         if terminal not in found.ignored:
             spelling.setdefault(terminal, _NAMES.get(terminal, terminal.lower()))
-    (start,), (end,) = found.table.start_states.values(), found.table.end_states.values()
-    states = _with_reductions(found.table.states, found.callbacks())
-    return Grammar(name, core, states, start, end, recovery, spelling)
-
-
-def _with_reductions(
-    states: dict[int, Row], callbacks: dict[Any, Callable[[list[Any]], Any]]
-) -> dict[int, Row]:
-    """Lark's tables with plain strings as keys, and what a reduction needs at hand: its own are slow to look up."""
-    made = {}
-    for rule, make in callbacks.items():
-        size = len(rule.expansion)
-        same = size == 1 and isinstance(make, ExpandSingleChild)
-        made[id(rule)] = Reduction(size, intern(str(rule.origin.name)), None if same else make)
-
-    def entry(action: Any, argument: Any) -> tuple[Any, Any]:
-        return action, argument if action is Shift else made[id(argument)]
-
-    return {
-        state: {intern(str(name)): entry(*found) for name, found in row.items()}
-        for state, row in states.items()
-    }
+    return Grammar(name, core, found.states, found.start, found.end, recovery, spelling)
 
 
 @cache

@@ -1,53 +1,104 @@
 """The LALR(1) tables of a grammar: built by Lark, and kept as JSON, since building them takes longer than all the rest.
 
-Lark keeps tables as pickles; these are the same data as text. A file says which grammar it was made from, and is made
-anew when that is another one.
+Lark keeps tables as pickles; these are the same data as text. A file begins with a hash of that text and of the grammar
+it was made from, and is made anew when it is another one. Of what it says little is made into objects: a small text
+comes to few states, and needs few rules.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, cast
+from sys import intern
+from typing import Any, NamedTuple
 
 import lark
 from lark import Lark, Tree
 from lark.grammar import Rule
 from lark.lexer import TerminalDef
-from lark.parse_tree_builder import ParseTreeBuilder
-from lark.parsers.lalr_analysis import IntParseTable
+from lark.parse_tree_builder import ExpandSingleChild, ParseTreeBuilder
+from lark.parsers.lalr_analysis import Reduce, Shift
 from lark.utils import SerializeMemoizer
 
-from envgraph.code import dataclass
 from envgraph.files import cache_directory, replace_file
 from envgraph.lang.syntax._lexer import LexicalCore
 
-_NAMESPACE = {"Rule": Rule, "TerminalDef": TerminalDef}
+
+class Reduction(NamedTuple):
+    """What a rule makes of its parts.
+
+    Attributes:
+        size: how many parts there are.
+        rule: what the result is called.
+        make: makes it; None where it is the one part, as in a chain of precedences.
+    """
+
+    size: int
+    rule: str
+    make: Callable[[list[Any]], Any] | None
 
 
-@dataclass(frozen=True, slots=True)
+Row = dict[str, tuple[Any, Any]]
+"""What to do at each terminal: shift to a state, or a `Reduction`; and the state to go to after each rule."""
+
+
+class States(dict[int, Row]):
+    """For each state of a parser what to do, made when the parser first comes to it.
+
+    Attributes:
+        names: of all terminals and rules that any state knows.
+    """
+
+    def __init__(self, data: dict[str, Any]) -> None:
+        super().__init__()
+        self._names = {int(number): intern(name) for number, name in data["table"]["tokens"].items()}
+        self._rows: dict[str, dict[str, Any]] = data["table"]["states"]
+        self._parts: dict[str, Any] = data["memo"]
+        self._reduction = cache(self._reduction_of)
+
+    def __missing__(self, state: int) -> Row:
+        row: Row = {}
+        for number, (reduces, argument) in self._rows[str(state)].items():
+            found = self._reduction(argument["@"]) if reduces else argument
+            row[self._names[int(number)]] = (Reduce if reduces else Shift, found)
+        self[state] = row
+        return row
+
+    @property
+    def names(self) -> set[str]:
+        """See above."""
+        return set(self._names.values())
+
+    def _reduction_of(self, number: int) -> Reduction:
+        rule: Any = Rule.deserialize(self._parts[str(number)], {})
+        builder: Any = ParseTreeBuilder
+        (make,) = builder([rule], Tree, maybe_placeholders=True).create_callback().values()
+        size = len(rule.expansion)
+        same = size == 1 and isinstance(make, ExpandSingleChild)
+        return Reduction(size, intern(str(rule.origin.name)), None if same else make)
+
+
 class Tables:
     """What a parser needs of a grammar.
 
     Attributes:
-        table: for each state, what to do at each terminal and where to go after each rule.
-        rules: all of the grammar.
-        terminals: likewise.
+        states: what to do in each state.
+        start: the state in which a parser begins.
+        end: the one in which a whole text has been read.
+        terminals: of the grammar.
         ignored: names of terminals that stand anywhere.
     """
 
-    table: IntParseTable
-    rules: list[Rule]
-    terminals: list[TerminalDef]
-    ignored: list[str]
-
-    def callbacks(self) -> dict[Any, Any]:
-        """For each rule what builds its tree from the parts."""
-        builder: Any = ParseTreeBuilder
-        found: dict[Any, Any] = builder(self.rules, Tree, maybe_placeholders=True).create_callback()
-        return found
+    def __init__(self, data: dict[str, Any]) -> None:
+        (self.start,), (self.end,) = (data["table"][one].values() for one in ("start_states", "end_states"))
+        self.states = States(data)
+        parts = (data["memo"][str(one["@"])] for one in data["terminals"])
+        self.terminals: list[TerminalDef] = [TerminalDef.deserialize(part, {}) for part in parts]
+        self.ignored: list[str] = data["ignored"]
 
 
 def tables(path: Path) -> Tables:
@@ -55,52 +106,36 @@ def tables(path: Path) -> Tables:
     directory, key = cache_directory(), _key(path)
     kept = directory / f"grammar-{path.stem}.json" if directory else None
     if kept is not None:
-        with suppress(OSError, ValueError, LookupError, TypeError, AttributeError):  # not there, or damaged
-            data = json.loads(kept.read_bytes(), object_hook=_with_numbers)
-            if data["key"] == key:
-                return _made(data)
-    built = _built(path)
+        with suppress(OSError, ValueError):  # not there, or no text
+            head, _, text = kept.read_text("utf-8").partition("\n")
+            if head == _hash(key, text):
+                return Tables(json.loads(text))
+    text = json.dumps(_built(path))
     if kept is not None:
         with suppress(OSError):
-            replace_file(kept, json.dumps({"key": key, **_plain(built)}))
-    return built
+            replace_file(kept, f"{_hash(key, text)}\n{text}")
+    return Tables(json.loads(text))
 
 
 def _key(path: Path) -> str:
-    """A hash of all that tables depend on: the grammars, which import each other, and Lark."""
+    """All that tables depend on: the grammars, which import each other, and Lark."""
     texts = [one.read_text(encoding="utf-8") for one in sorted(path.parent.glob("*.lark"))]
-    return sha256("\0".join([lark.__version__, *texts]).encode()).hexdigest()
+    return "\0".join([lark.__version__, *texts])
 
 
-def _built(path: Path) -> Tables:
+def _hash(*texts: str) -> str:
+    return sha256("\0".join(texts).encode()).hexdigest()
+
+
+def _built(path: Path) -> dict[str, Any]:
+    """The tables as Lark serialises them."""
     with path.open(encoding="utf-8") as text:
         made = Lark(text, parser="lalr", lexer=LexicalCore, strict=True)
-    return Tables(
-        made.parser.parser._parse_table, made.rules, list(made.terminals), sorted(made.ignore_tokens)
-    )
-
-
-def _plain(built: Tables) -> dict[str, Any]:
-    memo, table = SerializeMemoizer([Rule, TerminalDef]), cast("Any", built.table)
+    memo = SerializeMemoizer([Rule, TerminalDef])
+    table: Any = made.parser.parser._parse_table
     data = {
         "table": table.serialize(memo),
-        "rules": [rule.serialize(memo) for rule in built.rules],
-        "terminals": [terminal.serialize(memo) for terminal in built.terminals],
-        "ignored": built.ignored,
+        "terminals": [terminal.serialize(memo) for terminal in made.terminals],
+        "ignored": sorted(made.ignore_tokens),
     }
     return {**data, "memo": memo.serialize()}
-
-
-def _made(data: dict[str, Any]) -> Tables:
-    memo, table = SerializeMemoizer.deserialize(data["memo"], _NAMESPACE, {}), cast("Any", IntParseTable)
-    return Tables(
-        table.deserialize(data["table"], memo),
-        [Rule.deserialize(one, memo) for one in data["rules"]],
-        [TerminalDef.deserialize(one, memo) for one in data["terminals"]],
-        data["ignored"],
-    )
-
-
-def _with_numbers(found: dict[str, Any]) -> dict[Any, Any]:
-    """Numbers of states and of terminals are keys, which JSON writes as texts."""
-    return {int(key): value for key, value in found.items()} if next(iter(found), "").isdigit() else found
