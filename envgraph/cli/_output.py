@@ -81,7 +81,7 @@ def print_table(
     """A title and a table on standard output; `right` names the columns to set flush right."""
     title, columns = visible(title), [visible(column) for column in columns]
     rows = [[visible(cell) for cell in row] for row in rows]
-    if len(rows) > _MOST_STYLED:
+    if len(rows) > _MOST_STYLED or not sys.stdout.isatty():
         _print_plain(title, columns, rows, frozenset(right))
         return
     from rich.console import Console
@@ -98,8 +98,7 @@ def print_table(
         )
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
-    # Piped output is cut at 80 columns by default; a table must not lose its last columns there.
-    console = Console(width=None if sys.stdout.isatty() else 200, highlight=False)
+    console = Console(highlight=False)
     # Not the table's own title, which would be wrapped to the width of the table.
     console.print(Text(title, "bold"))
     console.print(table)
@@ -108,7 +107,7 @@ def print_table(
 def _print_plain(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], right: frozenset[int]
 ) -> None:
-    """The same table without colours and line breaks: Rich takes a minute for a million rows."""
+    """The same table without colours and line breaks: Rich takes a minute for a million rows, and long to import."""
     from rich.cells import cell_len
 
     lines = [columns, *rows]

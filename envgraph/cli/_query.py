@@ -8,7 +8,6 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from envgraph.cli._convert import check_format, model_text
 from envgraph.cli._inputs import A_MODEL, DEFINITIONS, MODELS, THE_DEFINITIONS, Inputs, take
 from envgraph.cli._output import (
     OutputFormat,
@@ -20,7 +19,7 @@ from envgraph.cli._output import (
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, with_article
 from envgraph.files import replace_file
-from envgraph.graph import Node, model_to_json
+from envgraph.graph import Node
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, RunResult, Signature, trace_to_text
@@ -64,6 +63,8 @@ def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> 
 
 def write_model(engine: Engine, output: Path, format: OutputFormat) -> None:
     """Write the model of an engine, and say so to people."""
+    from envgraph.cli._convert import model_text  # matches are printed without what writes files
+
     replace_file(output, model_text(engine.model, output))
     if format is OutputFormat.TEXT:
         print_line(f"wrote {output}")
@@ -83,6 +84,9 @@ def apply_rule(
     format: OutputFormat,
 ) -> bool:
     """Apply a rule or a unit some times, and print each application; whether one was made and none failed."""
+    from envgraph.cli._convert import check_format
+    from envgraph.graph import model_to_json
+
     if output is not None:
         check_format(output)
     engine = open_engine(model, rules, inputs, seed)

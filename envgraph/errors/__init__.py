@@ -20,7 +20,7 @@ from envgraph.errors._exceptions import (
     TypeMismatch,
 )
 from envgraph.errors._limits import RAISE_LIMIT, limit
-from envgraph.errors._reprs import shorten, spelling
+from envgraph.errors._reprs import later, shorten, spelling
 from envgraph.errors._source import Source, Span, visible
 from envgraph.errors._suggest import did_you_mean, listed, name_hint, nearest, with_article
 
@@ -44,6 +44,7 @@ __all__ = [
     "TypeMismatch",
     "did_you_mean",
     "has_errors",
+    "later",
     "limit",
     "listed",
     "name_hint",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import wraps
+from importlib import import_module
 from typing import Any, Final
 
 from envgraph.errors._source import visible
@@ -28,10 +29,32 @@ def shorten(names: Mapping[str, object], public: Iterable[str]) -> None:
         public: those of them that are public.
     """
     for name in public:
-        cls: Any = names[name]
+        cls: Any = names.get(name)  # None for what `later` will load
         own = isinstance(cls, type) and cls.__module__.startswith("envgraph.") and not issubclass(cls, Enum)
-        if own and "__repr__" in vars(cls) and not hasattr(cls.__repr__, "short"):  # some are in two packages
+        if (
+            own and ("__repr__" in vars(cls) or is_dataclass(cls)) and not hasattr(cls.__repr__, "short")
+        ):  # some are in two packages
             cls.__repr__ = _short(cls.__repr__)
+
+
+def later(names: dict[str, Any], homes: Mapping[str, str]) -> None:
+    """Load some public names of a package when they are first used: most programs do without, and start sooner.
+
+    Args:
+        names: the package's own.
+        homes: modules, and the names that are loaded from each, with blanks between them.
+    """
+    home = {name: module for module, found in homes.items() for name in found.split()}
+
+    def __getattr__(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f"module `{names['__name__']}` has no attribute `{name}`")
+        names[name] = getattr(import_module(home[name]), name)
+        shorten(names, [name])
+        return names[name]
+
+    names["__getattr__"] = __getattr__
+    names["__dir__"] = lambda: sorted({*names, *home})
 
 
 def _short(whole: Callable[[Any], str]) -> Callable[[Any], str]:

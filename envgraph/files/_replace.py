@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import re
-import secrets
 import stat
 import sys
 from collections.abc import Iterator
@@ -82,7 +81,7 @@ def _draft(target: Path) -> Iterator[tuple[Path, int]]:
     """A new locked file beside the target, and its descriptor; removed at the end if it is still there."""
     prefix = _prefix(target)
     _remove_stale(target.parent, re.compile(re.escape(prefix) + "[0-9a-f]{8}"))
-    draft = target.with_name(prefix + secrets.token_hex(4))
+    draft = target.with_name(prefix + os.urandom(4).hex())
     descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     try:
         with suppress(OSError):

@@ -13,7 +13,9 @@
 (<Room#0 hall>, 'hall')
 """
 
-from envgraph.errors import shorten
+from typing import TYPE_CHECKING
+
+from envgraph.errors import later, shorten
 from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Shelf, Version
@@ -23,15 +25,17 @@ from envgraph.graph._model import Model
 from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
 from envgraph.graph._store import Relation, Store
-from envgraph.graph.interchange._json import (
-    JsonPath,
-    json_place,
-    model_from_json,
-    model_schema,
-    model_to_json,
-)
-from envgraph.graph.interchange._networkx import from_networkx, to_networkx
-from envgraph.graph.interchange._xmi import arrange_targets, model_to_xmi, usual_value
+
+if TYPE_CHECKING:
+    from envgraph.graph.interchange._json import (
+        JsonPath,
+        json_place,
+        model_from_json,
+        model_schema,
+        model_to_json,
+    )
+    from envgraph.graph.interchange._networkx import from_networkx, to_networkx
+    from envgraph.graph.interchange._xmi import arrange_targets, model_to_xmi, usual_value
 
 __all__ = [
     "EXCHANGE",
@@ -70,4 +74,12 @@ __all__ = [
     "usual_value",
 ]
 
+later(
+    globals(),
+    {
+        "envgraph.graph.interchange._json": "JsonPath json_place model_from_json model_schema model_to_json",
+        "envgraph.graph.interchange._networkx": "from_networkx to_networkx",
+        "envgraph.graph.interchange._xmi": "arrange_targets model_to_xmi usual_value",
+    },
+)
 shorten(globals(), __all__)

@@ -4,9 +4,9 @@
 wrong with them, without raising.
 """
 
-from envgraph.errors import shorten
-from envgraph.graph import JsonPath
-from envgraph.lang._constructors import Pattern, Rule, Unit
+from typing import TYPE_CHECKING
+
+from envgraph.errors import later, shorten
 from envgraph.lang.family._family import (
     ComponentSpec,
     ConstraintsSpec,
@@ -19,17 +19,6 @@ from envgraph.lang.family._family import (
     TrainingSpec,
 )
 from envgraph.lang.family._family_reader import find_family, load_family
-from envgraph.lang.format._format import format_text, language_of
-from envgraph.lang.interchange._ecore import parse_ecore
-from envgraph.lang.interchange._json import check_json, model_at, parse_json, parse_model
-from envgraph.lang.interchange._pyecore import (
-    metamodel_from_pyecore,
-    metamodel_to_pyecore,
-    model_from_pyecore,
-    model_to_pyecore,
-)
-from envgraph.lang.interchange._trace import parse_trace
-from envgraph.lang.interchange._xmi import parse_xmi
 from envgraph.lang.loading._checking import conformance
 from envgraph.lang.loading._family_check import COMPONENTS, check_family
 from envgraph.lang.loading._loader import (
@@ -41,14 +30,29 @@ from envgraph.lang.loading._loader import (
     open_workspace,
 )
 from envgraph.lang.loading._workspace import Workspace
-from envgraph.lang.read._from_text import from_text
 from envgraph.lang.read._model import ModelText
 from envgraph.lang.syntax._data import bundled_domain, bundled_domains, data_path
 from envgraph.lang.syntax._files import Bundle, DiskFiles, Files, TextFiles, file_format, read_source
 from envgraph.lang.syntax._formats import FORMATS
-from envgraph.lang.write._model_to_text import model_to_text
-from envgraph.lang.write._text_derived import spelled_out
-from envgraph.lang.write._to_text import to_text
+
+if TYPE_CHECKING:
+    from envgraph.graph import JsonPath
+    from envgraph.lang._constructors import Pattern, Rule, Unit
+    from envgraph.lang.format._format import format_text, language_of
+    from envgraph.lang.interchange._ecore import parse_ecore
+    from envgraph.lang.interchange._json import check_json, model_at, parse_json, parse_model
+    from envgraph.lang.interchange._pyecore import (
+        metamodel_from_pyecore,
+        metamodel_to_pyecore,
+        model_from_pyecore,
+        model_to_pyecore,
+    )
+    from envgraph.lang.interchange._trace import parse_trace
+    from envgraph.lang.interchange._xmi import parse_xmi
+    from envgraph.lang.read._from_text import from_text
+    from envgraph.lang.write._model_to_text import model_to_text
+    from envgraph.lang.write._text_derived import spelled_out
+    from envgraph.lang.write._to_text import to_text
 
 __all__ = [
     "COMPONENTS",
@@ -106,4 +110,22 @@ __all__ = [
     "to_text",
 ]
 
+later(
+    globals(),
+    {
+        "envgraph.lang._constructors": "Pattern Rule Unit",
+        "envgraph.lang.format._format": "format_text language_of",
+        "envgraph.lang.interchange._ecore": "parse_ecore",
+        "envgraph.lang.interchange._json": "check_json model_at parse_json parse_model",
+        "envgraph.lang.interchange._pyecore": "metamodel_from_pyecore metamodel_to_pyecore "
+        "model_from_pyecore model_to_pyecore",
+        "envgraph.lang.interchange._trace": "parse_trace",
+        "envgraph.lang.interchange._xmi": "parse_xmi",
+        "envgraph.lang.read._from_text": "from_text",
+        "envgraph.lang.write._model_to_text": "model_to_text",
+        "envgraph.lang.write._text_derived": "spelled_out",
+        "envgraph.lang.write._to_text": "to_text",
+        "envgraph.graph": "JsonPath",
+    },
+)
 shorten(globals(), __all__)

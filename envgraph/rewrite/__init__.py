@@ -25,12 +25,13 @@ It is refused, and the model left as it was, with a `RuleError` whose `reason` i
 What the steps of a unit mean is said in `_units`.
 """
 
-from envgraph.errors import shorten
+from typing import TYPE_CHECKING
+
+from envgraph.errors import later, shorten
 from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Application, Firing, Match, Matches, Row, Shape
 from envgraph.rewrite._names import Signature, Taken
 from envgraph.rewrite.check._check import check_rule
-from envgraph.rewrite.derive._derive import check_derivation, derived, derived_rules
 from envgraph.rewrite.engine._described import Steps
 from envgraph.rewrite.engine._engine import Engine
 from envgraph.rewrite.engine._losses import Loss
@@ -41,6 +42,9 @@ from envgraph.rewrite.explore._exploration import Exploration, State, Statistics
 from envgraph.rewrite.run._run import STEP_LIMIT
 from envgraph.rewrite.run._runner import Randomness, RuleRunner
 from envgraph.rewrite.run._units import RunResult
+
+if TYPE_CHECKING:
+    from envgraph.rewrite.derive._derive import check_derivation, derived, derived_rules
 
 __all__ = [
     "STEP_LIMIT",
@@ -77,4 +81,5 @@ __all__ = [
     "trace_to_text",
 ]
 
+later(globals(), {"envgraph.rewrite.derive._derive": "check_derivation derived derived_rules"})
 shorten(globals(), __all__)

@@ -6,7 +6,6 @@ import copyreg
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from importlib.resources import files
 from typing import Any
 
 from envgraph.errors import Diagnostic, EnvgraphError, LoadError, RuleError, Source, name_hint
@@ -83,6 +82,8 @@ def model_schema() -> dict[str, Any]:
 
     It says what a file looks like, not which classes and features the metamodel allows.
     """
+    from importlib.resources import files  # takes as long to import as a small model to read
+
     text = files("envgraph.graph.interchange").joinpath("model.schema.json").read_text("utf-8")
     schema: dict[str, Any] = json.loads(text)
     return schema

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from envgraph.behaviour import Behaviour, check_behaviour
 from envgraph.errors import Diagnostic, Note, Severity, Span
 from envgraph.graph import Model, Violation, check_conformance
 from envgraph.lang.loading._workspace import Workspace
@@ -14,6 +14,9 @@ from envgraph.lang.syntax._formats import HEAD, format_of
 from envgraph.metamodel import Reference
 from envgraph.pattern import FunctionDeclaration
 from envgraph.rewrite import Engine
+
+if TYPE_CHECKING:  # loaded with the first environment
+    from envgraph.behaviour import Behaviour
 
 _MOST = 100
 """So many of the things that a model lacks are told one by one."""
@@ -26,6 +29,8 @@ def check(workspace: Workspace) -> list[Diagnostic]:
         return [*problems, *_no_metamodel(workspace)]
     problems += workspace.registration.problems
     if workspace.behaviours:
+        from envgraph.behaviour import check_behaviour
+
         engine = Engine(Model(workspace.metamodel))
         engine.registrar.add_sound(workspace.registration)
         for behaviour in workspace.behaviours:

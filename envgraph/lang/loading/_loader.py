@@ -8,9 +8,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
 from os import PathLike, fspath
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
 from envgraph.errors import (
     RAISE_LIMIT,
@@ -25,10 +24,6 @@ from envgraph.errors import (
 )
 from envgraph.lang.family._family import FamilySpec
 from envgraph.lang.family._family_reader import FAMILY_FILE, read_family
-from envgraph.lang.interchange._ecore import read_ecore
-from envgraph.lang.interchange._ecore_document import EcoreDocument, ecore_itself, ecore_path
-from envgraph.lang.interchange._json import read_json_model
-from envgraph.lang.interchange._xmi import read_xmi, schema_paths
 from envgraph.lang.loading._checking import check, conformance
 from envgraph.lang.loading._family_check import COMPONENTS, check_family
 from envgraph.lang.loading._import_check import (
@@ -39,14 +34,12 @@ from envgraph.lang.loading._import_check import (
 )
 from envgraph.lang.loading._workspace import Workspace
 from envgraph.lang.read._ecore_types import ECORE
-from envgraph.lang.read._environment import EnvironmentFile, read_environment, with_enums
 from envgraph.lang.read._expressions import Reading
 from envgraph.lang.read._imports import Import, near_uri
 from envgraph.lang.read._metamodel import MetamodelFile, read_metamodel
 from envgraph.lang.read._model import ModelText, imports_of, read_models
 from envgraph.lang.read._query import QueryFile, read_query
 from envgraph.lang.read._query_header import header_of
-from envgraph.lang.read._rules import RulesFile, read_rules
 from envgraph.lang.read._suppress import Suppression, suppressions_of, unsuppressed
 from envgraph.lang.read._type_names import TypeNames
 from envgraph.lang.syntax._consequences import (
@@ -64,6 +57,12 @@ from envgraph.lang.syntax._xml import as_utf8
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, UnknownNames
 from envgraph.rewrite import Engine, Registration
+
+if TYPE_CHECKING:  # each is loaded with the first file that needs it
+    from envgraph.behaviour import Behaviour
+    from envgraph.lang.interchange._ecore_document import EcoreDocument
+    from envgraph.lang.read._environment import EnvironmentFile
+    from envgraph.lang.read._rules import RulesFile
 
 LANGUAGES = ("metamodel", "model", "query", "rules", "environment")
 
@@ -309,6 +308,8 @@ class _Loader:
 
     def _other_packages(self, document: EcoreDocument) -> list[tuple[Import, str]]:
         """The files that an `.ecore` file names and that are there; for the others, others may have been given."""
+        from envgraph.lang.interchange._ecore_document import ecore_path
+
         name, found = document.source.name, []
         for text, span in document.mentioned().items():
             target = ecore_path(self.files, text, name)
@@ -344,6 +345,8 @@ class _Loader:
     def _take(self, format: str, source: Source, asked: Import | None) -> Sequence[Import]:
         """Keeps what a file says, and returns its imports."""
         if format == "ecore":
+            from envgraph.lang.interchange._ecore_document import EcoreDocument
+
             self.ecore[source.name] = EcoreDocument(source), asked
             return ()
         if format == "json":
@@ -352,6 +355,8 @@ class _Loader:
         if format == "xmi":
             self.models.append(source)
             self.xml[source.name] = source
+            from envgraph.lang.interchange._xmi import schema_paths
+
             self.schemas += [self.files.name(path, source.name) for path in schema_paths(source)]
             return ()
         return self._take_text(_LANGUAGE_OF[format], source, asked)
@@ -408,10 +413,14 @@ class _Loader:
                 self.functions.extend(file.functions)
                 defined = file.definitions
             case "rules":
+                from envgraph.lang.read._rules import read_rules
+
                 file = read_rules(parsed, types)
                 self.definitions.extend(file.definitions)
                 defined = file.definitions
             case _:
+                from envgraph.lang.read._environment import read_environment
+
                 file = read_environment(parsed, types)
                 self.behaviours.extend(file.behaviours)
                 defined = file.behaviours
@@ -455,7 +464,7 @@ class _Loader:
             tuple(one for one in self.definitions if isinstance(one, Rule)),
             tuple(one for one in self.definitions if isinstance(one, Unit)),
             tuple(one for one in self.definitions if isinstance(one, Derivation)),
-            tuple(with_enums(one, metamodel) if metamodel else one for one in self.behaviours),
+            self._behaviours(metamodel),
             tuple(self.families),
             functions=tuple(self.functions),
             roots=tuple(dict.fromkeys(self.roots)),
@@ -485,6 +494,14 @@ class _Loader:
                     self.diagnostics += check_family(spec, workspace, self.components)
         self.diagnostics += self._conformance(models)
         return replace(workspace, diagnostics=self._sorted())
+
+    def _behaviours(self, metamodel: Metamodel | None) -> tuple[Behaviour, ...]:
+        """Those of environments, in which it is known what literals are of which enum."""
+        if metamodel is None or not self.behaviours:
+            return tuple(self.behaviours)
+        from envgraph.lang.read._environment import with_enums
+
+        return tuple(with_enums(one, metamodel) for one in self.behaviours)
 
     def _wrong_imports(self, unknown: UnknownNames) -> list[Diagnostic]:
         """Patterns that are imported and are nowhere; without such mistakes, also files that are of no use."""
@@ -551,6 +568,8 @@ class _Loader:
         if first:
             name, (_, asked) = next(iter(self.ecore.items()))
             documents = tuple(first.values())
+            from envgraph.lang.interchange._ecore import read_ecore
+
             read = read_ecore(documents, doubles, allow_unresolved=self.allow_unresolved)
             self.metamodels[name] = read, asked
             ordered = sorted(self.metamodels.items(), key=lambda one: self.order[one[0]])
@@ -560,6 +579,8 @@ class _Loader:
         """Whether two files say the same."""
         if one.source.text == other.source.text:
             return True
+        from envgraph.lang.interchange._ecore import read_ecore
+
         documents = {each.uri or name: each for name, (each, _) in reversed(self.ecore.items())}
         names = [name for name, (each, _) in self.ecore.items() if each.uri == one.uri]
         first, second = (
@@ -581,6 +602,8 @@ class _Loader:
         """Finds the metamodels that are imported by uri or name; the rest are paths after all."""
         uris = {one.path for one, _ in self.named}
         if ECORE in uris and uris <= set(_LIBRARIES) and not (self.metamodels or self.ecore or self.given):
+            from envgraph.lang.interchange._ecore_document import ecore_itself
+
             self.ecore[ECORE] = ecore_itself(), None
             self.order.setdefault(ECORE, len(self.order))
             self.read[ECORE] = ImportedFile()
@@ -629,10 +652,14 @@ class _Loader:
                 models.extend(read.models)
                 self.diagnostics.extend(read.diagnostics)
             elif parsed.name not in self.xml:
+                from envgraph.lang.interchange._json import read_json_model
+
                 json, problems = read_json_model(parsed, metamodel)
                 models.append(json)
                 self.diagnostics.extend(problems)
             elif parsed.name not in parts:
+                from envgraph.lang.interchange._xmi import read_xmi
+
                 document = read_xmi(
                     parsed, metamodel, lost, self._fetch, allow_unresolved=self.allow_unresolved
                 )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
+from typing import TYPE_CHECKING
 
-from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, did_you_mean, has_errors
 from envgraph.graph import Model
@@ -15,6 +15,9 @@ from envgraph.lang.syntax._files import Bundle, bundle
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, FunctionDeclaration, Pattern, Rule, Unit, UnknownNames
 from envgraph.rewrite import Engine, Registration
+
+if TYPE_CHECKING:  # loaded with the first environment
+    from envgraph.behaviour import Behaviour
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from envgraph.pattern import Applicable, Call, Derivation, If, Library, ObjectTy
 from envgraph.rewrite._match import Shape
 from envgraph.rewrite._names import Directory, Signature
 from envgraph.rewrite.check._unit_check import applicable, inner_steps
-from envgraph.rewrite.derive._derive import derived_rules
 from envgraph.rewrite.engine._functions import PythonUnit
 from envgraph.rewrite.engine._losses import Loss, losses
 from envgraph.rewrite.engine._register import Definition
@@ -118,6 +117,8 @@ class Catalog:
             return self.written[qualified]
         group = next((group for group, members in self.members.items() if qualified in members), None)
         if group is not None:
+            from envgraph.rewrite.derive._derive import derived_rules
+
             derivation = cast("Derivation", self.written[group])
             rules = derived_rules(derivation, self.model.metamodel)
             return next(rule for rule in rules if rule.qualified_name == qualified)

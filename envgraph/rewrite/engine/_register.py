@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, sort_diagnostics
 from envgraph.pattern import Derivation, FunctionDeclaration, Library, Pattern, Rule, Unit, static_type
@@ -15,8 +15,9 @@ from envgraph.rewrite.check._check import CheckedRule, examine
 from envgraph.rewrite.check._endless import endless
 from envgraph.rewrite.check._header import left_problems
 from envgraph.rewrite.check._unit_check import CheckedUnit, check_unit, unit_signature
-from envgraph.rewrite.derive._derive import check_derivation, derived
-from envgraph.rewrite.derive._operators import Derived
+
+if TYPE_CHECKING:  # loaded with the first derivation
+    from envgraph.rewrite.derive._operators import Derived
 
 Definition = Pattern | Rule | Unit | Derivation | FunctionDeclaration
 Called = TypeVar("Called", Rule, Unit)
@@ -46,11 +47,7 @@ class Registration:
         self._definitions = [
             library.resolved(d) for d in definitions if not isinstance(d, Pattern | FunctionDeclaration)
         ]
-        self._derivations = {
-            id(d): check_derivation(d, library.metamodel)
-            for d in self._definitions
-            if isinstance(d, Derivation)
-        }
+        self._derivations: dict[int, list[Diagnostic]] = {}
         self._derived = self._derive(library, directory)
         written = [d for d in definitions if isinstance(d, Pattern)]
         made = [pattern for group in self._derived.values() for pattern in group.patterns]
@@ -101,13 +98,17 @@ class Registration:
     def _derive(self, library: Library, directory: Directory) -> dict[str, Derived]:
         """What the derivations without errors stand for; of namesakes the first."""
         found: dict[str, Derived] = {}
+        derivations = [one for one in self._definitions if isinstance(one, Derivation)]
+        if not derivations:
+            return found
+        from envgraph.rewrite.derive._derive import check_derivation, derived
+
         taken = {*directory.signatures, *library.names()}
-        for definition in self._definitions:
-            name = definition.qualified_name
-            if not isinstance(definition, Derivation) or name in taken or name in found:
-                continue
-            if not has_errors(self._derivations[id(definition)]):
-                found[name] = derived(definition, library.metamodel)
+        for derivation in derivations:
+            name = derivation.qualified_name
+            problems = self._derivations[id(derivation)] = check_derivation(derivation, library.metamodel)
+            if not (name in taken or name in found or has_errors(problems)):
+                found[name] = derived(derivation, library.metamodel)
         return found
 
     def _duplicates(self, library: Library, directory: Directory) -> Iterator[Diagnostic]:

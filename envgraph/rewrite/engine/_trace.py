@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
 from envgraph.errors import Diagnostic, EvaluationError, Note, RuleError, Span, TraceError
@@ -152,6 +151,8 @@ def trace_schema() -> dict[str, Any]:
     >>> trace_schema()["$defs"]["application"]["required"]
     ['rule', 'match']
     """
+    from importlib.resources import files  # takes as long to import as a small model to read
+
     schema: dict[str, Any] = json.loads(
         files("envgraph.rewrite.engine").joinpath("trace.schema.json").read_text("utf-8")
     )

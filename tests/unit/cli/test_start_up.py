@@ -9,8 +9,23 @@ import pytest
 
 from envgraph.lang import data_path
 
-HEAVY = ("gymnasium", "jinja2", "jsonschema", "networkx", "numpy", "pydantic", "rich", "urllib.request")
+HEAVY = (
+    "gymnasium",
+    "jinja2",
+    "jsonschema",
+    "networkx",
+    "numpy",
+    "pydantic",
+    "rich.console",
+    "urllib.request",
+)
+UNUSED = ("behaviour", "env", "lang.format", "lang.interchange", "lang.write", "rewrite.derive", "search")
+"""What reads no file of burning_forest but its environment and family."""
+LATE = (*HEAVY, *(f"envgraph.{name}" for name in UNUSED))
 QUERY = str(data_path("rules", "social_media", "social_media.query"))
+MODEL, TILES = (
+    str(data_path("rules", "burning_forest", one)) for one in ("running_4x4.model", "burning_forest.query")
+)
 
 
 @pytest.mark.parametrize(
@@ -19,9 +34,11 @@ QUERY = str(data_path("rules", "social_media", "social_media.query"))
         "import envgraph.lang",
         "import envgraph; envgraph.open('social_media').count('thread')",
         f"import envgraph.cli as cli; sys.argv = ['envgraph', 'check', {QUERY!r}]; assert cli.main() == 0",
+        "import envgraph.cli as cli; "
+        f"sys.argv = ['envgraph', 'match', {MODEL!r}, {TILES!r}, 'neighbour']; assert cli.main() == 0",
     ],
 )
 def test_files_are_read_and_matched_without_what_is_slow_to_import(code: str) -> None:
-    program = f"import sys; {code}; print(*[name for name in {HEAVY!r} if name in sys.modules])"
+    program = f"import sys; {code}; print(*[name for name in {LATE!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == ""
