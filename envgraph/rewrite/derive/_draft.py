@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from itertools import combinations
+from typing import NamedTuple
 
 from envgraph.metamodel import simple_name
 from envgraph.pattern import (
@@ -33,6 +34,15 @@ from envgraph.pattern import (
     Variable,
 )
 from envgraph.rewrite.derive._schema import End, Schema
+
+
+class LinkChange(NamedTuple):
+    """A link that is added (1) or removed (-1)."""
+
+    sign: int
+    end: End
+    near: str
+    far: str
 
 
 class Draft:
@@ -64,7 +74,7 @@ class Draft:
         self._differ: set[frozenset[str]] = set()
         self._hom: list[tuple[str, str]] = []
         self._inside: set[str] = set()
-        self._changes: list[tuple[int, End, str, str]] = []
+        self._changes: list[LinkChange] = []
 
     # --- the left side
 
@@ -222,7 +232,7 @@ class Draft:
         """Add a link."""
         edge = end.edge(near, far)
         self.act(Create((Node(edge.source), Node(edge.target)), (edge,)))
-        self._changes.append((1, end, near, far))
+        self._changes.append(LinkChange(1, end, near, far))
 
     def unlink(self, end: End, near: str, far: str) -> None:
         """Remove a link."""
@@ -231,7 +241,7 @@ class Draft:
 
     def lose(self, end: End, near: str, far: str) -> None:
         """A link goes, with an object at one of its ends."""
-        self._changes.append((-1, end, near, far))
+        self._changes.append(LinkChange(-1, end, near, far))
 
     def delete(self, name: str) -> None:
         """Remove an object."""
@@ -266,6 +276,22 @@ class Draft:
                 self.absent(end, near, far)
         for (end, name), more in self.balances.items():
             self.ask(end.room(name, more) if more > 0 else end.spare(name, -more))
+        for pair in combinations(self._changes, 2):
+            self._keep_apart(*pair)
+
+    def _keep_apart(self, one: LinkChange, two: LinkChange) -> None:
+        """Two links that are both added, or both removed, are different ones, and do not share the same room."""
+        if one.sign != two.sign or one.end.association != two.end.association:
+            return
+        pairs: list[tuple[str, str]] = []
+        if one.end == two.end:
+            shared = one.sign > 0 and one.near != two.near and one.end.other.upper is None
+            pairs = [(one.near, two.near)] if shared else [(one.near, two.near), (one.far, two.far)]
+        elif one.sign < 0:
+            pairs = [(one.near, two.far), (two.near, one.far)]
+        for first, second in pairs:
+            if first != second and {first, second} <= self.kept:
+                self.differ(first, second)
 
     def rule(self, name: str, doc: str, *, spo: bool = False) -> Rule:
         """The rule under a name of the group."""

@@ -154,8 +154,6 @@ def _exchange(draft: Draft, end: End, cls: str, child: str) -> Iterator[Operator
         draft.spared(container, end.near)
         pairs.append((part, container))
     (one, first), (two, second) = pairs
-    draft.differ(one, two)
-    draft.differ(first, second)
     for part, old, new in ((one, first, second), (two, second, first)):
         draft.not_inside(part, new)
         draft.unlink(end, old, part)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import combinations, permutations
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 from envgraph.errors import with_article
 from envgraph.pattern import (
@@ -67,35 +67,6 @@ class _Cast:
         draft, plan = self.draft, self.plan
         for old in plan.old:
             self.old.append(draft.node(variable_for(old.cls), old.cls))
-        self._apart()
-        self._links_apart()
-
-    def _apart(self) -> None:
-        """Objects that stand in for the same end must differ where they share an object, or room."""
-        targets = [(link.end, link.near, link.far) for link in self.plan.links if not link.far_new]
-        for (end, near, one), (again, also, other) in combinations(targets, 2):
-            if one != other and end == again:
-                stolen = any(self.plan.old[o].stolen_from is not None for o in (one, other))
-                if near == also or stolen or end.other.upper is not None:
-                    self.draft.differ(self.old[one], self.old[other])
-                self._donors_apart(one, other)
-
-    def _links_apart(self) -> None:
-        """No link is stolen twice, once from each of its ends."""
-        taken = [
-            (link.end, self.old[donor], self.old[link.far])
-            for link in self.plan.links
-            for donor in (None if link.far_new else self.plan.old[link.far].stolen_from,)
-            if donor is not None
-        ]
-        for (end, donor, _), (again, _, target) in permutations(taken, 2):
-            if end == again.other:
-                self.draft.differ(donor, target)
-
-    def _donors_apart(self, one: int, other: int) -> None:
-        first, second = (self.plan.old[o].stolen_from for o in (one, other))
-        if first is not None and second is not None and first != second:
-            self.draft.differ(self.old[first], self.old[second])
 
     def variable(self, position: int, new: bool) -> str:
         """The variable of an object."""
@@ -282,24 +253,20 @@ def _spread(draft: Draft, plan: Plan) -> Operator:
     name = draft.node(variable_for(cls), cls, exact=True)
     _empty(draft, name, cls)
     moved: list[tuple[End, str]] = []
-    receivers: dict[int, tuple[End, str]] = {}
+    receivers: dict[int, str] = {}
     for link in plan.links:
         donor = None if link.far_new else plan.old[link.far].stolen_from
         if link.near != 0 or donor is None:
             continue
         if donor not in receivers:
-            receivers[donor] = link.end, _receiver(draft, name, link.end, receivers.values())
-        receiver = receivers[donor][1]
-        target = draft.node(variable_for(link.end.far), link.end.far)
+            receivers[donor] = draft.node("other", link.end.near)
+        receiver, target = receivers[donor], draft.node(variable_for(link.end.far), link.end.far)
+        draft.differ(name, receiver)
+        draft.differ(name, target)
         draft.lose(link.end, name, target)
-        for one in (name, *(earlier for end, earlier in moved if end == link.end)):
-            draft.differ(target, one)
         moved.append((link.end, target))
         if plan.old[donor].repaid:
             draft.lose(link.end, receiver, name)
-            for end, earlier in moved:
-                if end == link.end.other:
-                    draft.differ(receiver, earlier)
             moved.append((link.end.other, receiver))
         draft.link(link.end, receiver, target)
     for end in draft.schema.ends_of(cls):
@@ -308,14 +275,6 @@ def _spread(draft: Draft, plan: Plan) -> Operator:
     stolen = [end.name for end, _ in moved]
     doc = f"A `{cls}` goes, and what needs it goes over to others."
     return "delete", f"delete.{cls}.spreading.{'.'.join(stolen)}", draft, doc, True
-
-
-def _receiver(draft: Draft, name: str, end: End, earlier: Iterable[tuple[End, str]]) -> str:
-    """An object that takes over what another one has at an end."""
-    receiver = draft.node("other", end.near)
-    for one in (name, *(other for again, other in earlier if again == end)):
-        draft.differ(one, receiver)
-    return receiver
 
 
 def _rehome(draft: Draft, cls: str) -> Iterator[Operator]:
@@ -335,7 +294,6 @@ def _share(draft: Draft, cls: str, end: End) -> Operator:
     for one, two in combinations((name, other, third), 2):
         draft.differ(one, two)
     needy = [draft.node(variable_for(end.far), end.far) for _ in range(2)]
-    draft.differ(*needy)
     for target, receiver in zip(needy, (third, other), strict=True):
         draft.lose(end, name, target)
         draft.ask([Comparison("==", end.other.count(target), Constant(end.other.lower))])
