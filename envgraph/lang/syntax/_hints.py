@@ -95,8 +95,17 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
             return (
                 f"{expected}; several objects stand in brackets: `[{lexemes[index - 3].value}, {before[1]}]`"
             )
+    if "observe" in keywords:
+        if grammar.expected(states) == [keywords["up"]]:
+            return f"a count has a highest value: write `up to {after if word[:2] == 'up' else 3}`"
+        if word == "up" and grammar.accepts(states, keywords["in"]):
+            return f"a number has a range: write `in 0..{lexemes[index + 2].value}`"
+        if word == "%" and grammar.accepts(states, signs[":"]):
+            return f"a probability is a number from 0 to 1: write `{float(before[1]) / 100:g}`"
     if "neg" not in keywords:
         return None
+    if "unit" in keywords and after == ":" and grammar.accepts(states, signs["{"]) and word[0].isdigit():
+        return f"alternatives have weights, at their rules: write `@weight({word})` before the `rule`"
     if "unit" in keywords and before[1] in _STEPS and word in (";", "|", "("):
         return f"{expectation(grammar, states)}; to call a rule of that name write `^{before[1]}`"
     home = "query" if "rule" in keywords else "rules"

@@ -7,7 +7,7 @@ from dataclasses import replace
 from envgraph.errors import Diagnostic, Note, did_you_mean
 from envgraph.lang.syntax._hints import expectation as expectation_of
 from envgraph.lang.syntax._hints import habit
-from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, overlapping
+from envgraph.lang.syntax._lexer import END, PUNCTUATION, Lexeme, first_on_line, overlapping
 from envgraph.lang.syntax._stack import Level, ParseStack
 
 _ENDLESS = {"unterminated-text", "unterminated-comment", "too-many-errors"}
@@ -50,8 +50,15 @@ class Reports:
             hint = "no `{` is open here: take it out, or look for one that is closed too soon"
             self.report("unexpected-token", "unexpected `}`", lexeme, hint)
             return
-        meant = habit(self._grammar, self._stack.states, self._lexemes, index) or self._escape_hint(index)
-        meant = meant or self._meant(index) or self.expectation()
+        meant = habit(self._grammar, self._stack.states, self._lexemes, index)
+        expected = [self._grammar.spelling[one] for one in self._grammar.expected(self._stack.states)]
+        if len(expected) == 1 and expected[0][0] == "`" and first_on_line(self._source, lexeme.start):
+            spelt, end = expected[0].strip("`"), self._stack.previous_end
+            before = self._source.text[self._lexemes[index - 1].start : end]
+            missing = Lexeme(PUNCTUATION, spelt, end, end)
+            self.report("missing-token", f"missing `{spelt}`", missing, meant or f"write `{before} {spelt}`")
+            return
+        meant = meant or self._escape_hint(index) or self._meant(index) or self.expectation()
         self.report("unexpected-token", f"unexpected `{shown}`", lexeme, meant)
 
     def foreign(self, index: int) -> Level | None:
