@@ -10,7 +10,7 @@ from envgraph.env._prepared import Scope
 from envgraph.errors import EvaluationError
 from envgraph.graph import Model
 from envgraph.metamodel import Value
-from envgraph.pattern import Expression
+from envgraph.pattern import Expression, Navigation
 
 
 class KeyedObjects:
@@ -47,6 +47,7 @@ class KeyedObjects:
 def observer(
     path: Expression,
     owner: tuple[str, Callable[[], Value | None]] | None,
+    model: Model,
     read: Reader,
     index: Callable[[Value | None], int],
     padding: int,
@@ -57,7 +58,8 @@ def observer(
     Args:
         path: what is observed.
         owner: the name whose object may be missing, and the object; then the component is the `padding`.
-        read: reads features.
+        model: has the objects, which messages name.
+        read: reads its features.
         index: of what the path leads to.
         padding: see `owner`.
         bound: what the other names stand for; if it has the owner's, then always the same object.
@@ -73,12 +75,25 @@ def observer(
                 return padding
             if not fixed:
                 scope = {**bound, name: node}
+        found: Value | int | None = 0
         try:
-            return index(follow(path, scope, read))
+            found = follow(path, scope, read)
+            return index(found)
         except EvaluationError as error:
-            raise EvaluationError(error.message, path.span, error.hint) from None
+            where = _gap(model, path, scope, read) if found is None else ""
+            raise EvaluationError(f"{error.message}{where}", path.span, error.hint) from None
 
     return observe
+
+
+def _gap(model: Model, path: Expression, scope: Scope, read: Reader) -> str:
+    """Which object has no value of which feature, where a path ends too soon."""
+    while isinstance(path, Navigation):
+        owner = follow(path.object, scope, read)
+        if type(owner) is int:
+            return f": {model.describe(owner)} has no `{path.feature}`"
+        path = path.object
+    return ""
 
 
 def object_index(

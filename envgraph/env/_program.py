@@ -310,7 +310,7 @@ class Program:
         path, read = observation.path, self._read
         for value in self._owners(observation.each) if observation.each else [self._owner(path, types)]:
             number = isinstance(observation, ObserveRange)
-            yield Component(size, observer(path, value, read, index, padding, self.bound), number)
+            yield Component(size, observer(path, value, self.model, read, index, padding, self.bound), number)
 
     def _owner(self, path: Expression, types: Types) -> tuple[str, Callable[[], Value | None]]:
         """The name that a path begins with, and its object, None when that is gone."""

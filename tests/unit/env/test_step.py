@@ -291,6 +291,14 @@ def test_observing_nowhere_is_an_error_that_names_the_remedy() -> None:
     with pytest.raises(EvaluationError, match="or none") as caught:
         coins.reset(np.random.default_rng(0))
     assert caught.value.span is not None and caught.value.span.text == "hand.holds"
+    assert caught.value.message == "an observed path leads nowhere: `hand` has no `holds`"
+
+
+@pytest.mark.parametrize("path", ["hand.holds.value in 0..3", "hand.holds.side"])
+def test_observing_beyond_what_is_missing_names_the_object_that_misses_it(path: str) -> None:
+    coins = simulator(f"action wait = nothing()\nobserve {path}")
+    with pytest.raises(EvaluationError, match="`hand` has no `holds`"):
+        coins.reset(np.random.default_rng(0))
 
 
 def test_a_reward_or_an_argument_without_a_value_is_shown_where_it_stands() -> None:
