@@ -19,7 +19,7 @@ from envgraph.lang.interchange._xmi_document import Document, Fetch, Reading, Sp
 from envgraph.lang.interchange._xmi_links import Linker
 from envgraph.lang.interchange._xmi_tags import TagReader
 from envgraph.lang.read._model import ModelText
-from envgraph.lang.syntax._consequences import once_for_each_name
+from envgraph.lang.syntax._once import once_for_each_name
 from envgraph.lang.syntax._xml import XSI, Handlers, Reader, Stop, XmlPlaces, namespaces
 from envgraph.metamodel import Metamodel
 

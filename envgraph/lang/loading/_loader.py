@@ -42,16 +42,12 @@ from envgraph.lang.read._query import QueryFile, read_query
 from envgraph.lang.read._query_header import header_of
 from envgraph.lang.read._suppress import Suppression, suppressions_of, unsuppressed
 from envgraph.lang.read._type_names import TypeNames
-from envgraph.lang.syntax._consequences import (
-    once_for_each_name,
-    unread_names,
-    without_misread,
-)
 from envgraph.lang.syntax._data import bundled_domains, data_path
 from envgraph.lang.syntax._files import DiskFiles, Files, file_format, in_directory, read_source
 from envgraph.lang.syntax._formats import FORMATS, suffix_of
 from envgraph.lang.syntax._grammar import grammar
 from envgraph.lang.syntax._lexer import Lexeme
+from envgraph.lang.syntax._once import once_for_each_name
 from envgraph.lang.syntax._parsing import Parsed, parse_tokens
 from envgraph.lang.syntax._xml import as_utf8
 from envgraph.metamodel import Metamodel
@@ -363,7 +359,7 @@ class _Loader:
 
     def _take_text(self, language: str, source: Source, asked: Import | None) -> Sequence[Import]:
         parsed, lexemes = parse_tokens(grammar(language), source)
-        self.lost |= parsed.lost | unread_names(parsed)
+        self.lost |= parsed.lost
         self.incomplete |= any(one.code == "other-language" for one in parsed.diagnostics)
         suppressions, problems = suppressions_of(parsed)
         self.suppressions += suppressions
@@ -706,7 +702,7 @@ class _Loader:
                 return (-1, 0, 0)
             return (self.order.get(one.span.source.name, -1), one.span.start, one.span.end)
 
-        found = dict.fromkeys(unsuppressed(without_misread(self.diagnostics), self.suppressions))
+        found = dict.fromkeys(unsuppressed(self.diagnostics, self.suppressions))
         return tuple(once_for_each_name(sorted(found, key=key)))
 
 

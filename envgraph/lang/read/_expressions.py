@@ -132,11 +132,6 @@ class Reading:
         recent = takewhile(lambda gap: gap[0] >= span.start, reversed(self.gaps))
         return any(start < span.end for start, _ in recent)
 
-    def mended(self, tree: Tree[Token]) -> bool:
-        """Whether a mistake in the text of a tree was mended on parsing."""
-        span = self.span(tree)
-        return any(one.span and span.start <= one.span.start <= span.end for one in self.parsed.diagnostics)
-
     def whole(self, name: Token, tree: Tree[Token]) -> bool:
         """Whether a definition can be checked. If it has gaps, its name is lost: to mention it is no mistake."""
         if self.broken(tree):

@@ -380,6 +380,8 @@ class _Reader:
     def _glyph(self, tree: Tree[Token], annotation: Annotation, marks: _Marks) -> None:
         arguments = [value for argument in trees(tree.children) for value in trees(argument.children)]
         strings = [tokens(value.children)[0] for value in arguments if value.data == "annotation_string"]
+        if self.parsed.mended(tree):
+            return
         if annotation.named or len(strings) != len(arguments) or not 1 <= len(strings) <= 2:
             hint = 'write `@glyph("B", "#e8590c")`'
             self._error("bad-annotation", "`@glyph` takes a letter and a colour, both in quotes", tree, hint)

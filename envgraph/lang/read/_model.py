@@ -272,6 +272,8 @@ class _Reader:
         made[id(tree)] = rows
 
     def _wrong_cells(self, line: Tree[Token], cells: Sequence[Tree[Token]], columns: Sequence[Token]) -> None:
+        if self.parsed.mended(line):
+            return
         where = cells[len(columns)] if len(cells) > len(columns) else line
         hint = f"the columns are {listed(columns)}"
         self.reports.error("wrong-columns", f"this line has {plural(len(cells), 'value')}", where, hint)

@@ -87,7 +87,7 @@ def _pattern(reading: Reading, package: str, tree: Tree[Token]) -> Pattern:
         ),
         doc=reading.parsed.doc(tree),
         span=reading.span(name),
-        mended=reading.mended(tree),
+        mended=reading.parsed.mended(tree),
     )
 
 

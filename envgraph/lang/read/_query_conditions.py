@@ -148,6 +148,9 @@ def _path_constraint(reading: Reading, tree: Tree[Token]) -> PathConstraint | No
     terms = _terms(reading, tree)
     type_ = type_of(reading, head)
     features = tokens(path.children)
+    if len(terms) != 2 and reading.parsed.mended(tree):
+        reading.gap(tree)
+        return None
     if len(terms) != 2:
         dotted = ".".join((type_, *features))
         hint = f"write `{dotted}(source, target)`; to call a pattern, write `find`"

@@ -231,7 +231,7 @@ class _Scanner:
             most = "1.8e308" if kind == "FLOAT" else str(LARGEST_INT)
             hint = f"{'a float' if kind == 'FLOAT' else 'an int'} has 64 bits: it is {most} at most"
             self._report("number-too-large", "the number is too large", start, end, hint)
-            digits = "0" if kind == "FLOAT" else str(LARGEST_INT)  # what is wrong with 0 is not its fault
+            kind, digits = "INT", "1"  # which may stand wherever a number may
         following = re.compile(r"\w+").match(self._text, end)
         if following:
             word = following.group()

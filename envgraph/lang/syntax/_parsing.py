@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import field
 
 from lark import Token, Tree
@@ -13,11 +14,16 @@ from envgraph.errors import Diagnostic, Source, Span
 from envgraph.lang.syntax._formats import other_language
 from envgraph.lang.syntax._grammar import Grammar, grammar
 from envgraph.lang.syntax._lexer import END, DocComment, Lexeme
+from envgraph.lang.syntax._once import once_for_each_text
 from envgraph.lang.syntax._recovery import Recovery
 from envgraph.lang.syntax._stack import ERROR, ParseStack
 from envgraph.metamodel import Annotation, Value
 
 Branch = Tree[Token] | Token | None
+
+_TO_THE_END = frozenset({"unterminated-comment", "too-many-errors"})
+"""After these nothing of a file is read."""
+_NAME = re.compile(r"[^\W\d]\w*")
 
 _MOST_ERRORS = 100
 _DEEPEST = 150
@@ -33,7 +39,7 @@ class Parsed:
     Attributes:
         tree: the tree of the start rule, without what was given up; None when nothing could be saved.
         diagnostics: all lexical and syntax errors, in the order of the text.
-        lost: the names that stand in what was given up; that one of them is unknown says nothing.
+        lost: the names in what could not be read; that one of them is unknown says nothing.
         gaps: where that stood, as offsets of the text.
     """
 
@@ -47,6 +53,13 @@ class Parsed:
     def span(self, item: Tree[Token] | Token) -> Span:
         """The characters that a tree or token was made of, brackets and keywords included."""
         return span_of(self.source, item)
+
+    def mended(self, tree: Tree[Token]) -> bool:
+        """Whether a mistake in the text of a tree was mended: what it says may not be what was meant."""
+        span = self.span(tree)
+        return any(
+            one.span and one.span.start <= span.end and span.start < one.span.end for one in self.diagnostics
+        )
 
     def doc(self, tree: Tree[Token]) -> str | None:
         """The doc comment before a definition, or between its annotations and the rest of it."""
@@ -75,23 +88,37 @@ def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]
     """As `parse_with`, with all lexemes as the tree has them: where `<-` was two signs, it is two lexemes."""
     scan = grammar.core.scan(source)
     if any(problem.code == "nested-too-deeply" for problem in scan.diagnostics):
-        return Parsed(source, None, scan.diagnostics), scan.lexemes
+        return _nothing(source, scan.diagnostics), scan.lexemes
     stack = ParseStack(grammar, source, scan.lexemes)
     recovery = Recovery(stack, scan.diagnostics)
     tree = _run(stack, recovery)
     found = [*scan.diagnostics, *recovery.diagnostics]
     other = other_language(grammar.name, source) if found else None
     if other is not None:
-        return Parsed(source, None, [other]), stack.lexemes
-    diagnostics = sorted(found, key=lambda one: one.span.start if one.span else 0)
-    if tree is not None:
-        deep = _tidy(tree)
-        if deep is not None:
-            message, hint = "this is nested too deeply to be read", f"there may be {_DEEPEST} levels"
-            diagnostics.append(Diagnostic("nested-too-deeply", message, span_of(source, deep), hint))
-            tree = None
-    parsed = Parsed(source, tree, diagnostics, scan.docs, frozenset(stack.lost), tuple(stack.gaps))
-    return parsed, stack.lexemes
+        return _nothing(source, [other]), stack.lexemes
+    diagnostics = list(once_for_each_text(sorted(found, key=lambda one: one.span.start if one.span else 0)))
+    deep = None if tree is None else _tidy(tree)
+    if deep is not None:
+        message, hint = "this is nested too deeply to be read", f"there may be {_DEEPEST} levels"
+        diagnostics.append(Diagnostic("nested-too-deeply", message, span_of(source, deep), hint))
+    if tree is None or deep is not None:
+        return _nothing(source, diagnostics), stack.lexemes
+    lost = stack.lost.union(_unread(source, found))
+    return Parsed(source, tree, diagnostics, scan.docs, frozenset(lost), tuple(stack.gaps)), stack.lexemes
+
+
+def _nothing(source: Source, diagnostics: list[Diagnostic]) -> Parsed:
+    """What is left of a text of which nothing can be read: all that it defines is unknown."""
+    return Parsed(source, None, diagnostics, lost=frozenset(_NAME.findall(source.text)))
+
+
+def _unread(source: Source, diagnostics: Iterable[Diagnostic]) -> Iterator[str]:
+    """The names in tokens that could not be read, and in what comes after a comment that is not closed."""
+    for one in diagnostics:
+        if one.span and one.code in _TO_THE_END:
+            yield from _NAME.findall(source.text, one.span.start)
+        elif one.span and one.code == "touching-words":
+            yield from _NAME.findall(one.span.text)
 
 
 def span_of(source: Source, item: Tree[Token] | Token) -> Span:

@@ -1,20 +1,12 @@
-"""What follows from other errors, and is not reported."""
+"""Mistakes that show in several places, and are told once."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Note, Span
-from envgraph.lang.syntax._parsing import Parsed
+from envgraph.errors import Diagnostic, Note
 
-_TO_THE_END = frozenset({"unterminated-comment", "too-many-errors"})
-"""After these nothing of a file is read."""
-_MISREAD = frozenset(
-    {"number-too-large", "stray-character", "touching-words", "unterminated-string", "unterminated-text"}
-)
-"""Mistakes in the spelling of one token."""
 _ROWS = frozenset({"stray-character", "unterminated-text"})
 _MOST_LINES = 3
 """Characters that mean nothing in more lines, one below the other, are the rows of a text."""
@@ -28,38 +20,6 @@ _NAMES = frozenset(
 """Names that mean the same in a whole file: one that is misspelt where it is defined is unknown wherever it stands."""
 _MOST_PLACES = 10
 """So many other places of such a name are told."""
-_UNEXPECTED = frozenset({"missing-token", "unexpected-token", "unexpected-end", "unescaped-keyword"})
-"""Mistakes in the order of tokens."""
-
-
-def unread_names(parsed: Parsed) -> frozenset[str]:
-    """The names in a text of which nothing could be saved, or in what was not read at the end of the file."""
-    opened = [one.span.start for one in parsed.diagnostics if one.code in _TO_THE_END and one.span]
-    text = parsed.source.text
-    start = 0 if parsed.tree is None else min(opened, default=len(text))
-    return frozenset(re.findall(r"[^\W\d]\w*", text[start:]))
-
-
-def without_misread(found: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Leaves out what is said about a number, a string or a sign that could not be read as it stands.
-
-    The same goes for what is said about a part of one line in which something is unexpected.
-    """
-    diagnostics = list(found)
-    misread: dict[str, list[Span]] = {}
-    for one in diagnostics:
-        if one.span and one.code in _MISREAD | _UNEXPECTED:
-            misread.setdefault(one.span.source.name, []).append(one.span)
-
-    def follows(one: Diagnostic) -> bool:
-        if one.span is None or one.code in _MISREAD | _UNEXPECTED | _TO_THE_END or "\n" in one.span.text:
-            return False
-        spans = misread.get(one.span.source.name, ())
-        return any(span.start < one.span.end and one.span.start < span.end for span in spans)
-
-    if not misread:
-        return diagnostics
-    return list(_without_rows([one for one in diagnostics if not follows(one)]))
 
 
 def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
@@ -89,7 +49,7 @@ def _elsewhere(problems: Sequence[Diagnostic]) -> Note:
     return Note(f"also at {shown}{more}")
 
 
-def _without_rows(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
+def once_for_each_text(diagnostics: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
     """Tells once of the rows of a text that was not opened as one."""
     rows = sorted(
         (one for one in diagnostics if one.span and one.code in _ROWS),
