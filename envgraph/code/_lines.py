@@ -13,21 +13,19 @@ _ORIGINS: Final = "_origins"
 """The name of the table of lines in the namespace of generated functions."""
 
 
-def define(definitions: str | Body, file: str, names: dict[str, Any]) -> dict[str, Any]:
+def define(definitions: Body, file: str, names: dict[str, Any]) -> dict[str, Any]:
     """Run generated definitions.
 
     Args:
-        definitions: a tree; or text made by a printer of this project, with names of ours, numbers and operators: no
-            text of anybody else.
+        definitions: functions.
         file: what tracebacks call it.
         names: what the definitions may use; they are added.
 
     Returns:
         The names with the definitions.
     """
-    if not isinstance(definitions, str):
-        definitions, names[_ORIGINS] = printed(definitions)
-    return _compile.define(definitions, file, names)
+    text, names[_ORIGINS] = printed(definitions)
+    return _compile.define(text, file, names)
 
 
 def origin_of(error: BaseException) -> tuple[object, FrameType | None]:

@@ -11,14 +11,17 @@ from envgraph.code._tree import (
     Choice,
     Constant,
     Do,
+    Each,
     Expression,
     For,
     Function,
     If,
     Index,
+    Lambda,
     Leave,
     Let,
     Local,
+    Mapping,
     Member,
     Name,
     Operation,
@@ -149,7 +152,7 @@ class _Printer:
             self.inside("else", node.otherwise, pad, origin)
 
 
-def _target(node: Local | Name | Index | Tuple) -> str:
+def _target(node: Local | Name | Index | Member | Tuple) -> str:
     if isinstance(node, Tuple):
         return f"{_listed(node.items)}{',' * (len(node.items) == 1)}"
     return expression_text(node)
@@ -188,6 +191,19 @@ def expression_text(node: Expression, level: int = _CHOICE) -> str:
         case Choice(test, then, otherwise):
             chosen = f"{expression_text(then, _OR)} if {expression_text(test, _OR)}"
             text = f"{chosen} else {expression_text(otherwise)}"
+            return f"({text})" if level > _CHOICE else text
+        case Mapping(items):
+            return f"{{{', '.join(f'{expression_text(key)}: {expression_text(value)}' for key, value in items)}}}"
+        case Each(value, target, elements, test, late):
+            # An element that is a choice, or the test, would be read as the end of the elements.
+            text = f"{expression_text(value)} for {target.name} in {expression_text(elements, _OR)}"
+            text += f" if {expression_text(test, _OR)}" if test else ""
+            return f"({text})" if late else f"[{text}]"
+        case Lambda(parameters, value):
+            names = ", ".join(each.name for each in parameters)
+            text = (
+                f"lambda {names}: {expression_text(value)}" if names else f"lambda: {expression_text(value)}"
+            )
             return f"({text})" if level > _CHOICE else text
         case Text(text):
             return text

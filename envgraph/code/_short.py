@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Final
 
 from envgraph.code._tree import Call, Constant, Expression, Member, Name, Operation, Tuple
@@ -53,3 +54,13 @@ def joined(operator: str, operands: Sequence[Expression], empty: int) -> Express
     if len(operands) < 2:
         return operands[0] if operands else Constant(empty)
     return Operation(operator, tuple(operands))
+
+
+def is_none(value: Expression) -> Operation:
+    """Whether there is no value."""
+    return Operation("is", (value, NONE))
+
+
+def chained(operator: str, operands: Sequence[Expression]) -> Expression:
+    """An operator between each operand and all before it."""
+    return reduce(lambda left, right: Operation(operator, (left, right)), operands)

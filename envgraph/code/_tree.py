@@ -104,6 +104,32 @@ class Let:
 
 
 @dataclass(frozen=True, slots=True)
+class Mapping:
+    """Values by key."""
+
+    items: tuple[tuple[Expression, Expression], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Each:
+    """A list of something for each element that passes a test; if `late`, an iterator that looks when it is asked."""
+
+    value: Expression
+    target: Local
+    elements: Expression
+    test: Expression | None = None
+    late: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Lambda:
+    """A function without a name."""
+
+    parameters: tuple[Local, ...]
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class Text:
     """What only Python needs to understand: a text for it, without parts of any other text.
 
@@ -118,7 +144,8 @@ class Text:
 
 
 Expression: TypeAlias = (
-    "Name | Local | Constant | Call | Index | Member | Tuple | Operation | Choice | Let | Text"
+    "Name | Local | Constant | Call | Index | Member | Tuple | Operation | Choice | Let "
+    "| Mapping | Each | Lambda | Text"
 )
 
 # --- statements
@@ -128,9 +155,9 @@ Expression: TypeAlias = (
 class Assign:
     """Gives a value to a variable, an entry, or, with a `Tuple` of them, the items of a value to several."""
 
-    target: Local | Name | Index | Tuple
+    target: Local | Name | Index | Member | Tuple
     value: Expression
-    operator: Literal["=", "+=", "|="] = "="
+    operator: Literal["=", "+=", "-=", "|="] = "="
     origin: object = field(default=None, compare=False, repr=False)
 
 

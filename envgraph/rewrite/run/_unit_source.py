@@ -1,18 +1,60 @@
-"""Units as generated Python source: one function for a unit, and one for each block inside it that can fail alone.
+"""Units as generated functions: one for a unit, and one for each block inside it that can fail alone.
 
 A function returns None as soon as a step fails, and else whether anything was changed. Variables of the unit are local
 variables, passed to the functions of inner blocks by value, so that a block cannot give a value to anything outside.
-The source holds names of ours, operators and numbers; whatever comes from a text is in the namespace.
+They hold names of ours, operators and numbers; whatever comes from a text is in the namespace.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Mapping as Named
 from contextlib import contextmanager
 from dataclasses import field
 from typing import Any, Final
 
-from envgraph.code import dataclass, define
+from envgraph.code import (
+    FALSE,
+    NONE,
+    TRUE,
+    Assign,
+    Body,
+    Constant,
+    Do,
+    Each,
+    Expression,
+    For,
+    Function,
+    Handler,
+    If,
+    Index,
+    Lambda,
+    Leave,
+    Local,
+    Mapping,
+    Member,
+    Name,
+    Operation,
+    Return,
+    Statement,
+    Text,
+    While,
+    call,
+    chained,
+    dataclass,
+    define,
+    equal,
+    expression_text,
+    inverse,
+    is_none,
+    joined,
+    method,
+    printed,
+    some,
+    tuple_of,
+)
+from envgraph.code import Choice as Either
+from envgraph.code import Try as Attempt
 from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model
 from envgraph.match import Matcher, ViewMatcher
@@ -24,10 +66,7 @@ from envgraph.pattern import (
     Call,
     Check,
     Choice,
-    Constant,
     Constraint,
-    Expression,
-    If,
     Repeat,
     Step,
     Try,
@@ -39,9 +78,10 @@ from envgraph.pattern import (
     value_of,
     variables_in,
 )
-from envgraph.pattern import (
-    Sequence as Steps,
-)
+from envgraph.pattern import Constant as Literal
+from envgraph.pattern import Expression as Term
+from envgraph.pattern import If as If_
+from envgraph.pattern import Sequence as Steps
 from envgraph.rewrite._match import Row
 from envgraph.rewrite._names import Signature
 from envgraph.rewrite.check._unit_check import CheckedUnit
@@ -71,11 +111,16 @@ _WRITTEN_OUT: Final = 200
 """So many calls of rules are written out in the source of a unit: Python takes long to compile a lot of it."""
 
 
+_RUN, _C, _O, _S, _ROW = map(Local, ("run", "c", "o", "s", "row"))
+_FAILURE, _REFUSAL = Member(_RUN, "failure"), Member(_RUN, "refusal")
+_FAILED: Final = If(is_none(_O), (Return(NONE),))
+
+
 @dataclass(slots=True)
 class Scope:
-    """The local variable of each variable of the unit; those in `maybe` may have no value yet."""
+    """What stands for each variable of the unit; those in `maybe` may have no value yet."""
 
-    names: dict[str, str] = field(default_factory=dict)
+    names: dict[str, Local | Index] = field(default_factory=dict)
     maybe: set[str] = field(default_factory=set)
 
     def inner(self) -> Scope:
@@ -87,34 +132,37 @@ class Scope:
         return name in self.names and name not in self.maybe
 
     @property
-    def locals(self) -> str:
+    def locals(self) -> list[Local]:
         """All of them as further arguments."""
-        return "".join(f", {name}" for name in self.names.values())
+        return [local for local in self.names.values() if isinstance(local, Local)]
 
 
 @dataclass(slots=True)
 class _Function:
     """A function that is being written; `tracks`: the local `c` holds whether anything was changed."""
 
-    lines: list[str] = field(default_factory=list)
-    level: int = 1
+    bodies: list[list[Statement]] = field(default_factory=lambda: [[]])
     branches: int = 0
     tracks: bool = False
 
-    def add(self, *lines: str) -> None:
-        self.lines.extend(" " * self.level + line for line in lines)
+    def add(self, *statements: Statement) -> None:
+        self.bodies[-1] += statements
 
-    @contextmanager
-    def block(self, head: str) -> Iterator[None]:
-        """Lines inside a compound statement."""
-        self.add(head)
-        self.level += 1
-        yield
-        self.level -= 1
+    def inside(self, write: Callable[[], None]) -> Body:
+        """What is written inside a compound statement."""
+        self.bodies.append([])
+        write()
+        return tuple(self.bodies.pop())
+
+    @property
+    def body(self) -> Body:
+        """All of it."""
+        (body,) = self.bodies
+        return tuple(body)
 
 
 class UnitSource:
-    """Writes the source of one checked unit.
+    """Writes the functions of one checked unit.
 
     Args:
         checked: a unit without errors.
@@ -123,13 +171,13 @@ class UnitSource:
         group: the members of a group.
 
     Attributes:
-        namespace: what the source needs; after `compile` the functions, too.
+        namespace: what they need; after `compile` the functions, too.
     """
 
     def __init__(
         self,
         checked: CheckedUnit,
-        rules: Mapping[str, RuleRunner],
+        rules: Named[str, RuleRunner],
         run_unit: Callable[[str], Callable[..., Any]],
         group: Callable[[str], tuple[str, ...]],
         model: Model,
@@ -168,7 +216,7 @@ class UnitSource:
             "read": self._read,
             "value_of": value_of,
         }
-        self._done: list[str] = []
+        self._done: list[Function] = []
         self._open: list[_Function] = []
         self._numbers = 0
         self._calls = 0
@@ -177,27 +225,29 @@ class UnitSource:
         """The function of the unit; it takes a run and the values of the parameters, and adds the `out` ones."""
         scope = Scope()
         body = self.checked.unit.body
+        given = Local("e")
         with self._function() as function:
             for parameter in signature.parameters:
-                local = scope.names[parameter.name] = self._new("v")
+                local = scope.names[parameter.name] = self._local("v")
                 key = self._constant(parameter.name)
                 if parameter.output:
                     scope.maybe.add(parameter.name)
-                function.add(f"{local} = e.get({key}, UNSET)")
+                function.add(Assign(local, method(given, "get", key, Name("UNSET"))))
             self._body(body, scope)
             for parameter in signature.parameters:
                 if parameter.output:
-                    function.add(f"e[{self._constant(parameter.name)}] = {scope.names[parameter.name]}")
-            function.add(f"return {_outcome(function)}")
-        self._finish("def unit(run, e):", function)
-        define("\n".join(self._done), f"<unit {len(self._done)}>", self.namespace)
+                    entry = Index(given, self._constant(parameter.name))
+                    function.add(Assign(entry, scope.names[parameter.name]))
+            function.add(Return(_outcome(function)))
+        self._done.append(Function("unit", (_RUN, given), function.body))
+        define(tuple(self._done), "<unit of envgraph>", self.namespace)
         compiled: Callable[..., bool | None] = self.namespace["unit"]
         return compiled
 
     @property
     def source(self) -> str:
         """What was written."""
-        return "\n".join(self._done)
+        return printed(tuple(self._done)).text
 
     # --- functions
 
@@ -208,27 +258,24 @@ class UnitSource:
         yield function
         self._open.pop()
 
-    def _finish(self, head: str, function: _Function) -> None:
-        self._done += [head, *function.lines]
-
     def _body(self, step: Step, scope: Scope) -> None:
         """The steps of a function, which has just begun."""
         function = self._now
         function.tracks = not surely_changes(step, self.checked.calls)
         if function.tracks:
-            function.add("c = False")
+            function.add(Assign(_C, FALSE))
         self._step(step, scope)
 
-    def _inner(self, step: Step, scope: Scope, gives: Sequence[str] = ()) -> str:
+    def _inner(self, step: Step, scope: Scope, gives: Sequence[str] = ()) -> Name:
         """A function of its own for a block; it also returns the variables of the names that it gives."""
         name, within = self._new("b"), scope.inner()
-        head = f"def {name}(run{scope.locals}):"
         with self._function() as function:
             self._body(step, within)
-            given = "".join(f", {within.names[each]}" for each in gives)
-            function.add(f"return {_outcome(function)}{given}")
-        self._finish(head, function)
-        return name
+            outcome = _outcome(function)
+            given = [within.names[each] for each in gives]
+            function.add(Return(tuple_of(outcome, *given) if given else outcome))
+        self._done.append(Function(name, (_RUN, *scope.locals), function.body))
+        return Name(name)
 
     @property
     def _now(self) -> _Function:
@@ -238,14 +285,26 @@ class UnitSource:
         self._numbers += 1
         return f"{letter}{self._numbers}"
 
-    def _constant(self, value: object) -> str:
+    def _local(self, letter: str) -> Local:
+        return Local(self._new(letter))
+
+    def _constant(self, value: object) -> Name:
         name = self._new("k")
         self.namespace[name] = value
-        return name
+        return Name(name)
 
-    def _fails(self, text: str, span: Span | None) -> None:
+    def _fails(self, text: str, span: Span | None) -> Body:
         """The function ends here, and the step has failed."""
-        self._now.add(f"run.failure = {self._constant((text, span))}", "return None")
+        return Assign(_FAILURE, self._constant((text, span))), Return(NONE)
+
+    def _fails_if(self, test: Expression, text: str, span: Span | None) -> None:
+        self._now.add(If(test, self._fails(text, span)))
+
+    def _takes_step(self, site: Name) -> Body:
+        """A step of those that a run may take."""
+        left = Member(_RUN, "steps")
+        over = Operation("<", (left, Constant(0)))
+        return Assign(left, Constant(1), "-="), If(over, (Do(call("spent", _RUN, site)),))
 
     # --- steps
 
@@ -264,16 +323,21 @@ class UnitSource:
                 self._repeat(step, scope)
             case Try():
                 self._try(step, scope)
-            case If():
+            case If_():
                 self._if(step, scope)
             case Atomic():
                 self._atomic(step, scope)
 
-    def _whole(self, step: Step, scope: Scope) -> str:
+    def _whole(self, step: Step, scope: Scope) -> Expression:
         """A call that runs a block which leaves nothing behind if it fails."""
         name = self._inner(step, scope)
-        arguments = scope.locals
-        return f"{name}(run{arguments})" if self._clean(step) else f"run.whole({name}{arguments})"
+        return self._entered(name, scope) if self._clean(step) else self._guarded(name, scope)
+
+    def _entered(self, name: Name, scope: Scope) -> Expression:
+        return call(name, _RUN, *scope.locals)
+
+    def _guarded(self, name: Name, scope: Scope) -> Expression:
+        return method(_RUN, "whole", name, *scope.locals)
 
     def _clean(self, step: Step | None) -> bool:
         """Whether a step leaves nothing behind when it fails, or never fails."""
@@ -282,7 +346,7 @@ class UnitSource:
                 return self.checked.calls[id(step)].kind != "unit"
             case Steps(steps):
                 return not steps or (len(steps) == 1 and self._clean(steps[0]))
-            case If(_, then, otherwise):
+            case If_(_, then, otherwise):
                 return self._clean(then) and self._clean(otherwise)
             case Try(_, otherwise):
                 return self._clean(otherwise)
@@ -291,113 +355,139 @@ class UnitSource:
             case _:
                 return True
 
-    def _changed(self, source: str) -> None:
+    def _changed(self, changed: Expression) -> None:
         if self._now.tracks:
-            self._now.add(f"c |= {source}" if source != "True" else "c = True")
+            self._now.add(Assign(_C, changed, "=" if changed == TRUE else "|="))
 
     def _alap(self, step: Alap, scope: Scope) -> None:
         function, loop = self._now, self._constant(("the `alap`", step.span))
-        name, arguments = self._inner(step.body, scope), scope.locals
+        name = self._inner(step.body, scope)
+        loops = Name("loops")
         if self._loops:
-            function.add("loops.begin()")
-        with function.block("while True:"):
-            function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {loop})")
+            function.add(Do(method(loops, "begin")))
+
+        def once() -> None:
+            function.add(*self._takes_step(loop))
             if self._loops:
-                function.add("if loops.due: loops.turn()")
+                function.add(If(Member(loops, "due"), (Do(method(loops, "turn")),)))
             if self._clean(step.body):
-                function.add(f"o = {name}(run{arguments})")
+                function.add(Assign(_O, self._entered(name, scope)))
             else:
                 # `run.whole`, written out.
-                function.add("mark = savepoint()", "size = len(run.trace)", "gaps = len(run.gaps)")
-                function.add("run.opened.append(mark)", f"o = {name}(run{arguments})", "run.opened.pop()")
+                mark, size, gaps = map(Local, ("mark", "size", "gaps"))
+                opened = Member(_RUN, "opened")
                 function.add(
-                    "if o is None:", " rollback(mark)", " del run.trace[size:], run.gaps[gaps:]", " break"
+                    Assign(mark, call("savepoint")),
+                    Assign(size, call("len", Member(_RUN, "trace"))),
+                    Assign(gaps, call("len", Member(_RUN, "gaps"))),
+                    Do(method(opened, "append", mark)),
+                    Assign(_O, self._entered(name, scope)),
+                    Do(method(opened, "pop")),
+                    If(
+                        is_none(_O),
+                        (
+                            Do(call("rollback", mark)),
+                            Do(Text("del run.trace[size:], run.gaps[gaps:]", reads=(_RUN, size, gaps))),
+                            Leave("break"),
+                        ),
+                    ),
+                    Do(call("release", mark)),
                 )
-                function.add("release(mark)")
-            function.add("if not o: break")
-            self._changed("True")
-        function.add(*(["loops.end()"] if self._loops else []), "run.refusal = None")
+            function.add(If(inverse(_O), (Leave("break"),)))
+            self._changed(TRUE)
+
+        function.add(While(TRUE, function.inside(once)))
+        function.add(*([Do(method(loops, "end"))] if self._loops else []), Assign(_REFUSAL, NONE))
 
     def _repeat(self, step: Repeat, scope: Scope) -> None:
         function, loop = self._now, self._constant(("the `repeat`", step.span))
-        lower, rounds = self._rounds(step, scope)
-        call, done = self._whole(step.body, scope), self._new("d")
-        with function.block(f"for {done} in range({rounds}):"):
-            function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {loop})", f"o = {call}")
-            with function.block("if o is None:"):
-                if lower != "0":
-                    text = self._constant(f" rounds succeeded{at(step.span)}: ")
-                    told = f"str({done}) + ' of at least ' + str({lower}) + {text} + run.failure[0]"
-                    with function.block(f"if {done} < {lower}:"):
-                        function.add(f"run.failure = {told}, run.failure[1]", "return None")
-                function.add("run.refusal = None", "break")
-            self._changed("o")
+        lower, number = self._rounds(step, scope)
+        once, done = self._whole(step.body, scope), self._local("d")
 
-    def _rounds(self, step: Repeat, scope: Scope) -> tuple[str, str]:
-        """Source of the least number of rounds, and of the number that is drawn."""
+        def stop() -> None:
+            if lower != Constant(0):
+                parts: list[Expression] = [
+                    call("str", done),
+                    self._constant(" of at least "),
+                    call("str", lower),
+                    self._constant(f" rounds succeeded{at(step.span)}: "),
+                    Index(_FAILURE, Constant(0)),
+                ]
+                told = tuple_of(chained("+", parts), Index(_FAILURE, Constant(1)))
+                function.add(If(Operation("<", (done, lower)), (Assign(_FAILURE, told), Return(NONE))))
+            function.add(Assign(_REFUSAL, NONE), Leave("break"))
+
+        def each() -> None:
+            function.add(*self._takes_step(loop), Assign(_O, once))
+            function.add(If(is_none(_O), function.inside(stop)))
+            self._changed(_O)
+
+        function.add(For(done, call("range", number), function.inside(each)))
+
+    def _rounds(self, step: Repeat, scope: Scope) -> tuple[Expression, Expression]:
+        """The least number of rounds, and the number that is drawn."""
         if isinstance(step.lower, int) and isinstance(step.upper, int):
-            spread = step.upper - step.lower + 1
-            return str(step.lower), f"{step.lower} + run.pick({spread})" if spread > 1 else f"{step.lower}"
+            spread, least = step.upper - step.lower + 1, Constant(step.lower)
+            drawn = method(_RUN, "pick", Constant(spread))
+            return least, Operation("+", (least, drawn)) if spread > 1 else least
         what = "a bound of the `repeat`"
 
-        def source(bound: int | Expression) -> str:
-            return str(bound) if isinstance(bound, int) else self._value(bound, scope, what, step.span)
+        def bound_of(bound: int | Term) -> Expression:
+            return Constant(bound) if isinstance(bound, int) else self._value(bound, scope, what, step.span)
 
-        lower = source(step.lower)
-        upper = lower if step.upper == step.lower else source(step.upper)
-        return lower, f"rounds(run, {lower}, {upper}, {self._constant(step.span)})"
+        lower = bound_of(step.lower)
+        upper = lower if step.upper == step.lower else bound_of(step.upper)
+        return lower, call("rounds", _RUN, lower, upper, self._constant(step.span))
 
     def _try(self, step: Try, scope: Scope) -> None:
         function = self._now
-        function.add(f"o = {self._whole(step.body, scope)}")
-        with function.block("if o is None:"):
-            function.add("run.refusal = None")
+        function.add(Assign(_O, self._whole(step.body, scope)))
+
+        def failed() -> None:
+            function.add(Assign(_REFUSAL, NONE))
             if step.otherwise is not None:
                 self._branch(step.otherwise, scope)
-        if function.tracks:
-            function.add("else: c |= o")
 
-    def _if(self, step: If, scope: Scope) -> None:
-        function = self._now
-        with function.block(f"if {self._holds(step, scope)}:"):
-            self._branch(step.then, scope)
-        if step.otherwise is not None:
-            with function.block("else:"):
-                self._branch(step.otherwise, scope)
+        changed: Body = (Assign(_C, _O, "|="),) if function.tracks else ()
+        function.add(If(is_none(_O), function.inside(failed), changed))
+
+    def _if(self, step: If_, scope: Scope) -> None:
+        function, test, otherwise = self._now, self._holds(step, scope), step.otherwise
+        then = function.inside(lambda: self._branch(step.then, scope))
+        other = function.inside(lambda: self._branch(otherwise, scope)) if otherwise is not None else ()
+        function.add(If(test, then, other))
 
     def _branch(self, step: Step, scope: Scope) -> None:
         """A block that fails with the steps around it: it is written in place, unless it nests too deep."""
         function = self._now
         if function.branches == _INLINE:
-            function.add(f"o = {self._inner(step, scope)}(run{scope.locals})", "if o is None: return None")
-            self._changed("o")
+            function.add(Assign(_O, self._entered(self._inner(step, scope), scope)), _FAILED)
+            self._changed(_O)
             return
         function.branches += 1
-        function.add("pass")
         self._step(step, scope.inner())
         function.branches -= 1
 
     def _choice(self, step: Choice, scope: Scope) -> None:
-        tiers: dict[int, list[tuple[str, float]]] = {}
+        tiers: dict[int, list[tuple[Name, float]]] = {}
         for alternative in step.alternatives:
             priority, weight = self._preference(alternative)
             name = self._inner(alternative, scope)
             if not self._clean(alternative):
-                name, inner = self._new("b"), name
-                arguments = scope.locals
-                self._done += [f"def {name}(run{arguments}):", f" return run.whole({inner}{arguments})"]
+                whole = Return(self._guarded(name, scope))
+                name = Name(self._new("b"))
+                self._done.append(Function(name.name, (_RUN, *scope.locals), (whole,)))
             tiers.setdefault(priority, []).append((name, weight))
-        ordered = [tiers[priority] for priority in sorted(tiers, reverse=True)]
         # The functions are not there yet.
-        source = "".join(
-            f"(({''.join(f'{name}, ' for name, _ in tier)}), {self._constant(tuple(w for _, w in tier))}), "
-            for tier in ordered
-        )
-        function = self._now
-        function.add(f"o = run_one_of(run, ({source}){scope.locals})")
-        with function.block("if o is None:"):
-            self._fails("no alternative could be applied", step.span)
-        self._changed("o")
+        ordered = [
+            tuple_of(
+                tuple_of(*(name for name, _ in tier)), self._constant(tuple(weight for _, weight in tier))
+            )
+            for tier in (tiers[priority] for priority in sorted(tiers, reverse=True))
+        ]
+        self._now.add(Assign(_O, call("run_one_of", _RUN, tuple_of(*ordered), *scope.locals)))
+        self._fails_if(is_none(_O), "no alternative could be applied", step.span)
+        self._changed(_O)
 
     def _preference(self, step: Step) -> tuple[int, float]:
         if isinstance(step, Call):
@@ -409,14 +499,13 @@ class UnitSource:
         gives = [name for name in self._outputs(step.body) if not scope.known(name)]
         function = self._now
         if not gives:
-            function.add(f"o = {self._whole(step.body, scope)}", "if o is None: return None")
+            function.add(Assign(_O, self._whole(step.body, scope)), _FAILED)
         else:
             name = self._inner(step.body, scope, gives)
-            arguments = scope.locals
-            function.add(f"o = run.whole({name}{arguments})", "if o is None: return None")
+            function.add(Assign(_O, self._guarded(name, scope)), _FAILED)
             new = [self._give(scope, each) for each in gives]
-            function.add(f"o, {', '.join(new)} = o")
-        self._changed("o")
+            function.add(Assign(tuple_of(_O, *new), _O))
+        self._changed(_O)
 
     def _outputs(self, step: Step) -> list[str]:
         """The variables that a block may give values to, for those around it that share its scope."""
@@ -431,60 +520,62 @@ class UnitSource:
             case _:
                 return []
 
-    def _give(self, scope: Scope, name: str) -> str:
+    def _give(self, scope: Scope, name: str) -> Local:
         """A new local variable for a variable that has its value from now on."""
         scope.maybe.discard(name)
-        local = scope.names[name] = self._new("v")
+        local = scope.names[name] = self._local("v")
         return local
 
     # --- calls
 
-    def _call(self, call: Call, scope: Scope) -> None:
-        callee = self.checked.calls[id(call)]
+    def _call(self, step: Call, scope: Scope) -> None:
+        callee = self.checked.calls[id(step)]
         if callee.kind == "unit":
-            self._call_unit(call, callee, scope)
+            self._call_unit(step, callee, scope)
         elif callee.kind == "group":
-            self._call_group(call, callee)
-        elif call.every:
-            self._call_every(call, callee, scope)
+            self._call_group(step, callee)
+        elif step.every:
+            self._call_every(step, callee, scope)
         else:
-            self._call_rule(call, callee, scope)
+            self._call_rule(step, callee, scope)
 
-    def _call_group(self, call: Call, callee: Signature) -> None:
+    def _call_group(self, step: Call, callee: Signature) -> None:
         members = self._constant([self._rules[name] for name in self._group(callee.name)])
-        function = self._now
-        site = self._constant((f"`{callee.simple}`", call.span))
-        function.add(f"o = apply_{'every' if call.every else 'one'}_of(run, {members}, {site})")
-        with function.block("if o is None:"):
-            self._fails(f"no rule of `{callee.simple}` could be applied", call.span)
-        self._changed("o")
+        site = self._constant((f"`{callee.simple}`", step.span))
+        apply = f"apply_{'every' if step.every else 'one'}_of"
+        self._now.add(Assign(_O, call(apply, _RUN, members, site)))
+        self._fails_if(is_none(_O), f"no rule of `{callee.simple}` could be applied", step.span)
+        self._changed(_O)
 
-    def _call_unit(self, call: Call, callee: Signature, scope: Scope) -> None:
-        given, new = self._arguments(call, callee, scope)
-        items = ", ".join(f"{self._constant(name)}: {local}" for name, local in given)
-        function = self._now
-        function.add(f"m = {{{items}}}")
-        for name, local in given:
-            if local in {scope.names[each] for each in scope.maybe}:
-                function.add(f"if {local} is UNSET: del m[{self._constant(name)}]")
-        site = self._constant((f"`{callee.simple}`", call.span))
+    def _call_unit(self, step: Call, callee: Signature, scope: Scope) -> None:
+        given, new = self._arguments(step, callee, scope)
+        items = Mapping(tuple((self._constant(name), value) for name, value in given))
+        function, known = self._now, Local("m")
+        function.add(Assign(known, items))
+        maybe = [scope.names[each] for each in scope.maybe]
+        for name, value in given:
+            if value in maybe:
+                entry = expression_text(Index(known, self._constant(name)))
+                unset = Operation("is", (value, Name("UNSET")))
+                function.add(If(unset, (Do(Text(f"del {entry}", reads=(known,))),)))
+        site = self._constant((f"`{callee.simple}`", step.span))
         function.add(
-            f"o = {self._constant(self._run_unit(callee.name))}(run, m, {site})", "if o is None: return None"
+            Assign(_O, call(self._constant(self._run_unit(callee.name)), _RUN, known, site)), _FAILED
         )
         for theirs, own in new.items():
-            function.add(f"{self._give(scope, own)} = m[{self._constant(theirs)}]")
-        self._changed("o")
+            function.add(Assign(self._give(scope, own), Index(known, self._constant(theirs))))
+        self._changed(_O)
 
     def _arguments(
-        self, call: Call, callee: Signature, scope: Scope
-    ) -> tuple[list[tuple[str, str]], dict[str, str]]:
+        self, step: Call, callee: Signature, scope: Scope
+    ) -> tuple[list[tuple[str, Expression]], dict[str, str]]:
         """The parameters that get values, with the locals that hold them; the variables that get one from `out` ones.
 
         A variable that may have a value is among both.
         """
-        given: list[tuple[str, str]] = []
+        given: list[tuple[str, Expression]] = []
         new: dict[str, str] = {}
-        for argument, parameter in zip(call.arguments, callee.parameters, strict=False):
+        for argument, parameter in zip(step.arguments, callee.parameters, strict=False):
             if _is_open(argument) is None:
                 continue
             if isinstance(argument, Variable):
@@ -494,172 +585,183 @@ class UnitSource:
                 if not scope.known(name):
                     new[parameter.name] = name
             else:
-                what = f"an argument of `{call.name}`"
-                given.append((parameter.name, self._value(argument, scope, what, call.span)))
+                what = f"an argument of `{step.name}`"
+                given.append((parameter.name, self._value(argument, scope, what, step.span)))
         return given, new
 
-    def _value(self, expression: Expression, scope: Scope, what: str, span: Span | None = None) -> str:
+    def _value(self, term: Term, scope: Scope, what: str, span: Span | None = None) -> Expression:
         """A local variable with the value of an expression; without a value the step fails."""
-        function, local = self._now, self._new("a")
-        if isinstance(expression, Constant):
-            return self._constant(expression.value)
-        used = {variable.name: scope.names[variable.name] for variable in variables_in(expression)}
-        site = self._constant((f"{what} in `{self._name}`", expression.span or span))
-        function.add(f"{local} = argument({self._constant(expression)}, {self._values(used)}, read, {site})")
-        with function.block(f"if {local} is None:"):
-            self._fails(f"{what} has no value", expression.span or span)
+        local = self._local("a")
+        if isinstance(term, Literal):
+            return self._constant(term.value)
+        site = self._constant((f"{what} in `{self._name}`", term.span or span))
+        asked = call("argument", self._constant(term), self._values(term, scope), Name("read"), site)
+        self._now.add(Assign(local, asked))
+        self._fails_if(is_none(local), f"{what} has no value", term.span or span)
         return local
 
-    def _values(self, names: Mapping[str, str]) -> str:
-        return "{" + ", ".join(f"{self._constant(name)}: {local}" for name, local in names.items()) + "}"
+    def _values(self, term: Term, scope: Scope) -> Mapping:
+        """The values of the variables of an expression."""
+        used = {variable.name: scope.names[variable.name] for variable in variables_in(term)}
+        return self._mapping(used)
 
-    def _rows(self, call: Call, callee: Signature, scope: Scope) -> tuple[RuleRunner, str, dict[str, str]]:
-        """The rule, the source of its matches, and the variables that get values from `out` parameters.
+    def _mapping(self, names: Named[str, Expression]) -> Mapping:
+        return Mapping(tuple((self._constant(name), value) for name, value in names.items()))
 
-        For `first` the source is an iterator, which looks no further than it is asked.
+    def _rows(
+        self, step: Call, callee: Signature, scope: Scope
+    ) -> tuple[RuleRunner, Expression, dict[str, str]]:
+        """The rule, its matches, and the variables that get values from `out` parameters.
+
+        For `first` the matches are an iterator, which looks no further than it is asked.
         """
         rule = self._rules[callee.name]
-        function, site = self._now, self._constant((f"`{callee.simple}`", call.span))
-        function.add("run.steps -= 1", f"if run.steps < 0: spent(run, {site})", "run.refusal = None")
-        given, new = self._arguments(call, callee, scope)
-        maybe = {scope.names[name] for name in scope.maybe}
-        for name, local in given:
+        function, site = self._now, self._constant((f"`{callee.simple}`", step.span))
+        function.add(*self._takes_step(site), Assign(_REFUSAL, NONE))
+        given, new = self._arguments(step, callee, scope)
+        maybe = [scope.names[name] for name in scope.maybe]
+        for name, value in given:
             if name not in rule.shape.names:  # an object that the rule creates
-                with function.block(f"if {local} is not UNSET:"):
-                    self._fails(f"`{name}` of `{callee.simple}` is a new object", call.span)
+                there = Operation("is not", (value, Name("UNSET")))
+                self._fails_if(there, f"`{name}` of `{callee.simple}` is a new object", step.span)
         given = [pair for pair in given if pair[0] in rule.shape.names]
-        self._check_alive(call, rule, [pair for pair in given if pair[1] not in maybe])
-        if any(local in maybe for _, local in given):
+        self._check_alive(step, rule, [pair for pair in given if pair[1] not in maybe])
+        values = [value for _, value in given]
+        rows: Expression
+        if any(value in maybe for value in values):
             names = self._constant(tuple(name for name, _ in given))
-            values = "".join(f"{local}, " for _, local in given)
-            made = self._constant(rule.seek if call.first else rule.prepare)
-            source = f"rows_bound_by({made}, {names}, ({values}))"
-        elif given or call.first:
-            find = (rule.seek if call.first else rule.prepare)(tuple(name for name, _ in given))
-            source = f"{self._constant(find)}({', '.join(local for _, local in given)})"
-        elif call.every:
-            source = f"{self._constant(rule.all_rows)}()"
+            made = self._constant(rule.seek if step.first else rule.prepare)
+            rows = call("rows_bound_by", made, names, tuple_of(*values))
+        elif given or step.first:
+            find = (rule.seek if step.first else rule.prepare)(tuple(name for name, _ in given))
+            rows = call(self._constant(find), *values)
+        elif step.every:
+            rows = call(self._constant(rule.all_rows))
         else:
-            source = f"{self._constant(rule.reader())}()"
-        return rule, self._chosen(call, rule, source, scope), new
+            rows = call(self._constant(rule.reader()))
+        return rule, self._chosen(step, rule, rows, scope), new
 
-    def _check_alive(self, call: Call, rule: RuleRunner, given: Sequence[tuple[str, str]]) -> None:
+    def _check_alive(self, step: Call, rule: RuleRunner, given: Sequence[tuple[str, Expression]]) -> None:
         """An object that was deleted has no match."""
         shape = rule.shape
-        objects = [local for name, local in given if shape.is_object(shape.position(name))]
-        if objects:
-            test = " and ".join(f"alive({local})" for local in objects)
-            with self._now.block(f"if not ({test}):"):
-                self._fails(f"an argument of `{call.name}` was deleted", call.span)
+        alive = [call("alive", value) for name, value in given if shape.is_object(shape.position(name))]
+        if alive:
+            gone = inverse(joined("and", alive, True))
+            self._fails_if(gone, f"an argument of `{step.name}` was deleted", step.span)
 
-    def _call_rule(self, call: Call, callee: Signature, scope: Scope) -> None:
-        rule, rows, new = self._rows(call, callee, scope)
+    def _call_rule(self, step: Call, callee: Signature, scope: Scope) -> None:
+        rule, rows, new = self._rows(step, callee, scope)
         function, own = self._now, self._constant(rule)
-        missing = f"`{callee.simple}` has no {'such ' if call.where else ''}match"
+        missing = f"`{callee.simple}` has no {'such ' if step.where else ''}match"
         refused = f"`{callee.simple}` was refused at each match"
-        texts = f"{self._constant((missing, call.span))}, {self._constant((refused, call.span))}"
+        texts = self._constant((missing, step.span)), self._constant((refused, step.span))
+        failed = If(is_none(_S), (Return(NONE),))
         self._calls += 1
-        if call.first:
-            function.add(f"s = call_first(run, {own}, next({rows}, None), lambda: {rows}, {texts})")
-            function.add("if s is None: return None")
+        if step.first:
+            first = call("next", rows, NONE)
+            function.add(Assign(_S, call("call_first", _RUN, own, first, Lambda((), rows), *texts)), failed)
         elif self._calls > _WRITTEN_OUT:
-            function.add(f"s = call_rule(run, {own}, {rows}, {texts})", "if s is None: return None")
+            function.add(Assign(_S, call("call_rule", _RUN, own, rows, *texts)), failed)
         else:
-            self._fire_one(call, rule, rows, missing, refused)
+            self._fire_one(step, rule, rows, missing, refused)
         slots = dict(rule.plan.outputs) if isinstance(rule, GraphRule) else {}
         for theirs, name in new.items():
             place = slots[theirs] if theirs in slots else rule.shape.position(theirs)
-            function.add(f"{self._give(scope, name)} = s[{place}]")
-        self._changed("True")
+            function.add(Assign(self._give(scope, name), Index(_S, Constant(place))))
+        self._changed(TRUE)
 
-    def _fire_one(self, call: Call, rule: RuleRunner, rows: str, missing: str, refused: str) -> None:
+    def _fire_one(self, step: Call, rule: RuleRunner, rows: Expression, missing: str, refused: str) -> None:
         """`call_rule`, written out."""
         function, own = self._now, self._constant(rule)
-        function.add(f"rows = {rows}", "n = len(rows)")
-        with function.block("if n == 0:"):
-            self._fails(missing, call.span)
-        function.add("i = run.pick(n) if n > 1 else 0", "row = rows[i]")
-        function.add("try:", f" s = {self._constant(rule.fire)}(row)", "except RuleError as error:")
-        function.add(f" s = fire_another(run, {own}, rows, i, error)")
-        with function.block(" if s is None:"):
-            function.level += 1
-            self._fails(refused, call.span)
-            function.level -= 1
-        function.add(" row, s = s", f"run.put({own})", "run.put(row)")
+        all_, n, i, error = map(Local, ("rows", "n", "i", "error"))
+        function.add(Assign(all_, rows), Assign(n, call("len", all_)))
+        self._fails_if(equal(n, Constant(0)), missing, step.span)
+        several = Operation(">", (n, Constant(1)))
+        function.add(
+            Assign(i, Either(several, method(_RUN, "pick", n), Constant(0))), Assign(_ROW, Index(all_, i))
+        )
+        fired = Assign(_S, call(self._constant(rule.fire), _ROW))
+        another = (
+            Assign(_S, call("fire_another", _RUN, own, all_, i, error)),
+            If(is_none(_S), self._fails(refused, step.span)),
+            Assign(tuple_of(_ROW, _S), _S),
+        )
+        put = [Do(method(_RUN, "put", each)) for each in (own, _ROW)]
+        function.add(Attempt((fired,), (Handler(Name("RuleError"), error, another),)), *put)
 
-    def _call_every(self, call: Call, callee: Signature, scope: Scope) -> None:
-        rule, rows, _ = self._rows(call, callee, scope)
-        function, site = self._now, self._constant((f"`{callee.simple}`", call.span))
-        function.add(f"o = fire_every(run, {self._constant(rule)}, list({rows}), {site})")
-        with function.block("if o is None:"):
-            with function.block("if run.refusal is not None:"):
-                self._fails(f"`{callee.simple}` was refused at each match", call.span)
-            self._fails(f"`{callee.simple}` has no {'such ' if call.where else ''}match", call.span)
-        self._changed("o")
+    def _call_every(self, step: Call, callee: Signature, scope: Scope) -> None:
+        rule, rows, _ = self._rows(step, callee, scope)
+        function, site = self._now, self._constant((f"`{callee.simple}`", step.span))
+        every = call("fire_every", _RUN, self._constant(rule), call("list", rows), site)
+        function.add(Assign(_O, every))
+
+        def failed() -> None:
+            refused = f"`{callee.simple}` was refused at each match"
+            self._fails_if(some(_REFUSAL), refused, step.span)
+            missing = f"`{callee.simple}` has no {'such ' if step.where else ''}match"
+            function.add(*self._fails(missing, step.span))
+
+        function.add(If(is_none(_O), function.inside(failed)))
+        self._changed(_O)
 
     # --- the choice of matches
 
-    def _chosen(self, call: Call, rule: RuleRunner, rows: str, scope: Scope) -> str:
+    def _chosen(self, step: Call, rule: RuleRunner, rows: Expression, scope: Scope) -> Expression:
         """Those of the matches that a call is about, in its order."""
-        inside = Scope(dict(scope.names), set(scope.maybe))
+        inside = scope.inner()
         for place, name in enumerate(rule.shape.names):
-            inside.names[name] = f"row[{place}]"
+            inside.names[name] = Index(_ROW, Constant(place))
             inside.maybe.discard(name)
-        for number, condition in enumerate(call.where):
-            test = self._condition(call, number, condition, inside)
-            rows = (
-                f"(row for row in {rows} if {test})" if call.first else f"[row for row in {rows} if {test}]"
-            )
-        if call.by is not None:
-            used = {variable.name: inside.names[variable.name] for variable in variables_in(call.by)}
-            value = f"value_of({self._constant(call.by)}, {self._values(used)}, read)"
-            rows = f"best({rows}, lambda row: {value}, {call.limit})"
+        for number, condition in enumerate(step.where):
+            test = self._condition(step, number, condition, inside)
+            rows = Each(_ROW, _ROW, rows, test, late=step.first)
+        if step.by is not None:
+            value = call("value_of", self._constant(step.by), self._values(step.by, inside), Name("read"))
+            rows = call("best", rows, Lambda((_ROW,), value), Constant(step.limit))
         return rows
 
     # --- conditions
 
-    def _holds(self, step: If, scope: Scope) -> str:
+    def _holds(self, step: If_, scope: Scope) -> Expression:
         if id(step) in self.checked.asked:
             return self._applicable(step, scope)
         assert not isinstance(step.condition, Applicable)
         return self._condition(step, 0, step.condition, scope)
 
-    def _applicable(self, step: If, scope: Scope) -> str:
-        """Source that is true if a rule is applicable."""
+    def _applicable(self, step: If_, scope: Scope) -> Expression:
+        """Whether a rule is applicable."""
         asked, callee = self.checked.asked[id(step)]
         rules = self._constant([self._rules[name] for name in self._group(callee.name)])
-        given: dict[str, str] = {}
+        given: dict[str, Expression] = {}
         for argument, parameter in zip(asked.arguments, callee.parameters, strict=False):
             if isinstance(argument, Variable):
                 if argument.name in scope.names:
                     given[parameter.name] = scope.names[argument.name]
                 continue
-            used = {variable.name: scope.names[variable.name] for variable in variables_in(argument)}
-            site = self._constant(
-                (f"an argument of `{asked.name}` in `{self._name}`", argument.span or asked.span)
-            )
-            given[parameter.name] = (
-                f"argument({self._constant(argument)}, {self._values(used)}, read, {site})"
-            )
-        test = f"any(is_applicable(rule, {self._values(given)}) for rule in {rules})"
-        return f"not {test}" if asked.negated else test
+            what = f"an argument of `{asked.name}` in `{self._name}`"
+            site = self._constant((what, argument.span or asked.span))
+            term, values = self._constant(argument), self._values(argument, scope)
+            given[parameter.name] = call("argument", term, values, Name("read"), site)
+        rule = Local("rule")
+        applicable = call("is_applicable", rule, self._mapping(given))
+        test = call("any", Each(applicable, rule, rules, late=True))
+        return inverse(test) if asked.negated else test
 
-    def _condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> str:
-        """Source that is true if a condition holds."""
+    def _condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> Expression:
+        """Whether a condition holds."""
         if isinstance(condition, Check):
             asked = condition.expression
-            used = {variable.name: scope.names[variable.name] for variable in variables_in(asked)}
-            return f"holds({self._constant(asked)}, {self._values(used)}, read)"
+            return call("holds", self._constant(asked), self._values(asked, scope), Name("read"))
         found = self.checked.conditions[id(step), number]
-        test = self._constant(self._matcher.tester(found.pattern.qualified_name))
-        values = "".join(f"{scope.names[name]}, " for name in found.arguments)
-        return f"{'not ' if found.negated else ''}{test}(({values}))"
+        tester = self._constant(self._matcher.tester(found.pattern.qualified_name))
+        test = call(tester, tuple_of(*(scope.names[name] for name in found.arguments)))
+        return inverse(test) if found.negated else test
 
     def _read(self, node: int, feature: str) -> Value | None:
         return read_feature(self._model, node, feature)
 
 
-def surely_changes(step: Step, calls: Mapping[int, Signature]) -> bool:
+def surely_changes(step: Step, calls: Named[int, Signature]) -> bool:
     """Whether a step that succeeds has always changed something."""
     match step:
         case Call():
@@ -670,7 +772,7 @@ def surely_changes(step: Step, calls: Mapping[int, Signature]) -> bool:
             return bool(alternatives) and all(surely_changes(inner, calls) for inner in alternatives)
         case Repeat(lower, _, body):
             return isinstance(lower, int) and lower > 0 and surely_changes(body, calls)
-        case Try(body, otherwise) | If(_, body, otherwise):
+        case Try(body, otherwise) | If_(_, body, otherwise):
             return otherwise is not None and surely_changes(body, calls) and surely_changes(otherwise, calls)
         case Atomic(body):
             return surely_changes(body, calls)
@@ -686,7 +788,7 @@ def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) ->
 
 
 def argument_value(
-    expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None], site: Site
+    expression: Term, values: Named[str, Any], read: Callable[[int, str], Value | None], site: Site
 ) -> Value | None:
     """The value of an argument or a bound, or None if a path in it has none; `site` is what it is, and where.
 
@@ -725,11 +827,11 @@ def read_feature(model: Model, node: int, feature: str) -> Value | None:
     return model.value(node, found) if isinstance(found, Attribute) else model.target(node, found)
 
 
-def _outcome(function: _Function) -> str:
-    return "c" if function.tracks else "True"
+def _outcome(function: _Function) -> Expression:
+    return _C if function.tracks else TRUE
 
 
-def _is_open(argument: Expression) -> bool | None:
+def _is_open(argument: Term) -> bool | None:
     """Whether an argument is a variable; None if it is `_`."""
     if not isinstance(argument, Variable):
         return False
