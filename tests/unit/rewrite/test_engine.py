@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import subprocess
 import sys
 from contextlib import ExitStack, suppress
+from typing import Any
 
 import pytest
 
@@ -494,3 +496,28 @@ def test_an_out_parameter_that_a_rule_creates_says_that_it_is_one() -> None:
             do("r", b=0)  # type: ignore[operator]
     with pytest.raises(InvalidArgument, match="`r` has no variable `c`: its variables are `a`"):
         made.apply("r", c=0)
+
+
+def test_verbs_of_parts_are_verbs_of_the_engine_with_their_signatures_and_docstrings() -> None:
+    parts = vars(engine(model=chain(1))).values()
+    public = {name: verb for name, verb in vars(Engine).items() if not name.startswith("_")}
+    verbs = {name: verb for name, verb in public.items() if hasattr(verb, "__wrapped__")}
+    assert {"apply", "commit", "count", "watch"} < verbs.keys()
+    for name, verb in verbs.items():
+        methods = [getattr(type(part), name, None) for part in parts]
+        assert verb.__wrapped__ in methods and inspect.getdoc(verb), name
+        said, own = inspect.signature(verb), inspect.signature(verb.__wrapped__)
+        assert said == own, name
+
+
+def test_a_subclass_can_override_a_verb() -> None:
+    class Counting(Engine):
+        asked = 0
+
+        def count(self, name: str, /, **options: Any) -> int:  # type: ignore[override]
+            self.asked += 1
+            return super().count(name, **options)
+
+    made = Counting(chain(2))
+    made.add(*definitions("rule r { lhs { x : Item; } }"))
+    assert [made.count("r"), made.count("r"), made.asked] == [2, 2, 2]
