@@ -186,8 +186,7 @@ class Domain:
 
     def engine(self, model: Model | None = None) -> Engine:
         """An engine on a model, by default a copy of the initial one, with everything that the files define."""
-        engine = Engine(self.initial() if model is None else model, seed=self.spec.seed)
-        engine.add(*self.workspace.definitions)
+        engine = self.workspace.engine_on(self.initial() if model is None else model, self.spec.seed)
         for name, code in self.components.function.items():
             engine.function(name, code)
         return engine

@@ -39,9 +39,7 @@ def domain() -> Workspace:
 def engine_on(domain: Workspace, scenario: str, size: int) -> Engine:
     """An engine with all queries and rules on a generated railway."""
     assert domain.metamodel is not None
-    engine = Engine(build(generate(scenario, size), domain.metamodel))
-    engine.add(*domain.definitions)
-    return engine
+    return domain.engine_on(build(generate(scenario, size), domain.metamodel))
 
 
 def counts(engine: Engine) -> list[int]:

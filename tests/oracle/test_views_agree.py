@@ -9,6 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from tests.oracle.views_walk import EAGER, Walk
 from tests.oracle.worlds import Dice
+from tests.profile import NIGHTLY
 
 pytestmark = pytest.mark.slow
 
@@ -141,9 +142,9 @@ class EagerViews(Views):
             self.patch.undo()
 
 
-# Few steps, each with much to compare: an example takes about 60 ms, most of it for planning and generated code.
+# Few steps, each with much to compare: an example takes a tenth of a second, most of it for planning and source.
 TestViews = Views.TestCase
-TestViews.settings = settings(max_examples=4 * EXAMPLES, stateful_step_count=10)
+TestViews.settings = settings(max_examples=(4 if NIGHTLY else 2) * EXAMPLES, stateful_step_count=10)
 TestEagerViews = EagerViews.TestCase
 TestEagerViews.settings = settings(max_examples=EXAMPLES, stateful_step_count=10)
 

@@ -92,7 +92,11 @@ class Workspace:
 
     def engine(self, model: str | None = None, seed: int = 0) -> Engine:
         """An engine on one of the models with all patterns, rules, units and derivations. Raises as `model`."""
-        engine = Engine(self.model(model), seed=seed)
+        return self.engine_on(self.model(model), seed)
+
+    def engine_on(self, model: Model, seed: int = 0) -> Engine:
+        """An engine with everything on a model of the metamodel, which may come from somewhere else."""
+        engine = Engine(model, seed=seed)
         assert self.registration is not None, "there is a model"
         engine.registrar.install(self.registration.for_another())
         return engine
