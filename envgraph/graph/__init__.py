@@ -19,6 +19,7 @@ from envgraph.errors import later, shorten
 from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Shelf, Version
+from envgraph.graph._interrupts import deferred, guarded
 from envgraph.graph._isomorphism import Shapes
 from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet
 from envgraph.graph._model import Model
@@ -64,7 +65,9 @@ __all__ = [
     "Violation",
     "arrange_targets",
     "check_conformance",
+    "deferred",
     "from_networkx",
+    "guarded",
     "json_place",
     "model_from_json",
     "model_schema",

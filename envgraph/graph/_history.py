@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Iterator
 from operator import length_hint
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph._journal import Journal, invert, net_changes, settle, take_back, undo
@@ -138,6 +138,10 @@ class Handle(weakref.ref[Version]):
     vertex: Vertex
 
 
+_TRANSACTIONS: Final = {Savepoint, int}
+_WRITES: Final = {type(None), tuple, Vertex}
+
+
 class History:
     """Owner of a model's journal: open savepoints, committed versions, and what may be forgotten.
 
@@ -194,8 +198,7 @@ class History:
             self.repair()
         self._check_innermost(savepoint)
         try:
-            changed = len(store.journal) > savepoint._mark
-            self._roll_back(savepoint)
+            changed = self._roll_back(savepoint)
         except BaseException:
             store.interrupted.extend((None, savepoint))
             self.repair()
@@ -203,8 +206,8 @@ class History:
         if changed:
             store.restored()
 
-    def _roll_back(self, savepoint: Savepoint) -> None:
-        """Roll back to a savepoint, whatever is open inside it."""
+    def _roll_back(self, savepoint: Savepoint) -> bool:
+        """Roll back to a savepoint, whatever is open inside it; whether anything had changed."""
         store, stack = self._store, self._stack
         changed = len(store.journal) > savepoint._mark
         if changed:
@@ -214,6 +217,7 @@ class History:
             self._replayed(savepoint._next_id, savepoint._total)
         if not stack:
             self._settle()
+        return changed
 
     def _revert(self, mark: int) -> None:
         """Undo and drop the entries of the journal from `mark` on."""
@@ -570,13 +574,13 @@ class History:
 
     def _repair(self) -> None:
         store, goals = self._store, self._store.interrupted
-        transactions = Savepoint | int
-        if not all(isinstance(goal, transactions) for goal in goals):
+        kinds = {type(goal) for goal in goals}
+        if kinds - _TRANSACTIONS:
             self._settle_journal()
             for follower in store.followers[:]:
                 follower.interrupted()
-        writes = [goal for goal in goals if goal is None or isinstance(goal, tuple | Vertex)]
-        if writes:
+        torn = kinds & _WRITES
+        if torn:
             store.derive()
         for goal in goals:
             if isinstance(goal, tuple):
@@ -589,7 +593,7 @@ class History:
                 self._roll_back(self._stack[goal])
             elif isinstance(goal, Vertex):
                 self._check_out(goal)
-        if writes:
+        if torn:
             store.recording = True  # until it turns out that nobody can go back
             self._tidy()
         goals.clear()

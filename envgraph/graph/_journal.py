@@ -13,7 +13,7 @@ such as that of Ctrl-C, leaves only the last entry in doubt: `take_back` settles
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Iterator
 from itertools import repeat
 from typing import Any, Final, Protocol, TypeVar
 
@@ -243,9 +243,8 @@ def _overwrite(sequence: list[Item], length: int, items: dict[int, Item]) -> lis
 # --- undoing
 
 
-def undo(entries: Iterable[Any]) -> None:
-    """Undo entries, given backwards."""
-    backwards = iter(entries)
+def undo(backwards: Iterator[Any]) -> None:
+    """Undo entries."""
     for opcode, old, key, container in zip(backwards, backwards, backwards, backwards, strict=True):
         if opcode == SET:
             container[key] = old

@@ -16,6 +16,7 @@ from envgraph.graph._hashing import condense
 from envgraph.graph._history import History, Savepoint, Shelf, Version
 from envgraph.graph._incidence import Link, contained_tree, dangling_links, links_at, links_of
 from envgraph.graph._integrity import check_store
+from envgraph.graph._interrupts import guard, guarded, unguard
 from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
 from envgraph.graph._picture import PictureOptions, model_picture
@@ -665,6 +666,7 @@ class Model:
     def transaction(self) -> Iterator[Savepoint]:
         """Everything inside happens, or, if an exception leaves the block, nothing of it."""
         depth, savepoint = self._history.depth, None
+        outermost = not depth and guard()  # as `guarded` does, written out because transactions are many
         try:
             savepoint = self._history.savepoint()
             yield savepoint
@@ -674,8 +676,11 @@ class Model:
             self.store.interrupted.append(depth if savepoint is None else savepoint)
             self.store.interrupted.repair()
             raise
+        finally:
+            if outermost:
+                unguard()
 
-    @contextmanager
+    @guarded
     def _all_or_nothing(self) -> Iterator[None]:
         if self._history.loading:
             yield
@@ -683,7 +688,7 @@ class Model:
             with self.transaction():
                 yield
 
-    @contextmanager
+    @guarded
     def loading(self) -> Iterator[None]:
         """Build a model without a journal and without telling listeners of each change.
 

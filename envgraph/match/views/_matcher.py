@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from gc import collect
 from operator import itemgetter
 from typing import Any, Final
 
 from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
-from envgraph.graph import Model
+from envgraph.graph import Model, guarded
 from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.explain._why import WhyNot
@@ -550,7 +549,7 @@ class ViewMatcher:
         self._news.sort(key=itemgetter(0))
         return changed
 
-    @contextmanager
+    @guarded
     def unheard(self) -> Iterator[None]:
         """Nobody is told what happens in the block, at whose end the state must be the one at its start."""
         self.settle()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 
-from envgraph.graph import Model, Savepoint, Version
+from envgraph.graph import Model, Savepoint, Version, guarded
 from envgraph.rewrite._match import Firing
 from envgraph.rewrite.engine._notification import NOTHING, Events
 from envgraph.rewrite.engine._trace import Trace
@@ -28,7 +28,7 @@ class EngineHistory:
         plain = not self.recorders and self._events.holding() is None
         return self._model.transaction() if plain else self._transaction()
 
-    @contextmanager
+    @guarded
     def _transaction(self) -> Iterator[Savepoint]:
         lengths = [(recorder, len(recorder)) for recorder in self.recorders]
         with self._events.holding() or NOTHING:
@@ -59,7 +59,7 @@ class EngineHistory:
         """
         self._model.checkout(version, discard=discard)
 
-    @contextmanager
+    @guarded
     def recording(self) -> Iterator[Trace]:
         """What is applied inside, in order, for `replay`; `trace_to_text` writes it.
 
@@ -75,7 +75,7 @@ class EngineHistory:
             yield trace
         trace.close(self._model.state_hash())
 
-    @contextmanager
+    @guarded
     def listing(self, trace: Trace) -> Iterator[Trace]:
         """What is applied inside is added to a trace."""
         self.recorders = [*self.recorders, trace]
@@ -85,7 +85,7 @@ class EngineHistory:
             # By identity: traces are lists, and two of the same contents are equal.
             self.recorders = [other for other in self.recorders if other is not trace]
 
-    @contextmanager
+    @guarded
     def unrecorded(self) -> Iterator[None]:
         """What is applied inside is part of what is being applied."""
         recorders = self.recorders

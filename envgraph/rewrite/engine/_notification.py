@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Final, cast
 
 from envgraph.errors import InvalidArgument
+from envgraph.graph import guarded
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.rewrite.engine._catalog import Catalog
 from envgraph.rewrite.events._events import Agenda, ConflictSet, EventRule, update_key
@@ -185,7 +186,7 @@ class Events:
             return self._telling(matcher)
         return None
 
-    @contextmanager
+    @guarded
     def _telling(self, matcher: ViewMatcher) -> Iterator[None]:
         """Listeners are told at the end: by the model if there was a transaction, but many rules need none."""
         yield
@@ -196,7 +197,7 @@ class Events:
         """What changes inside the block activates no event rule."""
         return NOTHING if self._conflicts is None else self._conflicts.muted()
 
-    @contextmanager
+    @guarded
     def asleep(self) -> Iterator[None]:
         """Listeners and event rules do not notice the block, which leaves the model as it was."""
         matcher = self._catalog.matcher

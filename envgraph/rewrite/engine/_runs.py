@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from copy import deepcopy
 from random import Random
 from typing import TYPE_CHECKING, Any, cast
 
 from envgraph.errors import EvaluationError, InvalidArgument, Span, limit
-from envgraph.graph import Node
+from envgraph.graph import Node, guarded
 from envgraph.match import ViewMatcher
 from envgraph.metamodel import Value
 from envgraph.pattern import ObjectType
@@ -191,7 +190,7 @@ class Runs:
             raise InvalidArgument(f"unit `{program.name}` needs values for {names}")
         return environment
 
-    @contextmanager
+    @guarded
     def lent(self, rng: Randomness) -> Iterator[Trace]:
         """Inside the block random choices are made by another generator, and what is applied is only noted here."""
         recorders, own, trace = self._history.recorders, self._rng, Trace(start=self._model.state_hash())
@@ -201,7 +200,7 @@ class Runs:
         finally:
             self._history.recorders, self._rng = recorders, own
 
-    @contextmanager
+    @guarded
     def aside(self) -> Iterator[None]:
         """Nothing notices the block, which leaves the model as it was: listeners, event rules, recordings, `rng`."""
         recorders, rng = self._history.recorders, self._rng

@@ -23,12 +23,12 @@ the conflict set: the other version has been settled when it was made.
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from heapq import heappop, heappush
 from itertools import count, islice
 from typing import TYPE_CHECKING, overload
 
 from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.graph import guarded
 from envgraph.match import Subscription, ViewMatcher
 from envgraph.pattern import Pattern
 from envgraph.rewrite._match import Match, Row, Shape
@@ -368,7 +368,7 @@ class ConflictSet:
             error.add_note(f"raised by event rule `{rule.name}`, {activation!r}")
             raise
 
-    @contextmanager
+    @guarded
     def held(self) -> Iterator[None]:
         """Fire nothing inside the block; settle at its end, if it ends well."""
         self._held += 1
@@ -378,7 +378,7 @@ class ConflictSet:
             self._held -= 1
         self.run()
 
-    @contextmanager
+    @guarded
     def muted(self) -> Iterator[None]:
         """What changes inside the block activates nothing, and empties the conflict set."""
         self.run()
@@ -389,7 +389,7 @@ class ConflictSet:
             self._muted = False
             self.clear()
 
-    @contextmanager
+    @guarded
     def asleep(self) -> Iterator[None]:
         """Nothing fires inside the block, and what is pending stays so: it ends in the state in which it began."""
         self._held += 1

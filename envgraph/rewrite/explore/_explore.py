@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, RuleError
-from envgraph.graph import Model, Shapes, Version
+from envgraph.graph import Model, Shapes, Version, deferred
 from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Firing, Row, Shape
 from envgraph.rewrite.explore._exploration import Ending, Exploration, Firings, Record, State
 from envgraph.rewrite.explore._walks import Walk, walk_of_savepoints, walk_of_versions
-from envgraph.rewrite.run._interrupts import deferred
 from envgraph.rewrite.run._runner import REFUSALS, RuleRunner
 
 if TYPE_CHECKING:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Protocol
 
-from envgraph.graph import Model, Savepoint, Shelf, Version
+from envgraph.graph import Model, Savepoint, Shelf, Version, guarded
 
 
 class Walk(Protocol):
@@ -87,7 +86,7 @@ class SavepointWalk:
             path.append(below)
 
 
-@contextmanager
+@guarded
 def walk_of_savepoints(model: Model) -> Iterator[Walk]:
     """A walk inside one transaction; at the end, however it comes, the model is as it was."""
     with model.transaction():
@@ -135,7 +134,7 @@ class VersionWalk:
         self.back()
 
 
-@contextmanager
+@guarded
 def walk_of_versions(model: Model) -> Iterator[Walk]:
     """A walk outside of any transaction; at the end, however it comes, the model is as it was."""
     start = model.commit()
