@@ -34,6 +34,7 @@ from envgraph.behaviour import (
     Token,
     check_behaviour,
 )
+from envgraph.env._agents import absent_agents
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, distinct_keys, indexed_classes
@@ -96,6 +97,7 @@ __all__ = [
     "Tabular",
     "Token",
     "VectorEnvironment",
+    "absent_agents",
     "can_end",
     "check_behaviour",
     "check_render_mode",

@@ -12,7 +12,7 @@ from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex, key_attributes
 from envgraph.env._prepared import Alternatives, PreparedAction
 from envgraph.env._program import Program
-from envgraph.errors import Diagnostic, EvaluationError, ResolutionError
+from envgraph.errors import Diagnostic, EvaluationError, ResolutionError, Severity
 from envgraph.graph import Model
 from envgraph.rewrite import Engine
 
@@ -62,7 +62,7 @@ class Agents:
         self._model: Model = engine.model
         programs = list(_programs(behaviour, engine, keys))
         if not programs:
-            raise ResolutionError([_nobody(agent) for agent in behaviour.agents])
+            raise ResolutionError([_nobody(agent, alone=True) for agent in behaviour.agents])
         self._classes = tuple(agent.cls for agent in behaviour.agents)
         self._alone = not behaviour.agents
         own = [program.actions for _, _, _, program in programs]
@@ -167,6 +167,17 @@ def _idle(name: str) -> PreparedAction:
     return PreparedAction(name, (), Alternatives((), ()), None, None, 0)
 
 
-def _nobody(agent: Agent) -> Diagnostic:
-    message = f"nobody can act: the model has no `{agent.cls}`"
-    return Diagnostic("unbound-agent", message, agent.cls_span or agent.span, "add one to the model")
+def absent_agents(behaviour: Behaviour, model: Model) -> list[Diagnostic]:
+    """The `agent` blocks that no object of a model plays: errors where nobody else can act, else warnings."""
+    absent = [agent for agent in behaviour.agents if not model.extent(agent.cls)]
+    return [_nobody(agent, alone=len(absent) == len(behaviour.agents)) for agent in absent]
+
+
+def _nobody(agent: Agent, alone: bool) -> Diagnostic:
+    return Diagnostic(
+        "unbound-agent",
+        f"nobody {'can act' if alone else f'is `{agent.variable}`'}: the model has no `{agent.cls}`",
+        agent.cls_span or agent.span,
+        "add one to the model",
+        Severity.ERROR if alone else Severity.WARNING,
+    )

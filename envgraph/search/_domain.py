@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TypeVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, Tabular, can_end, distinct_keys, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Tabular, absent_agents, can_end, distinct_keys, indexed_classes
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,
@@ -272,10 +272,12 @@ class Domain:
             problem: a search problem of this domain, whose engine stands at the initial model.
 
         Returns:
-            A warning where what the diversity reads lies outside of the range that it divides.
+            Warnings: nobody plays one of several agents; what the diversity reads lies outside of the range that it
+            divides.
 
         Raises:
-            LoadError: it does not; one diagnostic for each constraint, or for the measure, at its place.
+            LoadError: it does not; one diagnostic for each constraint, or for the measure, at its place. What visits
+                states is asked last, if nothing else is wrong.
         """
         problem = problem or self.problem(self.engine())
         spec, note = self.spec, Note("the initial model is here", self.spec.model.span)
@@ -284,10 +286,16 @@ class Domain:
         except EvaluationError as error:
             hint = "the environment counts through these objects: give each of them a key of its own"
             raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
-        violated = {str(one): _evidence(problem.engine, one) for one in problem.violations()}
+        absent = absent_agents(self.behaviour, self._model()) if self.behaviour else []
+        if has_errors(absent):
+            raise LoadError(absent)
+        # Whether an end can be reached is asked of a model that is otherwise as it should be.
+        known = [one for one in problem.constraints if not isinstance(one, Reachable)]
+        broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violations()]
+        violated = {str(one): _evidence(problem.engine, one) for one in broken}
         if not violated:
             try:
-                return self._outside(problem, problem.measure())
+                return [*absent, *self._outside(problem, problem.measure())]
             except NoValue as error:
                 measure = next(one for one in spec.measures if one.name == error.measure)
                 message = f"the initial model has no value of `{error.measure}`"

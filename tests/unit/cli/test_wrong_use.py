@@ -69,6 +69,31 @@ def test_check_finds_what_a_search_would_refuse(refused: Call, old: str, new: st
     assert f"forest/{message}" in refused("check", "forest")
 
 
+def test_whether_an_end_is_reached_is_not_asked_of_a_model_that_is_wrong(refused: Call) -> None:
+    path = Path("forest/family.toml")
+    path.write_text(path.read_text().replace("forbid = []", 'forbid = ["solvable"]\nreachable = ["failure"]'))
+    environment = Path("forest/burning_forest.environment")
+    environment.write_text(environment.read_text().replace("terminate failure", ""))
+    said = refused("check", "forest")
+    assert "violates `forbid solvable`" in said and "reachable" not in said
+    path.write_text(path.read_text().replace('forbid = ["solvable"]', ""))
+    assert "violates `reachable failure`" in refused("check", "forest")
+
+
+def test_check_tells_of_agents_whom_nobody_plays(refused: Call) -> None:
+    model, environment = Path("forest/target_8x8.model"), Path("forest/burning_forest.environment")
+    model.write_text(model.read_text().replace("R", "V"))  # no roads
+    text = environment.read_text()
+    road = "agent road : RoadTile { action wait = nothing() }\n"
+    environment.write_text(text.replace("limit", f"{road} agent start : StartTile {{ }} limit"))
+    told = json.loads(refused("check", "forest", "--format", "json", code=0))["diagnostics"]
+    assert [(one["severity"], one["message"], one["line"]) for one in told] == [
+        ("warning", "nobody is `road`: the model has no `RoadTile`", 21)
+    ]
+    environment.write_text(text.replace("limit", f"{road} limit"))
+    assert "nobody can act: the model has no `RoadTile`" in refused("check", "forest")
+
+
 def test_domains_are_checked_apart_and_loose_files_together(refused: Call) -> None:
     shutil.copytree("forest", "copy")
     assert "no problems" in refused("check", "forest", "copy/family.toml", MODEL, RULES, code=0)
