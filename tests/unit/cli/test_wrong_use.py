@@ -87,8 +87,8 @@ def test_check_tells_of_agents_whom_nobody_plays(refused: Call) -> None:
     road = "agent road : RoadTile { action wait = nothing() }\n"
     environment.write_text(text.replace("limit", f"{road} agent start : StartTile {{ }} limit"))
     told = json.loads(refused("check", "forest", "--format", "json", code=0))["diagnostics"]
-    assert [(one["severity"], one["message"], one["line"]) for one in told] == [
-        ("warning", "nobody is `road`: the model has no `RoadTile`", 21)
+    assert [(one["severity"], one["message"], Path(one["file"]).name) for one in told] == [
+        ("warning", "nobody is `road`: the model has no `RoadTile`", "burning_forest.environment")
     ]
     environment.write_text(text.replace("limit", f"{road} limit"))
     assert "nobody can act: the model has no `RoadTile`" in refused("check", "forest")
