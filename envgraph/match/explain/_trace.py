@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from envgraph.code import Block, Call, Constant, Tuple, dataclass, with_counters
+from envgraph.code import Block, Body, Call, Constant, Local, call, dataclass, tuple_of, with_counters
 from envgraph.errors import limit
 from envgraph.match._limits import MOST_MATCHES
 from envgraph.match.generate._generate import Reached, Translation
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
 from envgraph.match.generate._write import Module, local
-from envgraph.match.plan._plan import BodyPlan
+from envgraph.match.plan._plan import BodyPlan, Plan
 from envgraph.match.plan._planner import Planner
 
 Build = Callable[[Source, Callable[[Held], object]], Callable[..., Any]]
@@ -76,14 +76,22 @@ def _source(planner: Planner, body: BodyPlan, bound: tuple[int, ...]) -> Source:
     translation = Translation(planner, module, body.conjunction, block, given)
     translation.indexes = False
     translation.body(body.plan, Sink(body.conjunction.parameters, (), lambda names: (), (), repeatable=True))
-    note = module.name(Held("note", ""))
-    source = module.source(module.function("traced", list(given.values()), block.body()))
-    numbers = {id(step): number for number, step in enumerate(body.plan.steps)}
+    return noted(module, list(given.values()), block.body(), body.plan)
 
-    def noted(origin: object) -> Call | None:
+
+def noted(module: Module, parameters: Sequence[Local], body: Body, plan: Plan) -> Source:
+    """The source of a function that calls `note` after each step of a plan.
+
+    With the number of the step, and pairs of a variable and its value; it returns True.
+    """
+    note = module.name(Held("note", ""))
+    source = module.source(module.function("traced", parameters, body))
+    numbers = {id(step): number for number, step in enumerate(plan.steps)}
+
+    def counter(origin: object) -> Call | None:
         if not isinstance(origin, Reached) or id(origin.step) not in numbers:
             return None
-        known = [Tuple((Constant(variable), each)) for variable, each in sorted(origin.known.items())]
-        return Call(note, (Constant(numbers[id(origin.step)]), Tuple(tuple(known))))
+        known = [tuple_of(Constant(variable), each) for variable, each in sorted(origin.known.items())]
+        return call(note, Constant(numbers[id(origin.step)]), tuple_of(*known))
 
-    return replace(source, build=with_counters(source.build, noted))
+    return replace(source, build=with_counters(source.build, counter))

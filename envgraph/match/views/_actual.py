@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import chain
 from typing import Any, Final
 
-from envgraph.code import Block, Call, Constant, with_counters
+from envgraph.code import Block
 from envgraph.graph import Store
-from envgraph.match.generate._generate import Reached
+from envgraph.match.explain._trace import noted
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
 from envgraph.match.generate._write import Module
@@ -58,7 +57,7 @@ def actual_rows(
     sample = known[:: max(1, len(known) // SAMPLE)]
     counts = [0] * len(delta_plan(planner, delta).steps)
 
-    def note(step: int) -> bool:
+    def note(step: int, _: object) -> bool:
         counts[step] += 1
         return True
 
@@ -82,16 +81,7 @@ def _source(planner: ViewPlanner, delta: Delta) -> Source:
     else:
         translation.alone(occurrence, names)
     translation.run(plan, Sink((), (), lambda _: (), ()), given)
-    note = module.name(Held("note", ""))
-    source = module.source(module.function("traced", names, block.body()))
-    numbers = {id(step): number for number, step in enumerate(plan.steps)}
-
-    def noted(origin: object) -> Call | None:
-        if not isinstance(origin, Reached) or id(origin.step) not in numbers:
-            return None
-        return Call(note, (Constant(numbers[id(origin.step)]),))
-
-    return replace(source, build=with_counters(source.build, noted))
+    return noted(module, names, block.body(), plan)
 
 
 def tuples_of(delta: Delta, store: Store, operators: Mapping[str, Operator]) -> Iterator[tuple[Any, ...]]:
