@@ -120,6 +120,13 @@ _seed = click.option(
     "--seed", type=click.IntRange(min=0), help="The one source of randomness; instead of the one in the file."
 )
 _model = click.argument("model", help="A .model or .xmi file, any model of EMF, or one as JSON.")
+_model_or_run = click.argument(
+    "model",
+    help="A .model or .xmi file, any model of EMF, or one as JSON; with --variant a run or a family file (.json).",
+)
+_variant = click.option(
+    "--variant", help="Only this environment of a run or family: its name (E6) or number."
+)
 _metamodel = click.option(
     "--metamodel",
     "-m",
@@ -218,7 +225,7 @@ def format_(files: tuple[str, ...], check: bool, stdout: bool, language: str | N
 
 
 @app.command()
-@_model
+@_model_or_run
 @click.argument("queries", metavar="QUERYFILE", help="A .query or .vql file.")
 @click.argument("pattern", help="Name of a pattern, simple or qualified.")
 @click.option(
@@ -228,6 +235,7 @@ def format_(files: tuple[str, ...], check: bool, stdout: bool, language: str | N
     multiple=True,
     help="Fix a parameter: an object by its name, or a value.",
 )
+@_variant
 @_metamodel
 @_unresolved
 @_format
@@ -236,6 +244,7 @@ def match(
     queries: str,
     pattern: str,
     where: tuple[str, ...],
+    variant: str | None,
     metamodel: tuple[str, ...],
     allow_unresolved: bool,
     format: OutputFormat,
@@ -244,14 +253,15 @@ def match(
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._query import print_matches
 
-    print_matches(model, queries, pattern, where, Inputs(metamodel, allow_unresolved), format)
+    print_matches(model, queries, pattern, where, Inputs(metamodel, allow_unresolved, variant), format)
 
 
 @app.command()
-@_model
+@_model_or_run
 @_definitions
 @click.argument("name", help="Name of a pattern or rule.")
 @_where
+@_variant
 @_metamodel
 @_unresolved
 @_format
@@ -260,6 +270,7 @@ def explain(
     definitions: str,
     name: str,
     where: tuple[str, ...],
+    variant: str | None,
     metamodel: tuple[str, ...],
     allow_unresolved: bool,
     format: OutputFormat,
@@ -268,14 +279,15 @@ def explain(
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._reasons import print_plan
 
-    print_plan(model, definitions, name, where, Inputs(metamodel, allow_unresolved), format)
+    print_plan(model, definitions, name, where, Inputs(metamodel, allow_unresolved, variant), format)
 
 
 @app.command("why-not")
-@_model
+@_model_or_run
 @_definitions
 @click.argument("name", help="Name of a pattern, rule, unit or derived group.")
 @_where
+@_variant
 @_metamodel
 @_unresolved
 @_format
@@ -284,6 +296,7 @@ def why_not(
     definitions: str,
     name: str,
     where: tuple[str, ...],
+    variant: str | None,
     metamodel: tuple[str, ...],
     allow_unresolved: bool,
     format: OutputFormat,
@@ -292,11 +305,11 @@ def why_not(
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._reasons import print_reasons
 
-    print_reasons(model, definitions, name, where, Inputs(metamodel, allow_unresolved), format)
+    print_reasons(model, definitions, name, where, Inputs(metamodel, allow_unresolved, variant), format)
 
 
 @app.command()
-@_model
+@_model_or_run
 @click.argument("rules", metavar="RULESFILE", help="A .rules file.")
 @click.argument("rule", help="Name of a rule, unit or derived group.")
 @click.option(
@@ -307,6 +320,7 @@ def why_not(
     help="Fix a variable of the match, or a parameter: an object by its name, or a value. What a unit needs and is "
     "not given is the only object of its class.",
 )
+@_variant
 @_metamodel
 @_unresolved
 @click.option(
@@ -322,6 +336,7 @@ def apply(
     rules: str,
     rule: str,
     where: tuple[str, ...],
+    variant: str | None,
     metamodel: tuple[str, ...],
     allow_unresolved: bool,
     times: int,
@@ -340,7 +355,7 @@ def apply(
         rules,
         rule,
         where,
-        inputs=Inputs(metamodel, allow_unresolved),
+        inputs=Inputs(metamodel, allow_unresolved, variant),
         times=times,
         seed=seed,
         output=output,
@@ -458,7 +473,7 @@ def runs_(directory: Path, format: OutputFormat) -> None:
     help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json), a model "
     "(.model, .xmi) or a metamodel (.metamodel, .ecore).",
 )
-@click.option("--variant", help="Only this environment: its name (E6) or number.")
+@_variant
 @_directory
 @_metamodel
 @_unresolved

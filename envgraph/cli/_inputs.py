@@ -43,10 +43,12 @@ class Inputs:
     Attributes:
         metamodels: what else is read; () for none.
         allow_unresolved: whether links of EMF models to what is nowhere are left out.
+        variant: which environment of a run or family is the model; None for a model of its own.
     """
 
     metamodels: Sequence[str] = ()
     allow_unresolved: bool = False
+    variant: str | None = None
 
     def load(self, *paths: str, own: bool = False) -> Workspace:
         """What the metamodels and some files say; prints their warnings.

@@ -19,7 +19,8 @@ from envgraph.cli._output import (
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, with_article
 from envgraph.files import replace_file
-from envgraph.graph import Node
+from envgraph.graph import Node, model_from_json
+from envgraph.lang import Workspace
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, RunResult, Signature, trace_to_text
@@ -52,13 +53,34 @@ def print_matches(
 
 
 def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> Engine:
-    """An engine on a `.model` or `.xmi` file, or on a model as JSON, such as `envgraph apply --output` writes."""
-    take(model, (*MODELS, "toml"), A_MODEL)
+    """An engine on a `.model` or `.xmi` file, on a model as JSON, as `envgraph apply --output` writes it, or on a variant.
+
+    Raises:
+        InvalidArgument: there is no such file, run or variant.
+        LoadError: the files have errors, or the model is none of their metamodel.
+    """
+    if inputs.variant is None:
+        take(model, (*MODELS, "toml"), A_MODEL)
     if not Path(definitions).exists() and "." not in Path(definitions).name:
         hint = "the model comes first, then the file with the rules or patterns, then the name of one"
         raise InvalidArgument(f"`{definitions}` is no file: {hint}")
     take(definitions, DEFINITIONS, THE_DEFINITIONS)
-    return inputs.load(definitions, model).engine(seed=seed)
+    if inputs.variant is None:
+        return inputs.load(definitions, model).engine(seed=seed)
+    return _engine_on_member(model, inputs.variant, inputs.load(definitions), seed)
+
+
+def _engine_on_member(run: str, variant: str, workspace: Workspace, seed: int) -> Engine:
+    """An engine with the definitions of files on a member of a run or family."""
+    from envgraph.search import open_family
+
+    family = open_family(run)
+    member = family.member(variant)
+    assert workspace.metamodel is not None, "definitions without errors have one"
+    model = model_from_json(member.model, workspace.metamodel, file=f"{family.name}/{member.name}")
+    engine = Engine(model, seed=seed)
+    engine.add(*workspace.definitions)
+    return engine
 
 
 def write_model(engine: Engine, output: Path, format: OutputFormat) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from envgraph.cli import main
+from envgraph.search import open_family
 
 Call = Callable[..., str]
 
@@ -34,6 +35,35 @@ def envgraph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 
 
 FOREST = ("generate", "burning_forest", "--population", 2)
+
+
+def test_members_of_runs_and_families_are_matched_and_changed(envgraph: Call) -> None:
+    envgraph("new", "copy", "--domain", "burning_forest")
+    envgraph("generate", "copy", "--population", 2, "--generations", 3, "--name", "one")
+    envgraph("export", "one", "-o", "one.json")
+    counts = []
+    for run, variant in (("one", "E1"), ("runs/one", 2), ("one.json", "2")):
+        found = envgraph(
+            *(
+                "match",
+                run,
+                "copy/burning_forest.query",
+                "burningTile",
+                "--variant",
+                variant,
+                "--format",
+                "json",
+            )
+        )
+        counts.append(len(json.loads(found)))
+    family = open_family("one.json")
+    burning = [len(family.model(member).extent("BurningTile")) for member in family.members]
+    assert counts == [*burning, burning[1]] and burning[0] != burning[1]
+    rules = ("copy/burning_forest.rules", "spread", "--variant", "E2")
+    assert envgraph("apply", "one", *rules).startswith("1: burning_forest.spread(")
+    assert "has a match" in envgraph("why-not", "one", *rules)
+    assert "pattern burning_forest.spread#lhs" in envgraph("explain", "one", *rules)
+    assert "has no environment `E9`" in envgraph("explain", "one", *rules[:3], "E9", code=1)
 
 
 def test_runs_are_listed(envgraph: Call) -> None:
