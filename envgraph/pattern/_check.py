@@ -124,6 +124,7 @@ class _PatternCheck:
             if p.type and static_type(p.type, self._metamodel) is None
         }
         tainted.update(p.name for p in self._pattern.parameters if p.name.startswith("_"))
+        tainted.update(self._pattern.unknown)
         bodies = [
             _BodyCheck(self._analysis, self._pattern, number, tainted)
             for number, body in enumerate(self._pattern.bodies)

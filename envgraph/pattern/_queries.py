@@ -158,6 +158,7 @@ class Pattern:
         package: qualifies the name; "" for none.
         private: visible in its own file (Python: its own package) only.
         strategy: "incremental" keeps it current, "search" looks when asked; None leaves it to the engine.
+        unknown: variables of which a mistake elsewhere leaves unknown what they are.
         mended: whether its text has mistakes that were mended: what it seems to lack may stand there.
     """
 
@@ -171,6 +172,7 @@ class Pattern:
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
     mended: bool = field(default=False, compare=False, repr=False)
+    unknown: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
 
     @property
     def qualified_name(self) -> str:

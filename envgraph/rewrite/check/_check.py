@@ -10,6 +10,7 @@ from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
+from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     Aggregate,
     Block,
@@ -89,10 +90,10 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
         hint = "make a pattern of a part of it"
         message = f"more than {MOST_BLOCKS} blocks inside each other"
         return CheckedRule(rule, (), None, (*problems, Diagnostic("rule-too-deep", message, rule.span, hint)))
-    lowering = LeftLowering(rule, library)
+    called = _called_types(rule, library)
+    lowering = LeftLowering(rule, library, _unknown(rule, called, library.metamodel))
     lowered = lowering.lower(_created(rule))
     patterns = tuple(lowering.patterns)
-    called = _called_types(rule, library)
     problems += [_with_class(one, called) for one in lowering.problems]
     problems += _left_problems(library, lowering, called, problems)
     known = None
@@ -139,20 +140,23 @@ def _left_problems(
 ) -> list[Diagnostic]:
     """The errors that the library finds in left sides, without what has been told of the same places and names."""
     places = {problem.span for problem in told if problem.span}
-    declared: list[Parameter | Node] = [*lowering.rule.parameters, *_nodes(lowering.rule)]
-    unknown = {one.name for one in declared if one.type and not static_type(one.type, library.metamodel)}
-    unknown |= {name for name, type_ in called.items() if type_ is None}
 
     def echoes(problem: Diagnostic) -> bool:
-        names = {"untyped-source": unknown, "not-enumerable": lowering.unclear}.get(problem.code, set())
-        if not names.isdisjoint(problem.subject):
-            return True
         return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
 
     said = left_problems(library, *lowering.patterns)
     found = [one for one in said if one.severity is Severity.ERROR or (one.code in _LINTS and one.span)]
     fresh = [_with_class(one, called) for one in found if not echoes(one)]
     return fresh if fresh or has_errors(told) else found
+
+
+def _unknown(rule: Rule, called: Mapping[str, StaticType | None], metamodel: Metamodel) -> Iterator[str]:
+    """Variables whose type is unknown because of a mistake: in their declaration, or in what they are given to."""
+    yield from (name for name, type_ in called.items() if type_ is None)
+    declared: list[Parameter | Node] = [*rule.parameters, *_nodes(rule)]
+    for one in declared:
+        if one.type and static_type(one.type, metamodel) is None:
+            yield one.name
 
 
 def _called_types(rule: Rule, library: Library) -> dict[str, StaticType | None]:

@@ -8,7 +8,7 @@ pattern of its own, over the enclosing variables that it uses, which the enclosi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import count
@@ -86,10 +86,9 @@ class LeftLowering:
         patterns: every pattern made, callees before callers.
         problems: what is wrong with arrows and blocks; the library checks the rest, on the patterns.
         untyped: the names of which nothing says what they are, which is among the problems.
-        unclear: the names whose types are not known for other problems.
     """
 
-    def __init__(self, rule: Rule, library: Library) -> None:
+    def __init__(self, rule: Rule, library: Library, unknown: Iterable[str]) -> None:
         self.rule = rule
         self.library = library
         self.metamodel = library.metamodel
@@ -97,7 +96,7 @@ class LeftLowering:
         self.patterns: list[Pattern] = []
         self.problems: list[Diagnostic] = []
         self.untyped: set[str] = set()
-        self.unclear: set[str] = set()
+        self._unknown = frozenset(unknown)
         self._numbers = count(1)
 
     def lower(self, created: set[str]) -> LoweredBlock:
@@ -176,7 +175,6 @@ class LeftLowering:
         if self.library.unsound(pattern):
             # A block that says of what class an object is would say so too late: it differs from the others already.
             self.problems += [problem for problem in wrong if problem.code == "untyped-source"]
-            self.unclear.update(name for name, type_ in types.items() if type_ is None)
             return types  # it is told where the whole left side is checked
         known = copy(self.library)
         known.add(pattern)
@@ -333,7 +331,9 @@ class LeftLowering:
         inherited = tuple(name for name in enclosing if name in used)
         declared = [self._inherited(name, outside[name]) for name in inherited]
         declared += [Parameter(name) for name in exported]
-        pattern = self._pattern(f"{block.kind.rstrip('+')}{number}", declared, constraints, block.left)
+        unknown = [name for name in inherited if outside[name] is None]  # which is told of outside
+        suffix = f"{block.kind.rstrip('+')}{number}"
+        pattern = self._pattern(suffix, declared, constraints, block.left, unknown)
         return LoweredBlock(block, block.left, pattern, inherited, tuple(exported), types, nested)
 
     def _inherited(self, name: str, type_: StaticType | None) -> Parameter:
@@ -342,7 +342,12 @@ class LeftLowering:
         return Parameter(name, type_text(type_), None if isinstance(type_, ObjectType) else "in")
 
     def _pattern(
-        self, suffix: str, parameters: Sequence[Parameter], constraints: Sequence[Constraint], left: LeftSide
+        self,
+        suffix: str,
+        parameters: Sequence[Parameter],
+        constraints: Sequence[Constraint],
+        left: LeftSide,
+        unknown: Iterable[str] = (),
     ) -> Pattern:
         span = left.span or self.rule.span
         body = Body(tuple(constraints) or (Check(Constant(True), span),), span=span)
@@ -356,6 +361,7 @@ class LeftLowering:
             package=self.rule.package,
             private=True,
             span=span,
+            unknown=self._unknown.union(unknown),
         )
         self.patterns.append(pattern)
         return pattern
