@@ -53,7 +53,7 @@ def print_matches(
 
 
 def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> Engine:
-    """An engine on a `.model` or `.xmi` file, on a model as JSON, as `envgraph apply --output` writes it, or on a variant.
+    """An engine on a `.model` or `.xmi` file, a model as JSON, as `envgraph apply --output` writes it, or a variant.
 
     Raises:
         InvalidArgument: there is no such file, run or variant.
