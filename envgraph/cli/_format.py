@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from envgraph.cli._output import print_diagnostics, print_line
-from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Source
+from envgraph.errors import Diagnostic, InvalidArgument, LoadError, Severity, Source, has_errors
 from envgraph.files import replace_file
 
 STDIN = "-"
@@ -15,6 +15,8 @@ STDIN = "-"
 
 def format_files(files: Sequence[str], *, check: bool, stdout: bool, language: str | None) -> int:
     """Bring files into the one style; the exit code: 1 if one has errors or, with `check`, another style.
+
+    Family files, which are TOML, are left alone with a warning: who names all files of a domain means the others.
 
     Raises:
         InvalidArgument: standard input among files, or without a language.
@@ -26,6 +28,12 @@ def format_files(files: Sequence[str], *, check: bool, stdout: bool, language: s
     changed = 0
     names = _names(files)
     for name in names:
+        if name.endswith(".toml"):
+            place = Source(name, "").span(0, 0)
+            diagnostics.append(
+                Diagnostic("not-formatted", "TOML is not formatted", place, severity=Severity.WARNING)
+            )
+            continue
         try:
             text, formatted = _formatted(name)
         except LoadError as error:
@@ -39,8 +47,8 @@ def format_files(files: Sequence[str], *, check: bool, stdout: bool, language: s
                 replace_file(Path(name), formatted)
             print_line(f"{'would format' if check else 'formatted'} {name}")
     print_diagnostics(diagnostics)
-    failed = bool(diagnostics)
-    if not (stdout or changed or failed):
+    failed = has_errors(diagnostics)
+    if not (stdout or changed or diagnostics):
         print_line(f"nothing to format in {_count(len(names))}")
     return int(failed or (check and changed > 0))
 

@@ -69,6 +69,18 @@ def test_a_file_of_no_language_is_named(run: Run) -> None:
     assert "`notes.txt` is a file of none of the languages" in err
 
 
+@pytest.mark.parametrize("option", [(), ("--check",)])
+def test_a_family_file_among_others_is_passed_over(run: Run, option: tuple[str, ...]) -> None:
+    Path("family.toml").write_text("a   =  1")
+    Path("a.query").write_text(AFTER)
+    code, out, err = run(*option, "a.query", "family.toml")
+    assert (code, out) == (0, "")
+    assert err.startswith("family.toml:1:1: warning: TOML is not formatted [not-formatted]")
+    Path("a.query").write_text(BEFORE)
+    assert run(*option, "family.toml", "a.query")[0] == len(option)
+    assert Path("family.toml").read_text() == "a   =  1"
+
+
 def test_directories_stand_for_their_texts(run: Run) -> None:
     Path("domain").mkdir()
     Path("domain/a.query").write_text(BEFORE)
