@@ -20,7 +20,7 @@ def list_runs(directory: Path, format: OutputFormat) -> None:
     if not runs:
         print_line(f"there are no runs in {directory}; `envgraph generate` makes one")
         return
-    columns = ("run", "family", "members", "generations", "diversity", "trained", "")
+    columns = ("run", "family", "members", "generations", "diversity", "trained", "remark")
     rows = [_row(run) for run in runs]
     print_table(f"runs in {directory}", columns, rows, (2, 3, 4))
 

@@ -22,7 +22,7 @@ from envgraph.errors._exceptions import (
 from envgraph.errors._limits import RAISE_LIMIT, limit
 from envgraph.errors._reprs import later, shorten, spelling
 from envgraph.errors._source import Source, Span, visible
-from envgraph.errors._suggest import did_you_mean, listed, name_hint, nearest, with_article
+from envgraph.errors._suggest import did_you_mean, listed, name_hint, nearest, plural, with_article
 
 __all__ = [
     "RAISE_LIMIT",
@@ -49,6 +49,7 @@ __all__ = [
     "listed",
     "name_hint",
     "nearest",
+    "plural",
     "shorten",
     "sort_diagnostics",
     "spelling",

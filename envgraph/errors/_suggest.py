@@ -31,6 +31,15 @@ def with_article(name: str) -> str:
     return f"{'an' if name[:1] in tuple('aeiouAEIO') else 'a'} `{name}`"
 
 
+def plural(count: int, word: str) -> str:
+    """A number of things, for messages.
+
+    >>> plural(1, "value"), plural(0, "value")
+    ('1 value', '0 values')
+    """
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     """A hint naming the known name that is nearest to `name`, or None when none is near.
 

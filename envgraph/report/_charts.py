@@ -45,17 +45,19 @@ class Series:
             raise InvalidArgument(f"series `{self.label}` has a value that is not finite")
 
 
-def ticks(low: float, high: float, about: int = 6) -> list[float]:
-    """Round numbers from at most `low` to at least `high`, a 1, 2 or 5 times a power of ten apart.
+def ticks(low: float, high: float, about: int = 6, *, least: float = 0.0) -> list[float]:
+    """Round numbers from at most `low` to at least `high`, a 1, 2 or 5 times a power of ten apart, and `least`.
 
     >>> ticks(0, 2.585)
     [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
+    >>> ticks(0, 2, least=1)
+    [0.0, 1.0, 2.0]
     """
     if not high > low:
         low, high = low - 0.5, high + 0.5
     rough = (high - low) / about
     power = 10.0 ** floor(log10(rough))
-    step = next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough * 0.999)
+    step = max(least, next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough * 0.999))
     first, last = floor(low / step + 1e-9), ceil(high / step - 1e-9)
     return [round(number * step, 12) + 0.0 for number in range(first, last + 1)]
 
@@ -72,7 +74,8 @@ def line_chart(series: Sequence[Series], *, x_label: str, y_label: str, title: s
         raise InvalidArgument("a chart needs at least one series")
     xs = [value for one in series for value in one.x]
     ys = [value for one in series for value in (*one.y, *one.low, *one.high)]
-    x_ticks, y_ticks = ticks(min(xs), max(xs), 8), ticks(min(ys), max(ys))
+    whole = all(float(value).is_integer() for value in xs)  # there is no half a generation
+    x_ticks, y_ticks = ticks(min(xs), max(xs), 8, least=float(whole)), ticks(min(ys), max(ys))
     # The x axis ends at the data: a curve that stops before the frame looks unfinished.
     frame = _Frame(min(xs), max(*xs, min(xs) + 1e-9), y_ticks[0], y_ticks[-1])
     rows = ceil(len(series) / 4)

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from envgraph.code import dataclass
 from envgraph.env import legend
-from envgraph.errors import InvalidArgument
+from envgraph.errors import InvalidArgument, plural
 from envgraph.learn import Experiment, RunResult, Summary
 from envgraph.report._charts import Series, line_chart
 from envgraph.report._page import Card, Report, Section, Table
@@ -171,9 +171,10 @@ def _search(family: Family, outcome: Outcome, history: History) -> Section:
         y_label=f"{family.domain.spec.diversity.kind.replace('_', ' ')}{unit and f',{unit}'}",
         title="Diversity of the family over the generations",
     )
-    accepted, rejected = (sum(row[place] for row in history) for place in (2, 3))
+    accepted, rejected = (int(sum(row[place] for row in history)) for place in (2, 3))
     text = (
-        f"{len(history) - 1} generations, {accepted} accepted individuals, {rejected} rejected attempts. "
+        f"{plural(len(history) - 1, 'generation')}, {plural(accepted, 'accepted individual')}, "
+        f"{plural(rejected, 'rejected attempt')}. "
         f"The last family has a diversity of {history[-1][1]:.3f}{unit}."
     )
     return Section("Search", (text,), (chart,))

@@ -151,11 +151,16 @@ class Family:
         return family_html(self)
 
     def class_counts(self) -> dict[str, tuple[int, ...]]:
-        """Number of objects of each class in every member, for the classes in which the members differ."""
+        """Number of objects of each class in every member, where the members differ and no measure says the same."""
         models = [self.model(member) for member in self.members]
         classes = [cls.name for cls in self.domain.metamodel.class_list if not cls.abstract]
         counts = {cls: tuple(len(model.exact_extent(cls)) for model in models) for cls in classes}
-        return {cls: numbers for cls, numbers in counts.items() if len(set(numbers)) > 1}
+        measured = [[member.measures[name] for member in self.members] for name in self.members[0].measures]
+        return {
+            cls: numbers
+            for cls, numbers in counts.items()
+            if len(set(numbers)) > 1 and [*numbers] not in measured
+        }
 
     def diversity(self) -> float:
         """The family measure over the members."""

@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Severity, Source, Span
+from envgraph.errors import Diagnostic, Note, Severity, Source, Span, plural
 from envgraph.graph import Model, usual_value
 from envgraph.lang.syntax._xml import Stop, XmlPlaces
 from envgraph.metamodel import Attribute, Feature, Reference
@@ -289,8 +289,3 @@ def short(text: str) -> str:
     """A text for a message, on one line and not too long."""
     line = " ".join(text.split())
     return line if len(line) <= 80 else f"{line[:77]}..."
-
-
-def plural(count: int, word: str) -> str:
-    """A number of things, for a message."""
-    return f"{count} {word}" if count == 1 else f"{count} {word}s"

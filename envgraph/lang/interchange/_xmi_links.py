@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from urllib.parse import unquote
 
-from envgraph.errors import LoadError, Note, RuleError, TypeMismatch, name_hint, with_article
+from envgraph.errors import LoadError, Note, RuleError, TypeMismatch, name_hint, plural, with_article
 from envgraph.graph import arrange_targets
-from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Spans, plural, short
+from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Spans, short
 from envgraph.lang.read._refused_links import link_hint
 from envgraph.metamodel import Reference
 

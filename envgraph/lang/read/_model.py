@@ -21,13 +21,14 @@ from envgraph.errors import (
     did_you_mean,
     has_errors,
     name_hint,
+    plural,
     with_article,
 )
 from envgraph.graph import Model
 from envgraph.lang.read._grid import Cell, Entry, GridText, read_grid
 from envgraph.lang.read._imports import Import
 from envgraph.lang.read._metamodel import sign
-from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, listed, plural, value_of, values_of
+from envgraph.lang.read._model_values import NO_VALUE, Reports, kind_of, listed, value_of, values_of
 from envgraph.lang.read._refused_links import link_hint
 from envgraph.lang.syntax._parsing import Parsed, tokens, trees
 from envgraph.metamodel import (

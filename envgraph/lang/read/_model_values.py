@@ -8,7 +8,7 @@ from dataclasses import field
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Span, did_you_mean, with_article
+from envgraph.errors import Diagnostic, Note, Span, did_you_mean, plural, with_article
 from envgraph.lang.read._metamodel import sign
 from envgraph.lang.syntax._parsing import Parsed, tokens, trees
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, accepts, type_name
@@ -123,11 +123,6 @@ def _literal(tree: Tree[Token], attribute: Attribute, reports: Reports) -> Value
 def listed(names: Iterable[str]) -> str:
     """Names, for messages."""
     return ", ".join(f"`{name}`" for name in names)
-
-
-def plural(count: int, word: str) -> str:
-    """A number of things, for messages."""
-    return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
 def kind_of(tree: Tree[Token]) -> str:

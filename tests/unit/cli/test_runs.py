@@ -74,6 +74,7 @@ def test_runs_are_listed(envgraph: Call) -> None:
     Path("runs/two/run.sqlite").write_text("nonsense")
     lines = envgraph("runs").splitlines()
     assert [line.split()[0] for line in lines[2:]] == ["one", "two"]
+    assert lines[1].split()[-1] == "remark"
     assert "BurningForest" in lines[2] and "50 steps" in lines[2] and "seed=5" in lines[2]
     assert "is no run store" in lines[3]
     one, two = json.loads(envgraph("runs", "--format", "json"))["runs"]

@@ -85,6 +85,30 @@ def test_one_point_is_drawn_as_a_dot() -> None:
     assert len(list(chart(Series("dot", (1,), (1,))).iter("circle"))) == 1
 
 
+@pytest.mark.parametrize(
+    ("generations", "labels"), [((0, 1), "0 1"), ((0, 1, 2), "0 1 2"), ((0.5, 1.0), "0.5 0.6 0.7 0.8 0.9 1")]
+)
+def test_whole_numbers_are_marked_by_whole_numbers(generations: tuple[float, ...], labels: str) -> None:
+    texts = chart(Series("line", generations, generations)).iter("text")
+    assert " ".join(one.text or "" for one in texts if one.get("text-anchor") == "middle").startswith(
+        f"{labels} steps"
+    )
+
+
+def test_what_a_measure_counts_is_no_column_of_its_own(tmp_path: Path) -> None:
+    family = generate("burning_forest", tmp_path / "run.sqlite", generations=1, population=3)
+    assert "BurningTile" in family.class_counts()
+    burning = [float(number) for number in family.class_counts()["BurningTile"]]
+    members = [
+        replace(one, measures={**one.measures, "fires": number})
+        for one, number in zip(family.members, burning, strict=True)
+    ]
+    measured = replace(family, members=tuple(members))
+    assert [*measured.class_counts()] == [name for name in family.class_counts() if name != "BurningTile"]
+    shown = [name for card in family_report(measured).cards for name, _ in card.facts]
+    assert "BurningTile" not in shown and "VegetationTile" in shown
+
+
 def test_series_with_missing_or_infinite_values_are_refused() -> None:
     for arguments in ({"x": (0, 1), "y": (0,)}, {"x": (), "y": ()}, {"x": (0,), "y": (float("inf"),)}):
         with pytest.raises(InvalidArgument):
@@ -181,6 +205,12 @@ def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of
     for section in (learning, *training):
         labels = [re.findall(r">(?:curriculum|baseline) ([^<]*)<", one) for one in section.charts]
         assert [" ".join(one) for one in labels] == drawn
+
+
+def test_one_of_something_is_not_many(tmp_path: Path) -> None:
+    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    page = render_html(family_report(family, history=[(0, 0.5, 0, 0), (1, 0.5, 1, 1)]))
+    assert "1 generation, 1 accepted individual, 1 rejected attempt. " in page
 
 
 def test_a_return_that_rounds_to_nothing_has_no_sign(tmp_path: Path) -> None:
