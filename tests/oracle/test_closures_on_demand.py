@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
-from envgraph.match.demand import _closures, _condensation, _tally
+from envgraph.match.demand import _closure_aggregates as _tally
+from envgraph.match.demand import _closures, _condensation
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Library
 from tests.oracle.test_matchers_agree import agrees, assert_count, assert_exists, assert_first, assert_rows

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from envgraph.graph import Model
 from envgraph.match import FREE, ViewMatcher
-from envgraph.match.views._reach import Reach
+from envgraph.match.views._closure_operator import ClosureOperator
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Constant, Library, Pattern
 from tests.oracle.worlds import Dice
@@ -389,7 +389,7 @@ class Grid:
         """Nodes in all reached sets that are held, each set once, and in the indexes of them."""
         found = 0
         for operator in self.views._network.operators.values():
-            if isinstance(operator, Reach):
+            if isinstance(operator, ClosureOperator):
                 found += sum(map(len, {id(each): each for each in operator.reached.values()}.values()))
                 if operator._inverse is not None:
                     found += sum(map(len, operator._inverse.table.values()))

@@ -22,7 +22,10 @@ from types import ModuleType
 from envgraph.errors import TransactionError
 from envgraph.graph import Savepoint, Version, _integrity, _store
 from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher, ViewMatcher
-from envgraph.match.views import Subscription, _agreeing, _delta, _folds, _joins, _matcher, _reach, _sets
+from envgraph.match.views import Subscription, _delta, _joins, _matcher, _sets
+from envgraph.match.views import _closure_operator as _reach
+from envgraph.match.views import _group_aggregates as _folds
+from envgraph.match.views import _partial_lookup as _agreeing
 from tests.oracle.worlds import Dice, edit, random_world
 
 EAGER: tuple[tuple[ModuleType, str, object], ...] = (

@@ -13,7 +13,8 @@ from hypothesis import settings
 
 from envgraph.graph import Model, Savepoint, Shelf, Version, _history, _integrity, _store
 from envgraph.match import FREE, NaiveMatcher
-from envgraph.match.views import _folds, _sets
+from envgraph.match.views import _group_aggregates as _folds
+from envgraph.match.views import _sets
 from envgraph.metamodel import Attribute, Metamodel, Scalar
 from envgraph.pattern import Library
 from tests.property.interrupting import Trip

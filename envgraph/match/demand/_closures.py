@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, Protocol
 
 from envgraph.graph import Model
+from envgraph.match.demand._closure_aggregates import ClosureAggregate, ClosureAggregation
 from envgraph.match.demand._condensation import Condensation, TooLarge
-from envgraph.match.demand._tally import Tally, Tallying
 
 MOST_KEPT: Final = 100_000
 """Reached objects that are remembered for the present state of the model, outside of condensations."""
@@ -84,7 +84,7 @@ class ClosureView:
         self._edges: dict[bool, dict[Any, list[Any]]] = {True: {}, False: {}}
         self._joined: dict[Call, set[Any] | None] = {}
         self._values: dict[tuple[Call, int], Any] = {}
-        self._tallies: dict[tuple[Tallying, tuple[Any, ...]], Tally | None] = {}
+        self._tallies: dict[tuple[ClosureAggregation, tuple[Any, ...]], ClosureAggregate | None] = {}
         self._size = 0
         self._visited = 0
         self._enough, self._counted = FEW_VISITED, False
@@ -206,7 +206,7 @@ class ClosureView:
             function: Callable[..., Any],
             arguments: tuple[Any, ...],
             others: tuple[Any, ...],
-            tallying: Tallying | None = None,
+            tallying: ClosureAggregation | None = None,
             given: tuple[Any, ...] = (),
         ) -> Any:
             if self._revision != store.revision:
@@ -237,7 +237,7 @@ class ClosureView:
         return alike
 
     def _tallied(
-        self, tallying: Tallying, given: tuple[Any, ...], condensed: Condensation, reached: int
+        self, tallying: ClosureAggregation, given: tuple[Any, ...], condensed: Condensation, reached: int
     ) -> tuple[Any] | None:
         """The value for what is reached, if that is much, from the second question with the same arguments on."""
         call = tallying, given
@@ -250,7 +250,7 @@ class ClosureView:
         if tally is None:
             rows = list(tallying.rows(*given))
             self._remember(len(rows) + 1)
-            tally = self._tallies[call] = Tally(tallying.function, tallying.column, rows)
+            tally = self._tallies[call] = ClosureAggregate(tallying.function, tallying.column, rows)
         tally.catch_up(condensed.nodes)
         return tally.value(reached)
 

@@ -13,11 +13,11 @@ from envgraph.graph import Model
 from envgraph.match._aggregates import least, mean, most, total
 from envgraph.match._limits import at_most
 from envgraph.match._matcher import Row
+from envgraph.match.demand._closure_aggregates import ClosureAggregation
 from envgraph.match.demand._closures import ClosureView, Meeting, Search, Spreading
-from envgraph.match.demand._common import common
+from envgraph.match.demand._intersections import common
 from envgraph.match.demand._recursion import Recursion
-from envgraph.match.demand._tally import Tallying
-from envgraph.match.demand._valued import by_value
+from envgraph.match.demand._value_index import by_value
 from envgraph.match.generate._generate import ends_source, reach_source, view_source
 from envgraph.match.generate._suspend import evaluation_source
 from envgraph.match.generate._symbols import (
@@ -27,12 +27,12 @@ from envgraph.match.generate._symbols import (
     Classes,
     ClassTable,
     Closed,
+    ClosureQuestion,
     Forward,
     Held,
     Literal,
     Members,
     Mode,
-    Reach,
     Recursive,
     Source,
     Symbol,
@@ -210,11 +210,11 @@ class Program:
             case Held():
                 raise AssertionError(symbol)
 
-    def _tallying(self, tallied: Tallied) -> Tallying:
+    def _tallying(self, tallied: Tallied) -> ClosureAggregation:
         column = 0 if tallied.column is None else 1 + tallied.wanted.index(tallied.column)
         ends = Ends(tallied.pattern, tallied.start, tallied.given, tallied.wanted)
         rows = _made_late(lambda: self.build(ends_source(self.planner, ends)))
-        return Tallying(tallied.function, column, rows)
+        return ClosureAggregation(tallied.function, column, rows)
 
     def _remembering(self, function: Function) -> Function:
         """The function with its answers in the present state: where calls meet again, work would double at each."""
@@ -238,31 +238,31 @@ class Program:
         metamodel = self.library.metamodel
         return (*(metamodel.is_a(each.name, cls) for each in metamodel.class_list), False)
 
-    def _closure(self, step: str, reflexive: bool, question: Reach) -> object:
+    def _closure(self, step: str, reflexive: bool, question: ClosureQuestion) -> object:
         place = (step, reflexive)
         if place not in self._closures:
             steps = _Steps(self, step, reflexive)
             self._closures[place] = ClosureView(self.model, steps, steps.is_source if reflexive else None)
         view = self._closures[place]
         match question:
-            case Reach.FORWARD:
+            case ClosureQuestion.FORWARD:
                 return view.search(forward=True)
-            case Reach.BACKWARD:
+            case ClosureQuestion.BACKWARD:
                 return view.search(forward=False)
-            case Reach.HOLDS:
+            case ClosureQuestion.HOLDS:
                 return view.holds()
-            case Reach.PAIRS:
+            case ClosureQuestion.PAIRS:
                 return view.pairs()
-            case Reach.SPREAD | Reach.SPREAD_BACK:
-                return view.spreading(question is Reach.SPREAD)
-            case Reach.STEP | Reach.STEP_BACK:
-                return view.stepping(question is Reach.STEP)
-            case Reach.JOIN | Reach.JOIN_BACK:
+            case ClosureQuestion.SPREAD | ClosureQuestion.SPREAD_BACK:
+                return view.spreading(question is ClosureQuestion.SPREAD)
+            case ClosureQuestion.STEP | ClosureQuestion.STEP_BACK:
+                return view.stepping(question is ClosureQuestion.STEP)
+            case ClosureQuestion.JOIN | ClosureQuestion.JOIN_BACK:
                 return view.joined()
-            case Reach.ALIKE | Reach.ALIKE_BACK:
-                return view.alike(question is Reach.ALIKE)
-            case Reach.SIZE | Reach.SIZE_BACK:
-                return view.size(question is Reach.SIZE)
+            case ClosureQuestion.ALIKE | ClosureQuestion.ALIKE_BACK:
+                return view.alike(question is ClosureQuestion.ALIKE)
+            case ClosureQuestion.SIZE | ClosureQuestion.SIZE_BACK:
+                return view.size(question is ClosureQuestion.SIZE)
 
 
 class _Steps:
@@ -273,7 +273,7 @@ class _Steps:
         self._planner = program.planner
         self._step = step
         self._reflexive = reflexive
-        self._built: dict[tuple[bool, Reach], Function] = {}
+        self._built: dict[tuple[bool, ClosureQuestion], Function] = {}
         source_type = program.library.parameter_types(step)[0]
         self._source_class = source_type.cls if isinstance(source_type, ObjectType) else None
         self._table = program.class_table(self._source_class) if self._source_class else ()
@@ -296,15 +296,15 @@ class _Steps:
             return inf
 
     def search(self, forward: bool) -> Search:
-        return self._search(forward, Reach.FORWARD)
+        return self._search(forward, ClosureQuestion.FORWARD)
 
     def meeting(self, forward: bool) -> Meeting:
-        return self._search(forward, Reach.HOLDS)
+        return self._search(forward, ClosureQuestion.HOLDS)
 
     def spreading(self, forward: bool) -> Spreading:
-        return self._search(forward, Reach.SPREAD)
+        return self._search(forward, ClosureQuestion.SPREAD)
 
-    def _search(self, forward: bool, question: Reach) -> Function:
+    def _search(self, forward: bool, question: ClosureQuestion) -> Function:
         if (forward, question) not in self._built:
             source = reach_source(self._planner, self._step, forward, question)
             self._built[forward, question] = self._program.build(source)

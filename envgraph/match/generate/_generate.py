@@ -61,10 +61,10 @@ from envgraph.match.generate._symbols import (
     Classes,
     ClassTable,
     Closed,
+    ClosureQuestion,
     Forward,
     Members,
     Mode,
-    Reach,
     Recursive,
     Source,
     Tallied,
@@ -73,6 +73,7 @@ from envgraph.match.generate._symbols import (
     View,
 )
 from envgraph.match.generate._write import Module, local
+from envgraph.match.plan._distinct import OUTSIDE, Distinct, distinct_places
 from envgraph.match.plan._options import call_key
 from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey
 from envgraph.match.plan._planner import Planner, determined
@@ -87,7 +88,6 @@ from envgraph.match.plan._sharing import (
     plans_of_ends,
     shared_searches,
 )
-from envgraph.match.plan._sieves import OUTSIDE, Sieve, sieves
 from envgraph.metamodel import Attribute, Reference
 from envgraph.pattern import (
     Absence,
@@ -124,7 +124,11 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
     frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
     inputs = list(given.values())
     if mode is Mode.COUNT and (search := only_search(view)):
-        question = Reach.SIZE if search.source not in view.bodies[0].plan.steps[0].binds else Reach.SIZE_BACK
+        question = (
+            ClosureQuestion.SIZE
+            if search.source not in view.bodies[0].plan.steps[0].binds
+            else ClosureQuestion.SIZE_BACK
+        )
         size = module.name(Closed(search.step, search.closure is Closure.STAR, question))
         return module.source(module.function("view", inputs, (Return(call(size, *inputs)),)))
     for body in view.bodies:
@@ -155,19 +159,19 @@ def _counted(
         ends = alike.ends
         tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, "count", None)
         parts += [module.name(tallied), others]
-    question = Reach.ALIKE if alike.forward else Reach.ALIKE_BACK
+    question = ClosureQuestion.ALIKE if alike.forward else ClosureQuestion.ALIKE_BACK
     star = alike.closure.closure is Closure.STAR
     return call(module.name(Closed(alike.closure.step, star, question)), *parts)
 
 
 def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
-    """Whether values are better told apart by a sieve at the end of the plan: one that looks at fewer of them."""
+    """Whether values are better told apart by a set at the end of the plan: one that looks at fewer of them."""
     if len(bodies) != 1 or mode in (Mode.EXISTS, Mode.FIRST, Mode.EACH):
         return False
     conjunction, steps = bodies[0].conjunction, bodies[0].plan.steps
     outputs = {conjunction.parameters[p] for p in key.outputs}
     known = {number for number, _ in conjunction.constants} | {conjunction.parameters[p] for p in key.bound}
-    last = sieves(steps, outputs, known, partial(determined, sizes=planner.sizes)).get(len(steps))
+    last = distinct_places(steps, outputs, known, partial(determined, sizes=planner.sizes)).get(len(steps))
     return last is not None and len(last.key) < (
         len(conjunction.parameters) if mode is Mode.ROWS else len(key.outputs)
     )
@@ -187,7 +191,7 @@ def ends_source(planner: Planner, ends: Ends) -> Source:
     )
 
 
-def reach_source(planner: Planner, step: str, forward: bool, question: Reach) -> Source:
+def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQuestion) -> Source:
     """The source of a breadth-first search along a binary pattern.
 
     `search(start)` returns what is reached by one or more steps, nearest first. For `SPREAD`, `search(start, seen)`
@@ -204,7 +208,9 @@ def reach_source(planner: Planner, step: str, forward: bool, question: Reach) ->
         block.loop(Tuple(ends), call(module.name(Recursive(step, (near,))), node))
         block.add(*frame.each(lambda _: other))
     elif planner.calls.searches(step):
-        follow = module.name(Closed(step, False, Reach.STEP if forward else Reach.STEP_BACK))
+        follow = module.name(
+            Closed(step, False, ClosureQuestion.STEP if forward else ClosureQuestion.STEP_BACK)
+        )
         block.loop(other, call(follow, node))
         block.add(*frame.each(lambda _: other))
     else:
@@ -215,7 +221,7 @@ def reach_source(planner: Planner, step: str, forward: bool, question: Reach) ->
             translation.around = (conjunction.parameters[near],)
             translation.body(body.plan, sink)
             outside[:0] = [Assign(name, empty("set")) for name in translation.outside]
-    more = {Reach.SPREAD: ["seen"], Reach.HOLDS: ["goal", "todo"]}.get(question, [])
+    more = {ClosureQuestion.SPREAD: ["seen"], ClosureQuestion.HOLDS: ["goal", "todo"]}.get(question, [])
     whole = (*frame.head, *outside, *block.body(), *frame.tail)
     return module.source(module.function("search", list(map(Local, ["start", *more])), whole))
 
@@ -368,10 +374,10 @@ class Translation:
         """Find out where partial matches may be alike, but for the rest of a plan for which that is known."""
         if self._sieves is not None:
             return
-        found: dict[int, Sieve] = {}
+        found: dict[int, Distinct] = {}
         if self._shares and sink.repeatable:
             of = partial(determined, sizes=self._planner.sizes)
-            found = sieves(steps, sink.variables, {*self._names, *self._constants}, of, self.around)
+            found = distinct_places(steps, sink.variables, {*self._names, *self._constants}, of, self.around)
         places = {number: id(step) for number, step in enumerate(steps)}
         self._sieves = {
             places.get(number, _END): (places.get(each.first, OUTSIDE), each.key)
@@ -381,7 +387,7 @@ class Translation:
         self._begin_sieves(OUTSIDE)
 
     def _begin_sieves(self, place: int) -> None:
-        """Before what stands at a place, the sieves that are empty there."""
+        """Before what stands at a place, the sets that are empty there."""
         for here, (first, _) in (self._sieves or {}).items():
             if first == place:
                 seen = self._passed[here] = Local(self._module.fresh("d"))
@@ -613,7 +619,7 @@ class Translation:
         name, given = self._defined("g", plan.steps, self._folding(goal))
         start = self._source(found.start)
         others = tuple(each for each in given if each != start)
-        question = Reach.ALIKE if found.forward else Reach.ALIKE_BACK
+        question = ClosureQuestion.ALIKE if found.forward else ClosureQuestion.ALIKE_BACK
         star = found.closure.closure is Closure.STAR
         parts = [start, name, Tuple(tuple(given)), Tuple(others)]
         if found.ends is not None:
@@ -700,7 +706,11 @@ class Translation:
         from_source = join.near == join.closure.source
         star = join.closure.closure is Closure.STAR
         spread = self._module.name(
-            Closed(join.closure.step, star, Reach.SPREAD_BACK if from_source else Reach.SPREAD)
+            Closed(
+                join.closure.step,
+                star,
+                ClosureQuestion.SPREAD_BACK if from_source else ClosureQuestion.SPREAD,
+            )
         )
         all_ = Sink(
             (join.far,),
@@ -715,7 +725,9 @@ class Translation:
         direct = self._defined("g", plan.steps, EXISTENCE)
         self._joins = True
         holds = self._module.name(
-            Closed(join.closure.step, star, Reach.JOIN if from_source else Reach.JOIN_BACK)
+            Closed(
+                join.closure.step, star, ClosureQuestion.JOIN if from_source else ClosureQuestion.JOIN_BACK
+            )
         )
         parts = [self._source(join.near)]
         for name, given in (whole, direct):
@@ -785,10 +797,10 @@ class Translation:
 
     def _spread(self, goal: ClosureAtom, seen: Local) -> Expression:
         """What other searches in the same place have not found; `seen` holds what they have."""
-        question = Reach.SPREAD if self._known(goal.source) else Reach.SPREAD_BACK
+        question = ClosureQuestion.SPREAD if self._known(goal.source) else ClosureQuestion.SPREAD_BACK
         return self._reach(goal, question, seen)
 
-    def _reach(self, goal: ClosureAtom, question: Reach, *more: Expression) -> Expression:
+    def _reach(self, goal: ClosureAtom, question: ClosureQuestion, *more: Expression) -> Expression:
         inputs = [self._source(v) for v in (goal.source, goal.target) if self._known(v)]
         name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
         return call(name, *inputs, *more)
@@ -801,8 +813,8 @@ def forward_column(feature: Reference | Attribute) -> Forward | Values:
 
 _FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}
 _QUESTIONS = {
-    (True, True): Reach.HOLDS,
-    (True, False): Reach.FORWARD,
-    (False, True): Reach.BACKWARD,
-    (False, False): Reach.PAIRS,
+    (True, True): ClosureQuestion.HOLDS,
+    (True, False): ClosureQuestion.FORWARD,
+    (False, True): ClosureQuestion.BACKWARD,
+    (False, False): ClosureQuestion.PAIRS,
 }

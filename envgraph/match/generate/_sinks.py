@@ -31,7 +31,7 @@ from envgraph.code import (
     dataclass,
     method,
 )
-from envgraph.match.generate._symbols import Mode, Reach
+from envgraph.match.generate._symbols import ClosureQuestion, Mode
 
 Names = Callable[[int], Expression]
 """The code of a variable."""
@@ -142,7 +142,7 @@ def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
 
 
 def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
-    """The sink of a view whose plan has a sieve at its end."""
+    """The sink of a view whose plan tells its values apart at its end."""
     return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, sieved=True)
 
 
@@ -171,10 +171,10 @@ COUNT = Sink(
 )
 
 
-def visiting(variable: int, question: Reach) -> Sink:
+def visiting(variable: int, question: ClosureQuestion) -> Sink:
     """Adds a reached object to a breadth-first search, which a goal ends."""
     seen, todo, start, goal, push = map(Local, ("seen", "todo", "start", "goal", "push"))
-    meets = question is Reach.HOLDS
+    meets = question is ClosureQuestion.HOLDS
 
     def each(names: Names) -> Body:
         node = names(variable)
@@ -184,7 +184,7 @@ def visiting(variable: int, question: Reach) -> Sink:
 
     # The start is not seen: it is reached only if some path leads back to it.
     head: list[Statement] = [Assign(ADD, Member(seen, "add")), Assign(push, Member(todo, "append"))]
-    if question is not Reach.SPREAD:
+    if question is not ClosureQuestion.SPREAD:
         head.insert(0, Assign(seen, empty("set")))
     if not meets:
         head.insert(0, Assign(todo, Text("[start]", reads=(start,))))

@@ -96,7 +96,7 @@ class Recursive:
     bound: tuple[int, ...]
 
 
-class Reach(Enum):
+class ClosureQuestion(Enum):
     """What is asked of a closure."""
 
     FORWARD = "forward"
@@ -135,7 +135,7 @@ class Closed:
 
     step: str
     reflexive: bool
-    question: Reach
+    question: ClosureQuestion
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ CALL: Final = 4.0
 REACHED: Final = 30.0
 """Objects that a closure reaches, at least."""
 REACHED_SHARE: Final = 3.0
-"""One of how many objects a closure reaches."""
+"""A closure is expected to reach one of this many objects."""
 MEETING_SHARE: Final = 8.0
 """One of how many searches it takes to answer whether one end reaches another: they share their work."""
 OPAQUE_ROWS: Final = 10.0

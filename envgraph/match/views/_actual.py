@@ -12,11 +12,11 @@ from envgraph.match.explain._trace import noted
 from envgraph.match.generate._sinks import Sink
 from envgraph.match.generate._symbols import Held, Source
 from envgraph.match.generate._write import Module
+from envgraph.match.views._closure_operator import ClosureOperator
 from envgraph.match.views._delta import Delta, DeltaTranslation, Role, delta_plan, tuple_names
-from envgraph.match.views._folds import Fold
+from envgraph.match.views._group_aggregates import Fold
 from envgraph.match.views._operators import Operator, Rows
 from envgraph.match.views._planning import ViewPlanner
-from envgraph.match.views._reach import Reach
 from envgraph.metamodel import Attribute
 from envgraph.pattern import (
     AggregateAtom,
@@ -111,5 +111,5 @@ def _rows_of(operator: Operator) -> Iterator[tuple[Any, ...]]:
             yield from operator.rows
         case Fold():
             yield from ((*key, value) for key, value in operator.values.items() if value is not None)
-        case Reach():
+        case ClosureOperator():
             yield from operator.pairs()

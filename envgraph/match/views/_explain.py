@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from envgraph.match.explain._explain import Names, relation_text, steps_text
+from envgraph.match.views._closure_operator import ClosureOperator
 from envgraph.match.views._delta import Delta, Role, delta_plan, delta_source
-from envgraph.match.views._folds import Fold
+from envgraph.match.views._group_aggregates import Fold
 from envgraph.match.views._operators import Evaluated, Operator, View
 from envgraph.match.views._planning import ViewPlanner
-from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Component, Member
 from envgraph.pattern import Library
 
@@ -58,7 +58,7 @@ def _operator(operator: Operator) -> str:
             return f"{operator.name}: {size} rows, evaluated anew after every change"
         case Fold():
             return f"{operator.name}: {operator.function} over {operator.source.name}, {size} groups"
-        case Reach():
+        case ClosureOperator():
             end = "source" if operator.forward else "target"
             return f"{operator.name}: closure from {len(operator.begun)} {end}s, {size} pairs"
         case Member():

@@ -14,10 +14,10 @@ from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.explain._why import WhyNot
 from envgraph.match.generate._symbols import Source
 from envgraph.match.passes._calls import MOST_NESTED, check_nesting
-from envgraph.match.views._agreeing import Agreeing
 from envgraph.match.views._loops import Loops
 from envgraph.match.views._network import Network
 from envgraph.match.views._operators import Rows, unrecorded
+from envgraph.match.views._partial_lookup import PartialLookup
 from envgraph.match.views._sets import LONG, Log, MatchSet, key_of, net
 from envgraph.metamodel import Value
 from envgraph.pattern import Library
@@ -104,7 +104,7 @@ class ViewMatcher:
         self._outgrown = 0
         self._telling = False
         self._suspended = False
-        self._partly = Agreeing(self.demand)
+        self._partly = PartialLookup(self.demand)
         self._brief: int | None = None
         self.loops = Loops(self)
         self.user: Callable[[], object] | None = None

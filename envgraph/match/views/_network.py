@@ -8,13 +8,13 @@ from envgraph.match.passes._calls import CallGraph
 from envgraph.match.plan._live import LiveSizes
 from envgraph.match.views._actual import Build as DeltaBuild
 from envgraph.match.views._actual import actual_rows, tuples_of
+from envgraph.match.views._closure_operator import ClosureOperator
 from envgraph.match.views._delta import Delta
 from envgraph.match.views._explain import explain_views
-from envgraph.match.views._folds import Fold
-from envgraph.match.views._growth import Build, Evaluate, Growth
+from envgraph.match.views._group_aggregates import Fold
+from envgraph.match.views._network_builder import Build, Evaluate, NetworkBuilder
 from envgraph.match.views._operators import Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
-from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Component, Member
 from envgraph.match.views._wiring import Wiring
 from envgraph.pattern import Library
@@ -35,7 +35,7 @@ class Network:
         self, store: Store, library: Library, calls: CallGraph, build: Build, evaluate: Evaluate
     ) -> None:
         self._planner = ViewPlanner(library, calls, LiveSizes(library, store), self)
-        self._growth = Growth(store, calls, self._planner, build, evaluate)
+        self._growth = NetworkBuilder(store, calls, self._planner, build, evaluate)
         self._wiring = Wiring(store, self._growth, self._planner, build)
         self._evaluate = evaluate
         self._store = store
@@ -82,7 +82,7 @@ class Network:
     def reached(self, closure: str) -> tuple[bool, float, float]:
         """Whether it is followed from the source, how many starts it has, and what each reaches."""
         operator = self.operators[closure]
-        assert isinstance(operator, Reach)
+        assert isinstance(operator, ClosureOperator)
         starts = max(len(operator.begun), 1)
         return operator.forward, float(starts), max(operator.size() / starts, 1.0)
 
@@ -151,11 +151,11 @@ class Network:
                 return operator.group(symbol.positions).table.get
             case "fold", Fold():
                 return operator.value
-            case "reach", Reach():
+            case "reach", ClosureOperator():
                 return operator.reached.get
-            case "starts", Reach():
+            case "starts", ClosureOperator():
                 return operator.starts_to
-            case "pairs", Reach():
+            case "pairs", ClosureOperator():
                 return operator.pairs
         raise AssertionError(symbol)
 
@@ -187,7 +187,7 @@ class Network:
             match operator:
                 case View():
                     operator.check_derivations()
-                case Fold() | Reach():
+                case Fold() | ClosureOperator():
                     operator.check()
                 case Component():
                     assert not operator.pending

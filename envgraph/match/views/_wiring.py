@@ -9,13 +9,13 @@ from itertools import groupby, product
 from envgraph.code import Call, Do, Function, Local, Name, Return, define
 from envgraph.graph import Store
 from envgraph.match.plan._options import Unplannable
+from envgraph.match.views._closure_operator import ClosureOperator
 from envgraph.match.views._delta import Delta, Occurrence, occurrences, own_positions
-from envgraph.match.views._folds import Fold
 from envgraph.match.views._fusion import fused_source
-from envgraph.match.views._growth import Build, Definition, Growth, Key
+from envgraph.match.views._group_aggregates import Fold
+from envgraph.match.views._network_builder import Build, Definition, Key, NetworkBuilder
 from envgraph.match.views._operators import Evaluated, Hook, Operator, View
 from envgraph.match.views._planning import ViewPlanner
-from envgraph.match.views._reach import Reach
 from envgraph.match.views._recursive import Member
 from envgraph.metamodel import Attribute
 from envgraph.pattern import AttributeAtom, CallAtom, ClosureAtom, Conjunction, InstanceAtom, LinkAtom
@@ -41,7 +41,7 @@ class Wiring:
         build: makes functions of source.
     """
 
-    def __init__(self, store: Store, growth: Growth, planner: ViewPlanner, build: Build) -> None:
+    def __init__(self, store: Store, growth: NetworkBuilder, planner: ViewPlanner, build: Build) -> None:
         self.store = store
         self.deltas: list[Delta] = []
         self.turns: list[Operator] = []
@@ -102,7 +102,7 @@ class Wiring:
         match operator:
             case Fold():
                 return len(operator.group) + 1
-            case Reach():
+            case ClosureOperator():
                 return 2
             case _ if definition is not None:
                 return len(definition.bodies[0].parameters) if definition.bodies else 0
@@ -113,7 +113,7 @@ class Wiring:
         match operator:
             case Fold():
                 self._listen(("rows", operator.source.name), operator.hooks)
-            case Reach():
+            case ClosureOperator():
                 self._listen(("rows", operator.starts.name), (operator.ask, operator.unask))
                 gain: Hook = operator.gain
                 lose: Hook = operator.lose

@@ -30,8 +30,8 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite._plan import Absorb, Link, Rehome, Unlink
 from envgraph.rewrite.check._assign import AssignmentReader
-from envgraph.rewrite.check._left import LoweredBlock
-from envgraph.rewrite.check._sight import LinkKey, ResolvedEdge, Sight
+from envgraph.rewrite.check._lhs import LoweredBlock
+from envgraph.rewrite.check._scope import LinkKey, ResolvedEdge, RuleScope
 from envgraph.rewrite.check._variables import equated, is_named, node_names, path_edges
 
 
@@ -43,7 +43,7 @@ class Changes:
         rule: the whole rule.
         lowered: the left side of the block.
         inherited: how many names there are outside of the block.
-        sight: the names that can be used in the block; `sight.problems` collects what is wrong.
+        scope: the names that can be used in the block; `scope.problems` collects what is wrong.
         values: what is set.
         arrows: the links of the left side of this block.
         created, retyped, deleted: names of objects, in the order of the text.
@@ -59,7 +59,7 @@ class Changes:
     rule: Rule
     lowered: LoweredBlock
     inherited: int
-    sight: Sight
+    scope: RuleScope
     values: AssignmentReader
     arrows: list[ResolvedEdge]
     created: list[str] = field(default_factory=list)
@@ -84,42 +84,42 @@ class Changes:
     @property
     def ending(self) -> set[str]:
         """Names of the objects that are deleted, here or further out, without those that are merged."""
-        return self.sight.deleted.keys() - self.sight.absorbed.keys()
+        return self.scope.deleted.keys() - self.scope.absorbed.keys()
 
     def unlink(self, edge: ResolvedEdge) -> Unlink:
         """The operation that deletes a link."""
-        key = self.sight.key(edge)
-        required = key in self.redirected and all(self.sight.key(arrow) != key for arrow in self.sight.arrows)
-        source, target = self.sight.slot(edge.source), self.sight.slot(edge.target)
+        key = self.scope.key(edge)
+        required = key in self.redirected and all(self.scope.key(arrow) != key for arrow in self.scope.arrows)
+        source, target = self.scope.slot(edge.source), self.scope.slot(edge.target)
         return Unlink(source, edge.reference, target, required, edge.span)
 
     def link(self, edge: ResolvedEdge) -> Link:
         """The operation that creates a link."""
-        return Link(self.sight.slot(edge.source), edge.reference, self.sight.slot(edge.target), edge.span)
+        return Link(self.scope.slot(edge.source), edge.reference, self.scope.slot(edge.target), edge.span)
 
 
 def changes_of(
-    rule: Rule, lowered: LoweredBlock, outer: Sight, types: Mapping[str, StaticType | None]
+    rule: Rule, lowered: LoweredBlock, outer: RuleScope, types: Mapping[str, StaticType | None]
 ) -> Changes:
-    """Read a block, in the sight of the one around it."""
+    """Read a block, in the scope of the one around it."""
     for name in lowered.own:
         if name in outer.created:
             span = node_names(lowered.left).get(name)
             message = f"`{name}` is created by the enclosing rule"
             hint = "a new object is in no match: choose another name for one of the two"
             outer.error("duplicate-definition", message, span, hint)
-    sight = outer.inner(types)
+    scope = outer.inner(types)
     left = lowered.left
     for node in left.nodes:
         if node.type:
-            sight.declared.setdefault(node.name, set()).add(node.type)
-    sight.equated |= equated(left)
-    arrows = [edge for edge in map(sight.left_edge, left.edges) if edge]
-    changes = Changes(rule, lowered, len(outer.names), sight, AssignmentReader(sight), arrows)
-    sight.arrows.extend(arrows)
-    sight.paths.update(map(sight.key, filter(None, map(sight.left_edge, path_edges(left)))))
+            scope.declared.setdefault(node.name, set()).add(node.type)
+    scope.equated |= equated(left)
+    arrows = [edge for edge in map(scope.left_edge, left.edges) if edge]
+    changes = Changes(rule, lowered, len(outer.names), scope, AssignmentReader(scope), arrows)
+    scope.arrows.extend(arrows)
+    scope.paths.update(map(scope.key, filter(None, map(scope.left_edge, path_edges(left)))))
     calls = (each for each in left.constraints if isinstance(each, PatternCall))
-    sight.called += [{term.name for term in terms_in(c) if isinstance(term, Variable)} for c in calls]
+    scope.called += [{term.name for term in terms_in(c) if isinstance(term, Variable)} for c in calls]
     ActionReader(changes).read()
     return changes
 
@@ -135,7 +135,7 @@ class ActionReader:
         self.changes = changes
         self.rule = changes.rule
         self.lowered = changes.lowered
-        self.sight = changes.sight
+        self.scope = changes.scope
         self.values = changes.values
 
     def read(self) -> None:
@@ -183,9 +183,9 @@ class ActionReader:
 
     def _new_or_known(self, node: Node) -> None:
         if node.type is None:
-            self.sight.knows(node.name, node.span)
-        elif self.sight.sees(node.name):
-            self.sight.error(
+            self.scope.knows(node.name, node.span)
+        elif self.scope.sees(node.name):
+            self.scope.error(
                 "duplicate-definition",
                 f"`{node.name}` exists already, so it cannot be created",
                 node.span,
@@ -200,80 +200,80 @@ class ActionReader:
         self.changes.spans[name] = node.span
         if not is_named(name):
             hint = "a name that starts with `_` stands for anything, once; give the object another name"
-            self.sight.error("bad-name", f"`{name}` cannot name a new object", node.span, hint)
+            self.scope.error("bad-name", f"`{name}` cannot name a new object", node.span, hint)
         # An unusable class still makes the name known: one mistake, one diagnostic.
-        if self.sight.instantiable(node.type, node.type_span or node.span):
-            self.sight.created[name] = node.type
+        if self.scope.instantiable(node.type, node.type_span or node.span):
+            self.scope.created[name] = node.type
         else:
-            self.sight.types[name] = None
+            self.scope.types[name] = None
         self.changes.created.append(name)
-        self.sight.add(name)
+        self.scope.add(name)
 
     def _retype(self, action: Retype) -> None:
         name, cls = action.node.name, action.type
         where = action.type_span or action.span
-        if not self.sight.knows(
+        if not self.scope.knows(
             name, action.node.span or action.span, matched=True
-        ) or not self.sight.instantiable(cls, where):
+        ) or not self.scope.instantiable(cls, where):
             return
-        if name in self.sight.created:
+        if name in self.scope.created:
             message = f"`{name}` is created by this rule"
-            self.sight.error("duplicate-definition", message, action.span, f"create it as `{name} : {cls}`")
-        elif self.sight.was_object(name, action.node.span or action.span):
-            if self.sight.retyped.get(name, cls) != cls:
-                message = f"`{name}` cannot become both `{self.sight.retyped[name]}` and `{cls}`"
-                self.sight.error("duplicate-action", message, where, "leave one out")
+            self.scope.error("duplicate-definition", message, action.span, f"create it as `{name} : {cls}`")
+        elif self.scope.was_object(name, action.node.span or action.span):
+            if self.scope.retyped.get(name, cls) != cls:
+                message = f"`{name}` cannot become both `{self.scope.retyped[name]}` and `{cls}`"
+                self.scope.error("duplicate-action", message, where, "leave one out")
             self.changes.spans[name] = where
-            self.sight.retyped[name] = cls
+            self.scope.retyped[name] = cls
             self.changes.retyped.append(name)
 
     def _delete(self, name: str, span: Span | None) -> None:
-        if not self.sight.knows(name, span, matched=True) or not self.sight.was_object(name, span):
+        if not self.scope.knows(name, span, matched=True) or not self.scope.was_object(name, span):
             return
-        if name in self.sight.created:
-            self.sight.error(
+        if name in self.scope.created:
+            self.scope.error(
                 "duplicate-action",
                 f"`{name}` is created by this rule",
                 span,
                 "leave out the creation and the deletion",
             )
-        elif name in self.sight.deleted:
-            self.sight.warn("duplicate-action", f"`{name}` is deleted already", span, "leave it out")
+        elif name in self.scope.deleted:
+            self.scope.warn("duplicate-action", f"`{name}` is deleted already", span, "leave it out")
         elif name in self.changes.kept:
             message = f"`{name}` is deleted and changed"
             notes = (Note("the other action is here", self.changes.kept[name]),)
-            self.sight.problems.append(
+            self.scope.problems.append(
                 Diagnostic("contradiction", message, span, "leave one of the two out", notes=notes)
             )
         else:
             self.changes.gone[name] = span
-            self.sight.deleted[name] = None
+            self.scope.deleted[name] = None
             self.changes.deleted.append(name)
 
     def _merge(self, action: Merge) -> None:
         kept, absorbed = action.kept.name, action.absorbed.name
         span = action.span
         if kept == absorbed:
-            self.sight.error(
+            self.scope.error(
                 "duplicate-action",
                 f"`{kept}` cannot be merged with itself",
                 span,
                 "merge two different objects",
             )
-        elif absorbed in self.sight.created:
+        elif absorbed in self.scope.created:
             message = f"`{absorbed}` is created by this rule, so that there is nothing to merge"
-            self.sight.error("duplicate-action", message, action.absorbed.span or span, "leave it out")
+            self.scope.error("duplicate-action", message, action.absorbed.span or span, "leave it out")
         elif all(
             [
-                self.sight.is_object(v.name, v.span or span, matched=True)
+                self.scope.is_object(v.name, v.span or span, matched=True)
                 for v in (action.kept, action.absorbed)
             ]
         ):
-            places = self.sight.slot(kept), self.sight.slot(absorbed), self.sight.add("")
+            places = self.scope.slot(kept), self.scope.slot(absorbed), self.scope.add("")
             self.changes.absorbs.append(Absorb(*places, span))
             self.changes.kept[kept] = span
-            self.sight.deleted[absorbed] = None
-            self.sight.absorbed[absorbed] = None
+            self.scope.deleted[absorbed] = None
+            self.scope.absorbed[absorbed] = None
 
     # --- `rhs`: the graph after the rule
 
@@ -291,13 +291,13 @@ class ActionReader:
             self._right_action(action, kept)
 
     def _right_node(self, node: Node) -> None:
-        if not self.sight.sees(node.name):
+        if not self.scope.sees(node.name):
             if node.type is None:
-                self.sight.knows(node.name, node.span)
+                self.scope.knows(node.name, node.span)
             else:
                 self._create(node)
         elif node.type is not None and node.name in self.changes.created:
-            self.sight.error(
+            self.scope.error(
                 "duplicate-definition",
                 f"`{node.name}` is created twice",
                 node.span,
@@ -307,8 +307,8 @@ class ActionReader:
             self._retype(Retype(Variable(node.name, node.span), node.type, node.span, node.type_span))
 
     def _left_classes(self, name: str) -> set[str]:
-        before = self.sight.before(name)
-        return self.sight.declared.get(name) or ({before} if before else set())
+        before = self.scope.before(name)
+        return self.scope.declared.get(name) or ({before} if before else set())
 
     def _omitted_nodes(self, right: RightSide, kept: Mapping[str, None]) -> None:
         explicit = {a.node.name: a.span for a in right.actions if isinstance(a, DeleteNode)}
@@ -316,13 +316,13 @@ class ActionReader:
         for name, span in node_names(self.lowered.left).items():
             if name in kept or name in context or name not in self.lowered.own:
                 continue
-            if not isinstance(self.sight.types.get(name), ObjectType):
+            if not isinstance(self.scope.types.get(name), ObjectType):
                 continue
             self.changes.gone[name] = explicit.get(name, span)
-            self.sight.deleted[name] = None
+            self.scope.deleted[name] = None
             self.changes.deleted.append(name)
             if name not in explicit:
-                self.sight.warn(
+                self.scope.warn(
                     "deletion-by-omission",
                     f"`{name}` is deleted, because the right side leaves it out",
                     span,
@@ -333,11 +333,11 @@ class ActionReader:
         wanted = self.changes.wanted
         unclear = False
         for edge in right.edges:
-            resolved = self.sight.edge(edge)
+            resolved = self.scope.edge(edge)
             if resolved:
-                wanted[self.sight.key(resolved)] = resolved
+                wanted[self.scope.key(resolved)] = resolved
             unclear |= resolved is None
-        before = {self.sight.key(arrow): arrow for arrow in self.changes.arrows}
+        before = {self.scope.key(arrow): arrow for arrow in self.changes.arrows}
         if not unclear:
             self.changes.unlinks.update((key, arrow) for key, arrow in before.items() if key not in wanted)
         self.changes.links.update((key, edge) for key, edge in wanted.items() if key not in before)
@@ -353,36 +353,36 @@ class ActionReader:
                 if name in kept:
                     message = f"`{name}` stands in the right side, so it cannot be deleted"
                     hint = "take it out of the right side, or leave the deletion out"
-                    self.sight.error("duplicate-action", message, action.node.span or action.span, hint)
+                    self.scope.error("duplicate-action", message, action.node.span or action.span, hint)
                 elif name not in self.changes.deleted:
                     self._delete(name, action.node.span or action.span)
             case Create() | Retype() | Move() | Merge() | Redirect():
                 word = type(action).__name__.lower()
                 hint = "say what the graph looks like afterwards, or use `modify { .. }`"
-                self.sight.error("misplaced-action", f"`{word}` stands in `modify` only", action.span, hint)
+                self.scope.error("misplaced-action", f"`{word}` stands in `modify` only", action.span, hint)
 
     # --- links
 
     def _new_graph(self, nodes: Sequence[Node], edges: Sequence[Edge]) -> None:
-        there = {self.sight.key(arrow) for arrow in self.sight.arrows}
+        there = {self.scope.key(arrow) for arrow in self.scope.arrows}
         for edge in edges:
-            resolved = self.sight.edge(edge)
+            resolved = self.scope.edge(edge)
             if resolved is None:
                 continue
-            key = self.sight.key(resolved)
+            key = self.scope.key(resolved)
             self.changes.links[key] = resolved
             if key in there:
                 message = f"the left side has `{edge.source} -{edge.reference}-> {edge.target}` already"
                 hint = "there is one such link: leave this out, or make it another object"
-                self.sight.warn("existing-link", message, edge.span, hint)
+                self.scope.warn("existing-link", message, edge.span, hint)
         for node in nodes:
             self._assignments(node)
 
     def _delete_edge(self, edge: Edge) -> None:
-        resolved = self.sight.edge(edge, before=True)
+        resolved = self.scope.edge(edge, before=True)
         if resolved is None:
             return
-        key = self.sight.key(resolved)
+        key = self.scope.key(resolved)
         self._once(key, edge, "deleted")
         self.changes.unlinks[key] = resolved
         self.changes.removed[key] = edge
@@ -395,7 +395,7 @@ class ActionReader:
         text = f"`{edge.source} -{edge.reference}-> {edge.target}`"
         notes = (Note("the first is here", earlier.span),)
         if key not in self.changes.redirected and what == "deleted":
-            self.sight.warn("duplicate-action", f"{text} is deleted already", edge.span, "leave it out")
+            self.scope.warn("duplicate-action", f"{text} is deleted already", edge.span, "leave it out")
         else:
             word = "redirected" if key in self.changes.redirected else "deleted"
             message = f"{text} is {word} already, and cannot be {what} " + (
@@ -404,41 +404,41 @@ class ActionReader:
             found = Diagnostic(
                 "duplicate-action", message, edge.span, "leave one of the two out", notes=notes
             )
-            self.sight.problems.append(found)
+            self.scope.problems.append(found)
 
     def _redirect(self, action: Redirect) -> None:
         edge = action.edge
-        old = self.sight.edge(edge, before=True)
-        new = self.sight.edge(replace(edge, target=action.target.name, target_span=action.target.span))
+        old = self.scope.edge(edge, before=True)
+        new = self.scope.edge(replace(edge, target=action.target.name, target_span=action.target.span))
         if old and new:
-            key = self.sight.key(old)
+            key = self.scope.key(old)
             self._once(key, edge, "redirected")
             self.changes.redirected[key] = edge
             self.changes.unlinks[key] = old
-            self.changes.links[self.sight.key(new)] = new
+            self.changes.links[self.scope.key(new)] = new
 
     def _move(self, action: Move) -> None:
         node, container = action.node, action.container
         where = action.reference_span or action.span
-        if not all([self.sight.is_object(v.name, v.span or action.span) for v in (node, container)]):
+        if not all([self.scope.is_object(v.name, v.span or action.span) for v in (node, container)]):
             return
-        cls = self.sight.after(container.name)
-        reference = self.sight.reference(cls, action.reference, where) if cls else None
-        if reference is None or not self.sight.fits(node.name, reference, node.span or action.span):
+        cls = self.scope.after(container.name)
+        reference = self.scope.reference(cls, action.reference, where) if cls else None
+        if reference is None or not self.scope.fits(node.name, reference, node.span or action.span):
             return
         if not reference.containment:
             hint = f"write `create {container.name} -{reference.name}-> {node.name};` to link them"
-            self.sight.error("not-a-containment", f"`{reference}` does not contain its targets", where, hint)
+            self.scope.error("not-a-containment", f"`{reference}` does not contain its targets", where, hint)
             return
         self.changes.moves.append(
-            Rehome(self.sight.slot(node.name), self.sight.slot(container.name), reference, action.span)
+            Rehome(self.scope.slot(node.name), self.scope.slot(container.name), reference, action.span)
         )
 
     def _assignments(self, node: Node) -> None:
         for assignment in node.assignments:
             if node.name in self.changes.created:
                 self.values.initialise(node, assignment)
-            elif self.sight.sees(node.name):
+            elif self.scope.sees(node.name):
                 owner = Variable(node.name, node.span)
                 feature, value, span = assignment.feature, assignment.value, assignment.span
                 self.values.set(Set(owner, feature, "=", value, span, feature_span=assignment.feature_span))
@@ -446,7 +446,7 @@ class ActionReader:
     def _clear_deleted(self) -> None:
         """Links of the left side at a deleted node go with it, whoever wrote them."""
         gone = self.changes.ending
-        for arrow in self.sight.arrows:
+        for arrow in self.scope.arrows:
             ends = {arrow.source, arrow.target}
             if ends & set(self.changes.deleted) or (arrow in self.changes.arrows and ends & gone):
-                self.changes.unlinks.setdefault(self.sight.key(arrow), arrow)
+                self.changes.unlinks.setdefault(self.scope.key(arrow), arrow)

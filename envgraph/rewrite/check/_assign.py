@@ -29,7 +29,7 @@ from envgraph.rewrite._plan import (
     SetValue,
     SetValues,
 )
-from envgraph.rewrite.check._sight import Sight
+from envgraph.rewrite.check._scope import RuleScope
 
 Operator = Literal["=", "+=", "-="]
 Values = Expression | tuple[Expression, ...]
@@ -44,8 +44,8 @@ class AssignmentReader:
         sets: everything else.
     """
 
-    def __init__(self, sight: Sight) -> None:
-        self.sight = sight
+    def __init__(self, scope: RuleScope) -> None:
+        self.scope = scope
         self.computed: list[Compute] = []
         self.links: list[Link] = []
         self.sets: list[Assign] = []
@@ -60,7 +60,7 @@ class AssignmentReader:
             self._attribute(node.name, feature, "=", assignment.value, span)
         elif isinstance(feature, Reference) and not _is_none(assignment.value):
             for value in self._targets(feature, assignment.value, span):
-                self.links.append(Link(self.sight.slot(node.name), feature, value, span))
+                self.links.append(Link(self.scope.slot(node.name), feature, value, span))
 
     def set(self, action: Set) -> None:
         """`set object.feature = value`, `+=`, `-=`."""
@@ -75,8 +75,8 @@ class AssignmentReader:
         self, owner: Variable, feature: str, operator: Operator, span: Span | None
     ) -> Attribute | Reference | None:
         name = owner.name
-        cls = self.sight.after(name) if self.sight.is_object(name, owner.span or span) else None
-        found = self.sight.feature(cls, feature, span) if cls else None
+        cls = self.scope.after(name) if self.scope.is_object(name, owner.span or span) else None
+        found = self.scope.feature(cls, feature, span) if cls else None
         if found is None:
             return None
         if (name, feature) in self._earlier:
@@ -84,7 +84,7 @@ class AssignmentReader:
             if "=" in (operator, earlier):
                 notes = (Note("the first is here", where),)
                 message = f"`{name}.{feature}` gets two values"
-                self.sight.problems.append(
+                self.scope.problems.append(
                     Diagnostic("duplicate-assignment", message, span, "leave one out", notes=notes)
                 )
                 return None
@@ -97,7 +97,7 @@ class AssignmentReader:
         if attribute.many:
             self._values(name, attribute, operator, value, span)
         elif isinstance(value, tuple):
-            self.sight.error(
+            self.scope.error(
                 "wrong-type",
                 f"`{attribute}` has one value, not a list",
                 span,
@@ -107,13 +107,13 @@ class AssignmentReader:
             message = (
                 f"`{operator}` does not apply to `{attribute}`, {with_article(type_text(attribute.type))}"
             )
-            self.sight.error("wrong-type", message, span, "write `=`")
+            self.scope.error("wrong-type", message, span, "write `=`")
         elif operator == "=" and _is_none(value):
-            self.sets.append(SetValue(self.sight.slot(name), attribute, None, span))
+            self.sets.append(SetValue(self.scope.slot(name), attribute, None, span))
         else:
             slot = self._value(value, attribute.type, span, needed=operator != "=" or not attribute.optional)
             if slot is not None:
-                object_ = self.sight.slot(name)
+                object_ = self.scope.slot(name)
                 self.sets.append(
                     SetValue(object_, attribute, slot, span)
                     if operator == "="
@@ -127,7 +127,7 @@ class AssignmentReader:
         parts = () if operator == "=" and _is_none(value) else value if isinstance(value, tuple) else (value,)
         slots = [self._value(part, attribute.type, part.span or span, needed=True) for part in parts]
         found = tuple(slot for slot in slots if slot is not None)  # the others are reported
-        object_ = self.sight.slot(name)
+        object_ = self.scope.slot(name)
         if operator == "=":
             self.sets.append(SetValues(object_, attribute, found, span))
         else:
@@ -136,10 +136,10 @@ class AssignmentReader:
     def _reference(
         self, name: str, reference: Reference, operator: Operator, value: Values, span: Span | None
     ) -> None:
-        object_ = self.sight.slot(name)
+        object_ = self.scope.slot(name)
         if operator != "=" and not reference.many:
             message = f"`{reference}` has at most one target, so `{operator}` does not apply"
-            self.sight.error("wrong-type", message, span, "write `=`, or `= none` to clear it")
+            self.scope.error("wrong-type", message, span, "write `=`, or `= none` to clear it")
         elif operator == "=" and _is_none(value):
             self.sets.append(SetTargets(object_, reference, (), span))
         else:
@@ -153,7 +153,7 @@ class AssignmentReader:
     def _targets(self, reference: Reference, value: Values, span: Span | None) -> tuple[int, ...]:
         """Slots of the targets that a value gives; what is wrong is reported and left out."""
         if isinstance(value, tuple) and not reference.many and len(value) != 1:
-            self.sight.error(
+            self.scope.error(
                 "wrong-type",
                 f"`{reference}` has at most one target, not a list",
                 span,
@@ -164,8 +164,8 @@ class AssignmentReader:
         for part in value if isinstance(value, tuple) else (value,):
             where = part.span or span
             if isinstance(part, Variable):
-                if self.sight.is_object(part.name, where) and self.sight.fits(part.name, reference, where):
-                    found.append(self.sight.slot(part.name))
+                if self.scope.is_object(part.name, where) and self.scope.fits(part.name, reference, where):
+                    found.append(self.scope.slot(part.name))
             else:
                 slot = self._value(part, ObjectType(reference.target), where, needed=False)
                 found += [] if slot is None else [slot]
@@ -177,21 +177,21 @@ class AssignmentReader:
         """The slot of a value on the state before the rule; `needed`: it is an error if there is none."""
         read = {variable.name: variable for variable in variables_in(expression)}
         for name, variable in read.items():
-            if name in self.sight.created:
+            if name in self.scope.created:
                 message = f"`{name}` is created by this rule: it has no values before it"
-                self.sight.error(
+                self.scope.error(
                     "no-value-yet", message, variable.span or span, "take a value from the left side"
                 )
                 return None
         problems = self._check(expression, expected, span)
-        self.sight.problems.extend(problems)
+        self.scope.problems.extend(problems)
         if problems:
             return None
         if isinstance(expression, Variable):
-            return self.sight.slot(expression.name)
-        scope = tuple((name, self.sight.slot(name), self.sight.types[name]) for name in read)
-        slot = self.sight.add("")
-        self.computed.append(Compute(slot, expression, scope, needed, isinstance(expected, ObjectType)))
+            return self.scope.slot(expression.name)
+        reads = tuple((name, self.scope.slot(name), self.scope.types[name]) for name in read)
+        slot = self.scope.add("")
+        self.computed.append(Compute(slot, expression, reads, needed, isinstance(expected, ObjectType)))
         return slot
 
     def _check(self, expression: Expression, expected: StaticType, span: Span | None) -> list[Diagnostic]:
@@ -199,7 +199,7 @@ class AssignmentReader:
             return [
                 Diagnostic("wrong-type", "`none` is no value here", expression.span or span, "write `= none`")
             ]
-        _, problems = check_expression(expression, self.sight.types, self.sight.metamodel, expected=expected)
+        _, problems = check_expression(expression, self.scope.types, self.scope.metamodel, expected=expected)
         return [_located(problem, span) for problem in problems]
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 from envgraph.pattern import StaticType
 from envgraph.rewrite._plan import BlockPlan, ChangeClass, Delete, New, Unlink
 from envgraph.rewrite.check._actions import Changes, changes_of
-from envgraph.rewrite.check._left import LoweredBlock
+from envgraph.rewrite.check._lhs import LoweredBlock
 from envgraph.rewrite.check._lints import check_block, check_links
 from envgraph.rewrite.check._variables import may_be_one
 
@@ -20,9 +20,9 @@ def plan_of(changes: Changes, types_of: TypesOf) -> BlockPlan:
     """The plan of a block and those inside it, all of them checked; of use only if no error was found."""
     check_links(changes)
     identified_links = _identified_links(changes)
-    sight = changes.sight
-    sight.unlinked.update(changes.unlinks)
-    inner = (changes_of(changes.rule, block, sight, types_of(block)) for block in changes.lowered.nested)
+    scope = changes.scope
+    scope.unlinked.update(changes.unlinks)
+    inner = (changes_of(changes.rule, block, scope, types_of(block)) for block in changes.lowered.nested)
     nested = tuple(plan_of(one, types_of) for one in inner)
     plan = _plan(changes, nested, identified_links)
     check_block(changes, plan)
@@ -32,7 +32,7 @@ def plan_of(changes: Changes, types_of: TypesOf) -> BlockPlan:
 def _plan(
     changes: Changes, nested: tuple[BlockPlan, ...], identified_links: tuple[tuple[Unlink, Unlink], ...]
 ) -> BlockPlan:
-    sight, lowered, slot = changes.sight, changes.lowered, changes.sight.slot
+    scope, lowered, slot = changes.scope, changes.lowered, changes.scope.slot
     deletes = tuple(Delete(slot(name), changes.gone.get(name)) for name in dict.fromkeys(changes.deleted))
     unlinks = tuple(map(changes.unlink, changes.unlinks.values()))
     links = map(changes.link, changes.links.values())
@@ -41,21 +41,21 @@ def _plan(
         pattern=lowered.pattern.qualified_name,
         arguments=tuple(slot(name) for name in lowered.inherited),
         inherited=changes.inherited,
-        names=tuple(sight.names),
-        classes=tuple(sight.before(name) for name in sight.names),
+        names=tuple(scope.names),
+        classes=tuple(scope.before(name) for name in scope.names),
         variables=len(lowered.own),
-        coinciding=any(_may_coincide(changes, *pair) for pair in combinations(sight.types, 2)),
+        coinciding=any(_may_coincide(changes, *pair) for pair in combinations(scope.types, 2)),
         identified=_identified(changes),
         identified_links=identified_links,
         computed=tuple(changes.values.computed),
         unlinks=unlinks,
         deletes=deletes,
         retypes=tuple(
-            ChangeClass(slot(name), sight.retyped[name], changes.spans.get(name))
+            ChangeClass(slot(name), scope.retyped[name], changes.spans.get(name))
             for name in dict.fromkeys(changes.retyped)
         ),
         creates=tuple(
-            New(slot(name), sight.created[name]) for name in changes.created if name in sight.created
+            New(slot(name), scope.created[name]) for name in changes.created if name in scope.created
         ),
         absorbs=tuple(changes.absorbs),
         moves=tuple(changes.moves),
@@ -76,34 +76,34 @@ def _kind(changes: Changes) -> Literal["rule", "forall", "forall+", "optional"]:
 
 def _may_coincide(changes: Changes, one: str, other: str) -> bool:
     """Whether two variables may stand for one object in a match of this rule."""
-    same = changes.sight.equated
+    same = changes.scope.equated
     if one == other or frozenset((one, other)) in same:
         return True
     if changes.rule.injective and not may_be_one(one, other, changes.rule.homomorphic, same):
         return False
-    left, right = changes.sight.before(one), changes.sight.before(other)
-    return bool(left and right and changes.sight.metamodel.overlap(left, right))
+    left, right = changes.scope.before(one), changes.scope.before(other)
+    return bool(left and right and changes.scope.metamodel.overlap(left, right))
 
 
 def _identified(changes: Changes) -> tuple[tuple[int, int], ...]:
     """Objects that are deleted, each with one that it must not be."""
-    sight = changes.sight
-    own = {*changes.deleted, *(sight.names[a.absorbed] for a in changes.absorbs)}
+    scope = changes.scope
+    own = {*changes.deleted, *(scope.names[a.absorbed] for a in changes.absorbs)}
     return tuple(
-        (sight.slot(name), sight.slot(other))
-        for name in sight.deleted
-        for other in (sight.types if name in own else changes.lowered.own)
+        (scope.slot(name), scope.slot(other))
+        for name in scope.deleted
+        for other in (scope.types if name in own else changes.lowered.own)
         if name != other and _may_coincide(changes, name, other)
     )
 
 
 def _identified_links(changes: Changes) -> tuple[tuple[Unlink, Unlink], ...]:
     """Links that are deleted, each with one of a left side that it must not be."""
-    sight = changes.sight
+    scope = changes.scope
     found: list[tuple[Unlink, Unlink]] = []
-    for key, gone in {**sight.unlinked, **changes.unlinks}.items():
-        for arrow in sight.arrows if key in changes.unlinks else changes.arrows:
-            same = sight.key(arrow)
+    for key, gone in {**scope.unlinked, **changes.unlinks}.items():
+        for arrow in scope.arrows if key in changes.unlinks else changes.arrows:
+            same = scope.key(arrow)
             if same == key or same[0] != key[0]:
                 continue
             if _may_coincide(changes, key[1], same[1]) and _may_coincide(changes, key[2], same[2]):

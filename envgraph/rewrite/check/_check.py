@@ -43,8 +43,8 @@ from envgraph.rewrite.check._header import (
     duplicate_parameters,
     left_problems,
 )
-from envgraph.rewrite.check._left import LeftLowering, LoweredBlock
-from envgraph.rewrite.check._sight import Sight
+from envgraph.rewrite.check._lhs import LeftLowering, LoweredBlock
+from envgraph.rewrite.check._scope import RuleScope
 from envgraph.rewrite.check._single_use import used_once
 from envgraph.rewrite.check._variables import all_names, is_named, own_variables
 
@@ -100,16 +100,16 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     if not has_errors(problems) and not library.unsound(*patterns):
         known = copy(library)  # a library never changes what it has: a shallow copy is one of its own
         known.add(*patterns)
-    sight = Sight(library.metamodel, problems, elsewhere=_block_names(rule.blocks))
+    scope = RuleScope(library.metamodel, problems, elsewhere=_block_names(rule.blocks))
     for parameter in rule.parameters:
         if parameter.type:
-            sight.declared[parameter.name] = {parameter.type}
-    changes = changes_of(rule, lowered, sight, _types_of(lowered, known))
+            scope.declared[parameter.name] = {parameter.type}
+    changes = changes_of(rule, lowered, scope, _types_of(lowered, known))
     body = plan_of(changes, lambda block: _types_of(block, known))
     positions = known.inputs(lowered.pattern.qualified_name) if known else ()
     inputs = tuple(lowered.own[position] for position in positions)
-    outputs = _outputs(rule, changes.sight, inputs)
-    _check_homomorphic(rule, changes.sight, problems)
+    outputs = _outputs(rule, changes.scope, inputs)
+    _check_homomorphic(rule, changes.scope, problems)
     if known is not None and not has_errors(problems):
         problems += _check_effect(rule, lowered, body)
         problems += used_once(rule)
@@ -210,7 +210,7 @@ def _depth(rule: Rule) -> int:
 
 
 def _types_of(block: LoweredBlock, known: Library | None) -> Mapping[str, StaticType | None]:
-    """Types of the variables in sight: what the library found where it found no error, else what arrows tell."""
+    """Types of the variables in scope: what the library found where it found no error, else what arrows tell."""
     if known is None:
         return block.types
     found = known.parameter_types(block.pattern.qualified_name)
@@ -299,7 +299,7 @@ def _check_types(rule: Rule, library: Library) -> Iterable[Diagnostic]:
 # --- what needs the whole rule
 
 
-def _outputs(rule: Rule, sight: Sight, given: Sequence[str]) -> tuple[tuple[str, int], ...]:
+def _outputs(rule: Rule, scope: RuleScope, given: Sequence[str]) -> tuple[tuple[str, int], ...]:
     """Name and slot of the `out` parameters; `given` are variables that only a caller can bind."""
     found: list[tuple[str, int]] = []
     mentioned = all_names(rule.left)
@@ -307,28 +307,28 @@ def _outputs(rule: Rule, sight: Sight, given: Sequence[str]) -> tuple[tuple[str,
         name = parameter.name
         if parameter.direction != "out":
             continue
-        if name in sight.deleted:
+        if name in scope.deleted:
             message = f"`{name}` is deleted by this rule, and cannot be handed out"
-            sight.error(
+            scope.error(
                 "deleted-variable", message, parameter.span, "leave out the deletion, or the parameter"
             )
-        elif name in sight.created:
-            found.append((name, sight.slot(name)))
-            _check_created_output(parameter, sight)
+        elif name in scope.created:
+            found.append((name, scope.slot(name)))
+            _check_created_output(parameter, scope)
         elif name not in mentioned or name in given:
             hint = "bind it in the left side, or create it in the right side"
-            sight.error("unbound-output", f"nothing gives `{name}` a value", parameter.span, hint)
+            scope.error("unbound-output", f"nothing gives `{name}` a value", parameter.span, hint)
         else:
-            found.append((name, sight.slot(name)))
+            found.append((name, scope.slot(name)))
     return tuple(found)
 
 
-def _check_created_output(parameter: Parameter, sight: Sight) -> None:
-    cls = sight.created[parameter.name]
+def _check_created_output(parameter: Parameter, scope: RuleScope) -> None:
+    cls = scope.created[parameter.name]
     above = parameter.type
-    if above and above in sight.metamodel.classes and not sight.metamodel.is_a(cls, above):
+    if above and above in scope.metamodel.classes and not scope.metamodel.is_a(cls, above):
         message = f"`{parameter.name}` is declared as `{above}` and created as `{cls}`"
-        sight.error("wrong-type", message, parameter.span, f"write `out {parameter.name} : {cls}`")
+        scope.error("wrong-type", message, parameter.span, f"write `out {parameter.name} : {cls}`")
 
 
 def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterable[Diagnostic]:
@@ -349,21 +349,21 @@ def _check_effect(rule: Rule, lowered: LoweredBlock, plan: BlockPlan) -> Iterabl
         yield Diagnostic("no-right-side", message, block.span, hint, Severity.WARNING)
 
 
-def _check_homomorphic(rule: Rule, sight: Sight, problems: list[Diagnostic]) -> None:
+def _check_homomorphic(rule: Rule, scope: RuleScope, problems: list[Diagnostic]) -> None:
     """The groups of `@hom`: variables of left sides, that may stand for one object."""
     nested = _block_variables(rule.blocks)
     for group, places in zip_longest(rule.homomorphic, rule.homomorphic_spans, fillvalue=()):
         spans = dict(zip(group, places, strict=False))
         for name in dict.fromkeys(group):
             span = spans.get(name) or annotation_span(rule.annotations, "hom") or rule.span
-            if name not in sight.types and name not in nested:
-                hint = name_hint(name, [*sight.types, *nested])
+            if name not in scope.types and name not in nested:
+                hint = name_hint(name, [*scope.types, *nested])
                 message = f"the left side has no variable `{name}`"
                 problems.append(Diagnostic("unknown-variable", message, span, hint))
-            elif sight.types.get(name) is not None and not isinstance(sight.types[name], ObjectType):
+            elif scope.types.get(name) is not None and not isinstance(scope.types[name], ObjectType):
                 message = f"`{name}` is a data value; values are never compared"
                 problems.append(Diagnostic("not-an-object", message, span, "leave it out"))
-        problems.extend(_never_one(group, spans, sight))
+        problems.extend(_never_one(group, spans, scope))
 
 
 def _block_names(blocks: Iterable[Block]) -> dict[str, str]:
@@ -385,15 +385,15 @@ def _block_variables(blocks: Iterable[Block]) -> dict[str, None]:
     return found
 
 
-def _never_one(group: Sequence[str], spans: Mapping[str, Span], sight: Sight) -> Iterable[Diagnostic]:
+def _never_one(group: Sequence[str], spans: Mapping[str, Span], scope: RuleScope) -> Iterable[Diagnostic]:
     """Warn of names that no object can share."""
     if len(set(group)) < 2:
         message = "`@hom` names two or more different variables"
         hint = "write `@hom(a, b)`, or `@match(homomorphic)` for all names"
         yield Diagnostic("bad-annotation", message, spans.get(group[0]) if group else None, hint)
     for one, other in combinations(dict.fromkeys(group), 2):
-        left, right = sight.before(one), sight.before(other)
-        if left and right and not sight.metamodel.overlap(left, right):
+        left, right = scope.before(one), scope.before(other)
+        if left and right and not scope.metamodel.overlap(left, right):
             classes = f"{with_article(left)} and {with_article(right)}"
             message = f"`{one}` and `{other}` are never one object: nothing is {classes}"
             hint = f"leave `{other}` out"

@@ -10,8 +10,8 @@ from envgraph.pattern import Edge, Modification
 from envgraph.rewrite._plan import BlockPlan, ChangeTargets, Increase, SetTargets, SetValues
 from envgraph.rewrite.check._actions import Changes
 from envgraph.rewrite.check._conflicts import Conflicts, Contradiction
-from envgraph.rewrite.check._homeless import homeless
-from envgraph.rewrite.check._sight import LinkKey, ResolvedEdge, Sight
+from envgraph.rewrite.check._containment import homeless
+from envgraph.rewrite.check._scope import LinkKey, ResolvedEdge, RuleScope
 
 
 def check_block(changes: Changes, plan: BlockPlan) -> None:
@@ -32,7 +32,7 @@ def check_links(changes: Changes) -> None:
                 f"`{edge.source} -{edge.reference}-> {edge.target}` is both deleted and there afterwards"
             )
             hint = "leave out the deletion, or what creates or keeps the link"
-            changes.sight.error("duplicate-action", message, edge.span, hint)
+            changes.scope.error("duplicate-action", message, edge.span, hint)
         else:
             _ask_for(changes, key, edge, "nothing happens")
     for key, edge in changes.redirected.items():
@@ -41,13 +41,13 @@ def check_links(changes: Changes) -> None:
 
 def _ask_for(changes: Changes, key: LinkKey, edge: Edge, otherwise: str) -> None:
     """Warn of a link that no arrow, path or pattern of the left sides can mean."""
-    if key in changes.sight.paths or any(changes.sight.key(arrow) == key for arrow in changes.sight.arrows):
+    if key in changes.scope.paths or any(changes.scope.key(arrow) == key for arrow in changes.scope.arrows):
         return
-    if any({edge.source, edge.target} <= called for called in changes.sight.called):
+    if any({edge.source, edge.target} <= called for called in changes.scope.called):
         return
     text = f"{edge.source} -{edge.reference}-> {edge.target}"
     message = f"the left side does not ask for `{text}`: where it is missing, {otherwise}"
-    changes.sight.warn("unmatched-link", message, edge.span, f"add `{text};` to the left side")
+    changes.scope.warn("unmatched-link", message, edge.span, f"add `{text};` to the left side")
 
 
 def _check_consistent(changes: Changes, plan: BlockPlan) -> None:
@@ -63,7 +63,7 @@ def _check_consistent(changes: Changes, plan: BlockPlan) -> None:
         links=(*plan.links, *map(changes.link, kept)),
         sets=tuple(change for change in sets if computed.isdisjoint(change.values)),
     )
-    conflicts = Conflicts(changes.sight.metamodel, lambda slot: f"`{plan.names[slot] or '..'}`", strict=True)
+    conflicts = Conflicts(changes.scope.metamodel, lambda slot: f"`{plan.names[slot] or '..'}`", strict=True)
     try:
         conflicts.add(symbolic, range(len(plan.names)))
         conflicts.finish()
@@ -82,36 +82,36 @@ def _check_consistent(changes: Changes, plan: BlockPlan) -> None:
             found = Diagnostic(
                 "contradiction", error.message, second, "leave one of the two out", notes=notes
             )
-        changes.sight.problems.append(found)
+        changes.scope.problems.append(found)
 
 
 def _check_orphans(changes: Changes) -> None:
     """Warn of parts that stay because the left side names them, while their container goes."""
     gone = changes.ending
-    for arrow in changes.sight.arrows:
+    for arrow in changes.scope.arrows:
         own = arrow in changes.arrows or {arrow.source, arrow.target} & {*changes.deleted}
-        opposite = changes.sight.metamodel.opposite(arrow.reference)
+        opposite = changes.scope.metamodel.opposite(arrow.reference)
         if arrow.reference.containment:
             container, part = arrow.source, arrow.target
         elif opposite is not None and opposite.containment:
             container, part = arrow.target, arrow.source
         else:
             continue
-        if not own or container not in gone or part in changes.sight.deleted or _finds_home(changes, part):
+        if not own or container not in gone or part in changes.scope.deleted or _finds_home(changes, part):
             continue
-        if changes.sight.key(arrow) in changes.removed:
+        if changes.scope.key(arrow) in changes.removed:
             continue
         text = f"{arrow.source} -{arrow.reference.name}-> {arrow.target}"
         message = (
             f"`{container}` is deleted, and `{part}` stays without a container: the left side has `{text}`"
         )
         hint = f"write `delete {part};` or `move {part} to ..`, or `delete {text};` if that is meant"
-        changes.sight.warn("orphan", message, changes.gone.get(container) or arrow.span, hint)
+        changes.scope.warn("orphan", message, changes.gone.get(container) or arrow.span, hint)
 
 
 def _finds_home(changes: Changes, part: str) -> bool:
     """Whether a part may get another container."""
-    slot, metamodel = changes.sight.slot(part), changes.sight.metamodel
+    slot, metamodel = changes.scope.slot(part), changes.scope.metamodel
     if any(move.node == slot for move in changes.moves):
         return True
     for edge in changes.links.values():
@@ -127,30 +127,30 @@ def _finds_home(changes: Changes, part: str) -> bool:
 def _check_retyped(changes: Changes) -> None:
     """Warn where a link of the left side stays, and an end of it becomes what cannot have it."""
     for name in dict.fromkeys(changes.retyped):
-        lost = next((arrow for arrow in changes.sight.arrows if _is_lost(changes, arrow, name)), None)
+        lost = next((arrow for arrow in changes.scope.arrows if _is_lost(changes, arrow, name)), None)
         if lost is None:
             _check_homeless(changes, name)
             continue
         text = f"{lost.source} -{lost.reference.name}-> {lost.target}"
-        new = with_article(changes.sight.retyped[name])
+        new = with_article(changes.scope.retyped[name])
         message = f"`{name}` becomes {new}, which cannot have `{text}`"
         hint = f"write `delete {text};` as well, or `@semantics(spo)` before the rule: then it is lost"
         notes = (Note("the link is asked for here", lost.span),) if lost.span else ()
         whole = f"{message}, so that the rule can never be applied"
         found = Diagnostic("never-applicable", whole, changes.spans.get(name), hint, Severity.WARNING, notes)
-        changes.sight.problems.append(found)
+        changes.scope.problems.append(found)
 
 
 def _check_homeless(changes: Changes, name: str) -> None:
     """Warn where a link to the container is in the way, which the left side does not ask for."""
     before, after, metamodel = (
-        changes.sight.before(name),
-        changes.sight.retyped[name],
-        changes.sight.metamodel,
+        changes.scope.before(name),
+        changes.scope.retyped[name],
+        changes.scope.metamodel,
     )
-    if any(move.node == changes.sight.slot(name) for move in changes.moves):
+    if any(move.node == changes.scope.slot(name) for move in changes.moves):
         return
-    for arrow in changes.sight.unlinked.values():
+    for arrow in changes.scope.unlinked.values():
         opposite = metamodel.opposite(arrow.reference)
         upwards = arrow.source == name and opposite is not None and opposite.containment
         if upwards or (arrow.target == name and arrow.reference.containment):
@@ -159,18 +159,18 @@ def _check_homeless(changes: Changes, name: str) -> None:
         old, new = with_article(before), with_article(after)
         message = f"nothing that contains {old} can contain {new}: no `{name}` in a container becomes one"
         hint = f"write `move {name} to ..`, or delete the link to its container"
-        changes.sight.warn("homeless", message, changes.spans.get(name), hint)
+        changes.scope.warn("homeless", message, changes.spans.get(name), hint)
 
 
 def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
     """Whether the new class of an object cannot have a link, which nothing takes away before."""
-    metamodel, cls, reference = changes.sight.metamodel, changes.sight.retyped[name], arrow.reference
-    if changes.sight.key(arrow) in changes.sight.unlinked or {arrow.source, arrow.target} & {
-        *changes.sight.deleted
+    metamodel, cls, reference = changes.scope.metamodel, changes.scope.retyped[name], arrow.reference
+    if changes.scope.key(arrow) in changes.scope.unlinked or {arrow.source, arrow.target} & {
+        *changes.scope.deleted
     }:
         return False
     opposite = metamodel.opposite(reference)
-    moved = any(move.node == changes.sight.slot(name) for move in changes.moves)
+    moved = any(move.node == changes.scope.slot(name) for move in changes.moves)
     if arrow.source == name and metamodel.feature(cls, reference.name) != reference:
         return not (moved and opposite is not None and opposite.containment)
     if arrow.target == name and not metamodel.is_a(cls, reference.target):
@@ -180,23 +180,23 @@ def _is_lost(changes: Changes, arrow: ResolvedEdge, name: str) -> bool:
 
 def _check_required(changes: Changes, plan: BlockPlan) -> None:
     """Warn where an object surely ends without a target that its class requires."""
-    fresh = {name: set[Feature]() for name in changes.created if name in changes.sight.created}
+    fresh = {name: set[Feature]() for name in changes.created if name in changes.scope.created}
     for name in changes.retyped:
-        before = changes.sight.before(name)
-        fresh[name] = set(changes.sight.metamodel.features(before).values()) if before else set()
+        before = changes.scope.before(name)
+        fresh[name] = set(changes.scope.metamodel.features(before).values()) if before else set()
     for name, had in fresh.items():
-        cls = changes.sight.after(name)
+        cls = changes.scope.after(name)
         assert cls is not None
-        for feature in changes.sight.metamodel.features(cls).values():
+        for feature in changes.scope.metamodel.features(cls).values():
             single = isinstance(feature, Attribute) and not feature.many  # a fresh object has its default
             if single or feature.lower == 0 or feature in had:
                 continue
-            if not _provides(plan, changes.sight.slot(name), feature, changes.sight):
+            if not _provides(plan, changes.scope.slot(name), feature, changes.scope):
                 _warn_required(changes, name, feature)
 
 
 def _warn_required(changes: Changes, name: str, feature: Feature) -> None:
-    changes.sight.warn(
+    changes.scope.warn(
         "missing-required",
         f"`{name}` gets no `{feature.name}`, and `{feature}` needs {feature.multiplicity}",
         changes.spans.get(name),
@@ -204,12 +204,12 @@ def _warn_required(changes: Changes, name: str, feature: Feature) -> None:
     )
 
 
-def _provides(plan: BlockPlan, slot: int, reference: Feature, sight: Sight) -> bool:
+def _provides(plan: BlockPlan, slot: int, reference: Feature, scope: RuleScope) -> bool:
     """Whether a plan links an object by a reference, from either end, or gives it values of an attribute."""
     if isinstance(reference, Attribute):
         given = (one for one in plan.sets if isinstance(one, SetValues | Increase))
         return any((one.object, one.attribute) == (slot, reference) for one in given)
-    opposite = sight.metamodel.opposite(reference)
+    opposite = scope.metamodel.opposite(reference)
     for link in plan.links:
         if (link.source, link.reference) == (slot, reference) or (link.target, link.reference) == (
             slot,
@@ -226,4 +226,4 @@ def _provides(plan: BlockPlan, slot: int, reference: Feature, sight: Sight) -> b
         (m.container, m.reference) == (slot, reference) or (m.node, m.reference) == (slot, opposite)
         for m in plan.moves
     )
-    return moved or any(_provides(inner, slot, reference, sight) for inner in plan.nested)
+    return moved or any(_provides(inner, slot, reference, scope) for inner in plan.nested)

@@ -9,8 +9,8 @@ from typing import Final
 from envgraph.errors import RAISE_LIMIT, Diagnostic, Severity, Span, has_errors, limit, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import Derivation, LeftSide, Modification, Retype, Rule, TypeConstraint, Variable
+from envgraph.rewrite.check._containment import homeless
 from envgraph.rewrite.check._header import check_annotations, check_weight
-from envgraph.rewrite.check._homeless import homeless
 from envgraph.rewrite.derive._operators import Derived, check_operators, operators
 
 MOST_RULES: Final = 10_000

@@ -30,7 +30,7 @@ from envgraph.pattern import (
     PatternCall,
     Variable,
 )
-from envgraph.rewrite.derive._draft import Draft
+from envgraph.rewrite.derive._rule_builder import RuleBuilder
 from envgraph.rewrite.derive._schema import Schema
 
 MOST_KEYS: Final = 64
@@ -49,18 +49,18 @@ def key_owner(schema: Schema, cls: str) -> str | None:
     return next((above for above in schema.metamodel.supertypes(cls) if classes[above].key), None)
 
 
-def new_key(draft: Draft, classes: Sequence[str], position: int) -> list[Assignment]:
+def new_key(builder: RuleBuilder, classes: Sequence[str], position: int) -> list[Assignment]:
     """Give an object that is created with others, before it and after it, a key that no object has.
 
     A number, and that behind the class in a string, are above all those in use. Of a key of literals and truth values
     alone each one that is free may be taken; where there are too many, that of the defaults, if it is free.
 
     Args:
-        draft: the rule.
+        builder: the rule.
         classes: class of each object that is created.
         position: which of them.
     """
-    schema, cls = draft.schema, classes[position]
+    schema, cls = builder.schema, classes[position]
     owner = key_owner(schema, cls)
     if owner is None:
         return []
@@ -73,28 +73,28 @@ def new_key(draft: Draft, classes: Sequence[str], position: int) -> list[Assignm
     for attribute in attributes:
         if attribute.type is Scalar.STRING:
             suffix, bodies = _numbers(owner, attribute, together)
-            number = _largest(draft, suffix, bodies)
-            draft.ask([Check(Binary("<", number, Constant(10**DIGITS - 1 - rank)))])
+            number = _largest(builder, suffix, bodies)
+            builder.ask([Check(Binary("<", number, Constant(10**DIGITS - 1 - rank)))])
             name = Binary("+", Constant(cls), Binary("+", number, Constant(rank + 1)))
             found.append(Assignment(attribute.name, name))
         elif attribute.type in (Scalar.INT, Scalar.FLOAT):
             suffix, bodies = _values(owner, attribute)
-            number = _largest(draft, suffix, bodies, attribute.type)
-            value = Variable(draft.name("number"))
+            number = _largest(builder, suffix, bodies, attribute.type)
+            value = Variable(builder.name("number"))
             # Not in the assignment: a number that does not fit is no match, instead of an error.
-            draft.ask([Comparison("==", value, Evaluation(Binary("+", number, Constant(rank + 1))))])
+            builder.ask([Comparison("==", value, Evaluation(Binary("+", number, Constant(rank + 1))))])
             if attribute.type is Scalar.FLOAT:
-                draft.ask([Check(Binary("<", number, Constant(_LARGEST_FLOAT)))])
+                builder.ask([Check(Binary("<", number, Constant(_LARGEST_FLOAT)))])
             found.append(Assignment(attribute.name, value))
     if not found and prod(len(_range(attribute)) for attribute in attributes) <= MOST_KEYS:
-        return _free(draft, owner, attributes)
+        return _free(builder, owner, attributes)
     if not found:
-        twin = draft.name("twin")
-        draft.block("not", [Node(twin, owner)], [], list(_defaults(owner, attributes, twin)))
+        twin = builder.name("twin")
+        builder.block("not", [Node(twin, owner)], [], list(_defaults(owner, attributes, twin)))
     return found
 
 
-def _free(draft: Draft, owner: str, attributes: Sequence[Attribute]) -> list[Assignment]:
+def _free(builder: RuleBuilder, owner: str, attributes: Sequence[Attribute]) -> list[Assignment]:
     """One of the keys that no object has, and no other one that is created."""
     columns = [Variable(attribute.name) for attribute in attributes]
     types = {attribute.name: type_name(attribute.type) for attribute in attributes}
@@ -102,7 +102,7 @@ def _free(draft: Draft, owner: str, attributes: Sequence[Attribute]) -> list[Ass
     relations = [
         PathConstraint(owner, (a.name,), one, column) for a, column in zip(attributes, columns, strict=True)
     ]
-    taken = draft.pattern(f"#taken.{owner}", types, [Body(tuple(relations))])
+    taken = builder.pattern(f"#taken.{owner}", types, [Body(tuple(relations))])
     bodies = [
         Body(
             (
@@ -112,13 +112,13 @@ def _free(draft: Draft, owner: str, attributes: Sequence[Attribute]) -> list[Ass
         )
         for values in product(*map(_range, attributes))
     ]
-    free = draft.pattern(f"#free.{owner}", types, bodies)
-    key = tuple(Variable(draft.name(attribute.name)) for attribute in attributes)
-    draft.ask([PatternCall(free, key)])
-    for other in draft.keys.setdefault(owner, []):
+    free = builder.pattern(f"#free.{owner}", types, bodies)
+    key = tuple(Variable(builder.name(attribute.name)) for attribute in attributes)
+    builder.ask([PatternCall(free, key)])
+    for other in builder.keys.setdefault(owner, []):
         differing = [Binary("!=", mine, theirs) for mine, theirs in zip(key, other, strict=True)]
-        draft.ask([Check(reduce(lambda left, right: Binary("||", left, right), differing))])
-    draft.keys[owner].append(key)
+        builder.ask([Check(reduce(lambda left, right: Binary("||", left, right), differing))])
+    builder.keys[owner].append(key)
     return [Assignment(attribute.name, value) for attribute, value in zip(attributes, key, strict=True)]
 
 
@@ -129,14 +129,16 @@ def _range(attribute: Attribute) -> Sequence[Constant | EnumLiteral]:
     return tuple(EnumLiteral(attribute.type.name, literal) for literal in attribute.type.literals)
 
 
-def _largest(draft: Draft, suffix: str, bodies: Sequence[Body], type_: Scalar = Scalar.INT) -> Variable:
+def _largest(
+    builder: RuleBuilder, suffix: str, bodies: Sequence[Body], type_: Scalar = Scalar.INT
+) -> Variable:
     """The largest of the numbers of a pattern, once for all objects that are created together."""
-    if suffix not in draft.largest:
+    if suffix not in builder.largest:
         # The engine chooses how it is matched: it is about all objects of a class, and the same for all matches.
-        pattern = draft.pattern(suffix, {"number": type_.value}, bodies, strategy=None)
-        number = draft.largest[suffix] = Variable(draft.name("largest"))
-        draft.ask([Comparison("==", number, Aggregate("max", PatternCall(pattern, (Hash(),))))])
-    return draft.largest[suffix]
+        pattern = builder.pattern(suffix, {"number": type_.value}, bodies, strategy=None)
+        number = builder.largest[suffix] = Variable(builder.name("largest"))
+        builder.ask([Comparison("==", number, Aggregate("max", PatternCall(pattern, (Hash(),))))])
+    return builder.largest[suffix]
 
 
 def _values(owner: str, attribute: Attribute) -> tuple[str, list[Body]]:

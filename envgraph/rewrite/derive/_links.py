@@ -8,11 +8,11 @@ from typing import Final
 
 from envgraph.metamodel import Reference
 from envgraph.pattern import Move, Negation, Variable
-from envgraph.rewrite.derive._draft import Draft
+from envgraph.rewrite.derive._rule_builder import RuleBuilder
 from envgraph.rewrite.derive._schema import Association, End, Schema
 
-Operator = tuple[str, str, Draft, str, bool]
-"""Kind, name without the group, draft, doc, whether links of deleted objects go with them (SPO)."""
+Operator = tuple[str, str, RuleBuilder, str, bool]
+"""Kind, name without the group, builder, doc, whether links of deleted objects go with them (SPO)."""
 
 
 _TEMPLATES: Final = (
@@ -62,29 +62,29 @@ def link_operators(schema: Schema, group: str, cls: str) -> Iterator[Operator]:
         feature = end.reference if end.forward else end.association.opposite or end.reference
         holder, symmetric = schema.holder(cls, feature), end.association.symmetric
         for kind, suffix, links, doc in (*_TEMPLATES, *(_LOOPS if symmetric else ())):
-            draft = Draft(schema, group)
-            _relink(draft, end, holder, links, kind)
-            possible = all(place.flexible for place, _ in draft.balances)
+            builder = RuleBuilder(schema, group)
+            _relink(builder, end, holder, links, kind)
+            possible = all(place.flexible for place, _ in builder.balances)
             if possible and not (symmetric and suffix == ".source"):  # the same as `.target`
                 name = f"{holder}.{end.name}"
-                yield kind, f"{kind}.{name}{suffix}", draft, doc.format(name, holder=holder), False
+                yield kind, f"{kind}.{name}{suffix}", builder, doc.format(name, holder=holder), False
 
 
-def _relink(draft: Draft, end: End, holder: str, links: str, kind: str) -> None:
+def _relink(builder: RuleBuilder, end: End, holder: str, links: str, kind: str) -> None:
     """Remove and add the links of a template, from objects of `holder`."""
     words = links.split()
     changes = list(zip(words[::3], words[1::3], words[2::3], strict=True))
     near = {one for _, one, _ in changes if not one.startswith("target")}
     for _, *ends in sorted(changes, key=lambda change: change[0] == "+"):
         for name in ends:
-            if name not in draft.types:
-                draft.node(name, holder if name in near else end.far)
-    for one, other in combinations(draft.types, 2):
+            if name not in builder.types:
+                builder.node(name, holder if name in near else end.far)
+    for one, other in combinations(builder.types, 2):
         # An end of a symmetric link to itself would have another number of links afterwards.
         if (one in near) == (other in near) or (end.association.symmetric and kind == "swap"):
-            draft.differ(one, other)
+            builder.differ(one, other)
     for sign, source, target in changes:
-        (draft.link if sign == "+" else draft.unlink)(end, source, target)
+        (builder.link if sign == "+" else builder.unlink)(end, source, target)
 
 
 def container_operators(schema: Schema, group: str, cls: str) -> Iterator[Operator]:
@@ -93,8 +93,8 @@ def container_operators(schema: Schema, group: str, cls: str) -> Iterator[Operat
         end = End(association, forward=True)
         child = _narrower(schema, cls, end.far)
         if end.contains and child is not None and not association.frozen:
-            yield from _move(Draft(schema, group), end, cls, child)
-            yield from _exchange(Draft(schema, group), end, cls, child)
+            yield from _move(RuleBuilder(schema, group), end, cls, child)
+            yield from _exchange(RuleBuilder(schema, group), end, cls, child)
 
 
 def _own_ends(schema: Schema, cls: str) -> Iterator[End]:
@@ -119,44 +119,50 @@ def _narrower(schema: Schema, one: str, other: str) -> str | None:
 # --- containment
 
 
-def _move(draft: Draft, end: End, cls: str, child: str) -> Iterator[Operator]:
+def _move(builder: RuleBuilder, end: End, cls: str, child: str) -> Iterator[Operator]:
     if not end.flexible:
         return
-    part, container = draft.node("part", child), draft.node("container", end.near)
-    draft.spared(part, child)
-    draft.spared(container, end.near)
-    draft.absent(end, container, part)
-    draft.ask(end.room(container))
-    draft.not_inside(part, container)
-    for before in draft.schema.ends_over(child):
+    part, container = builder.node("part", child), builder.node("container", end.near)
+    builder.spared(part, child)
+    builder.spared(container, end.near)
+    builder.absent(end, container, part)
+    builder.ask(end.room(container))
+    builder.not_inside(part, container)
+    for before in builder.schema.ends_over(child):
         if before.contained:
-            _leave(draft, before, end, part, container)
-    draft.act(Move(Variable(part), Variable(container), end.reference.name))
-    yield "move", f"move.{cls}.{end.name}", draft, f"A `{child}` goes into another `{end.reference}`.", False
+            _leave(builder, before, end, part, container)
+    builder.act(Move(Variable(part), Variable(container), end.reference.name))
+    yield (
+        "move",
+        f"move.{cls}.{end.name}",
+        builder,
+        f"A `{child}` goes into another `{end.reference}`.",
+        False,
+    )
 
 
-def _leave(draft: Draft, before: End, end: End, part: str, container: str) -> None:
+def _leave(builder: RuleBuilder, before: End, end: End, part: str, container: str) -> None:
     """The container that an object is in can do without it."""
     same = before.association is end.association
     if before.association.frozen or (before.lower and not same):
-        draft.ask([Negation(before.path(part, "_"))])
+        builder.ask([Negation(before.path(part, "_"))])
         return
-    draft.unfrozen(before, part)
+    builder.unfrozen(before, part)
     if before.other.lower:
-        draft.short(before, part, part, *((container,) if same else ()))
+        builder.short(before, part, part, *((container,) if same else ()))
 
 
-def _exchange(draft: Draft, end: End, cls: str, child: str) -> Iterator[Operator]:
+def _exchange(builder: RuleBuilder, end: End, cls: str, child: str) -> Iterator[Operator]:
     pairs = []
     for _ in range(2):
-        part, container = draft.node("part", child), draft.node("container", end.near)
-        draft.spared(part, child)
-        draft.spared(container, end.near)
+        part, container = builder.node("part", child), builder.node("container", end.near)
+        builder.spared(part, child)
+        builder.spared(container, end.near)
         pairs.append((part, container))
     (one, first), (two, second) = pairs
     for part, old, new in ((one, first, second), (two, second, first)):
-        draft.not_inside(part, new)
-        draft.unlink(end, old, part)
-        draft.link(end, new, part)
+        builder.not_inside(part, new)
+        builder.unlink(end, old, part)
+        builder.link(end, new, part)
     doc = f"Two containers exchange a `{child}` of `{end.reference}`."
-    yield "swap", f"swap.{cls}.{end.name}", draft, doc, False
+    yield "swap", f"swap.{cls}.{end.name}", builder, doc, False

@@ -23,10 +23,10 @@ from envgraph.pattern import (
     TypeConstraint,
     Variable,
 )
-from envgraph.rewrite.derive._draft import Draft, variable_for
 from envgraph.rewrite.derive._keys import key_owner, new_key
 from envgraph.rewrite.derive._links import Operator
 from envgraph.rewrite.derive._plans import Plan, creation_plans, retyping_plans
+from envgraph.rewrite.derive._rule_builder import RuleBuilder, variable_for
 from envgraph.rewrite.derive._schema import End, Schema
 
 
@@ -37,17 +37,17 @@ def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> It
     """
     plans = creation_plans(schema, cls, most)
     for plan in plans:
-        yield _create(Draft(schema, group), plan)
-    yield _delete(Draft(schema, group), cls)
-    yield from _rehome(Draft(schema, group), cls)
+        yield _create(RuleBuilder(schema, group), plan)
+    yield _delete(RuleBuilder(schema, group), cls)
+    yield from _rehome(RuleBuilder(schema, group), cls)
     for end in schema.ends_of(cls):
         if _goes_over(end, 1) and not schema.metamodel.overlap(end.near, end.far):
-            yield _share(Draft(schema, group), cls, end)
+            yield _share(RuleBuilder(schema, group), cls, end)
     for plan in plans:
         if plan.steals and len(plan.tops) == 1:
-            yield _spread(Draft(schema, group), plan)
+            yield _spread(RuleBuilder(schema, group), plan)
         elif not plan.steals and len(plan.tops) > 1:
-            yield _delete_together(Draft(schema, group), plan)
+            yield _delete_together(RuleBuilder(schema, group), plan)
 
 
 # --- the objects of a plan as variables
@@ -56,17 +56,17 @@ def creating_and_deleting(schema: Schema, group: str, cls: str, most: int) -> It
 class _Cast:
     """Variables for the objects of a plan."""
 
-    def __init__(self, draft: Draft, plan: Plan) -> None:
-        self.draft = draft
+    def __init__(self, builder: RuleBuilder, plan: Plan) -> None:
+        self.builder = builder
         self.plan = plan
         self.new: list[str] = []
         self.old: list[str] = []
 
     def declare_old(self) -> None:
         """Declare the objects that are there."""
-        draft, plan = self.draft, self.plan
+        builder, plan = self.builder, self.plan
         for old in plan.old:
-            self.old.append(draft.node(variable_for(old.cls), old.cls))
+            self.old.append(builder.node(variable_for(old.cls), old.cls))
 
     def variable(self, position: int, new: bool) -> str:
         """The variable of an object."""
@@ -78,8 +78,8 @@ class _Cast:
             if not link.far_new:
                 donor = self.plan.old[link.far].stolen_from
                 if donor is not None:
-                    self.draft.unlink(link.end, self.old[donor], self.old[link.far])
-            self.draft.link(link.end, self.new[link.near], self.variable(link.far, link.far_new))
+                    self.builder.unlink(link.end, self.old[donor], self.old[link.far])
+            self.builder.link(link.end, self.new[link.near], self.variable(link.far, link.far_new))
 
 
 def _suffix(plan: Plan) -> str:
@@ -97,17 +97,17 @@ def _suffix(plan: Plan) -> str:
     return "".join(f".{part}" for part in parts)
 
 
-def _create(draft: Draft, plan: Plan) -> Operator:
-    cast = _Cast(draft, plan)
+def _create(builder: RuleBuilder, plan: Plan) -> Operator:
+    cast = _Cast(builder, plan)
     cast.declare_old()
-    cast.new += [draft.name(variable_for(cls)) for cls in plan.new]
+    cast.new += [builder.name(variable_for(cls)) for cls in plan.new]
     nodes = [
-        Node(name, cls, tuple(new_key(draft, plan.new, number)))
+        Node(name, cls, tuple(new_key(builder, plan.new, number)))
         for number, (name, cls) in enumerate(zip(cast.new, plan.new, strict=True))
     ]
-    draft.act(Create(tuple(nodes)))
+    builder.act(Create(tuple(nodes)))
     cast.connect()
-    return "create", f"create.{plan.new[0]}{_suffix(plan)}", draft, _creation_doc(plan), False
+    return "create", f"create.{plan.new[0]}{_suffix(plan)}", builder, _creation_doc(plan), False
 
 
 def _creation_doc(plan: Plan) -> str:
@@ -120,68 +120,68 @@ def _creation_doc(plan: Plan) -> str:
 # --- deletion
 
 
-def _delete(draft: Draft, cls: str) -> Operator:
-    name = draft.node(variable_for(cls), cls, exact=True)
-    if draft.schema.contains_any(cls):
-        _none_short(draft, f"delete.{cls}", [name])
+def _delete(builder: RuleBuilder, cls: str) -> Operator:
+    name = builder.node(variable_for(cls), cls, exact=True)
+    if builder.schema.contains_any(cls):
+        _none_short(builder, f"delete.{cls}", [name])
     else:
-        for end in draft.schema.ends_of(cls):
-            draft.lacking(end, name, name)
-    draft.delete(name)
+        for end in builder.schema.ends_of(cls):
+            builder.lacking(end, name, name)
+    builder.delete(name)
     doc = f"A `{cls}` goes, with what it contains, if everybody else can do without."
-    return "delete", f"delete.{cls}", draft, doc, True
+    return "delete", f"delete.{cls}", builder, doc, True
 
 
-def _delete_together(draft: Draft, plan: Plan) -> Operator:
+def _delete_together(builder: RuleBuilder, plan: Plan) -> Operator:
     """What was created together goes together."""
     classes = {number: plan.new[number] for number in plan.tops}
-    names = {number: draft.node(variable_for(cls), cls, exact=True) for number, cls in classes.items()}
+    names = {number: builder.node(variable_for(cls), cls, exact=True) for number, cls in classes.items()}
     for one, other in combinations(names.values(), 2):
-        draft.differ(one, other)
+        builder.differ(one, other)
     for link in plan.links:
         if link.far_new and link.near in names and link.far in names:
-            draft.edge(link.end, names[link.near], names[link.far])
+            builder.edge(link.end, names[link.near], names[link.far])
     first, *others = classes.values()
     name = f"delete.{first}.with.{'.'.join(others)}"
-    _none_short(draft, name, list(names.values()))
+    _none_short(builder, name, list(names.values()))
     for gone in names.values():
-        draft.delete(gone)
+        builder.delete(gone)
     doc = (
         "Objects that need each other go together: "
         + ", ".join(f"a `{cls}`" for cls in classes.values())
         + "."
     )
-    return "delete", name, draft, doc, True
+    return "delete", name, builder, doc, True
 
 
-def _none_short(draft: Draft, name: str, roots: Sequence[str]) -> None:
-    """Forbid that somebody is left short when several objects go, with everything inside them."""
-    gone = _Gone(draft, name, roots)
-    bodies = [body for end in draft.schema.ends for body in gone.short(end)]
+def _none_short(builder: RuleBuilder, name: str, roots: Sequence[str]) -> None:
+    """Forbid deletions after which an object has fewer links than its multiplicity asks for."""
+    gone = _Gone(builder, name, roots)
+    bodies = [body for end in builder.schema.ends for body in gone.short(end)]
     bodies += gone.frozen()
     if bodies:
-        short = draft.pattern(f"#{name}.short", gone.parameters, bodies)
-        draft.ask([Negation(_find(short, roots))])
+        short = builder.pattern(f"#{name}.short", gone.parameters, bodies)
+        builder.ask([Negation(_find(short, roots))])
 
 
 class _Gone:
     """Objects that are about to go, with everything inside them."""
 
-    def __init__(self, draft: Draft, name: str, roots: Sequence[str]) -> None:
-        self.draft = draft
+    def __init__(self, builder: RuleBuilder, name: str, roots: Sequence[str]) -> None:
+        self.builder = builder
         self.name = name
-        self.parameters = {root: draft.types[root] for root in roots}
+        self.parameters = {root: builder.types[root] for root in roots}
         self.typed = [TypeConstraint(cls, Variable(root)) for root, cls in self.parameters.items()]
 
     def each(self, part: str, cls: str) -> Iterator[Constraint]:
         """The ways in which an object of a class is one of them."""
-        overlap = self.draft.schema.metamodel.overlap
+        overlap = self.builder.schema.metamodel.overlap
         for root, outer in self.parameters.items():
             if overlap(outer, cls):
                 yield Comparison("==", Variable(part), Variable(root))
-            for end in self.draft.contents(outer):
+            for end in self.builder.contents(outer):
                 if overlap(end.far, cls):
-                    yield self.draft.inside(end, outer, root, part)
+                    yield self.builder.inside(end, outer, root, part)
 
     def none(self, name: str, cls: str) -> Iterator[Constraint]:
         """An object of a class is none of them."""
@@ -195,8 +195,8 @@ class _Gone:
     def frozen(self) -> Iterator[Body]:
         """One of them is to be left alone."""
         for outer in self.parameters.values():
-            for end in self.draft.contents(outer):
-                for cls in self.draft.schema.frozen_below(end.far):
+            for end in self.builder.contents(outer):
+                for cls in self.builder.schema.frozen_below(end.far):
                     for way in self.each("part", cls):
                         yield Body((*self.typed, TypeConstraint(cls, Variable("part")), way))
 
@@ -209,7 +209,7 @@ class _Gone:
             return
         links = [(*link, *self.none("far", end.far)) for link in links]
         if end.other.held:
-            for cls in self.draft.schema.frozen_below(end.far):
+            for cls in self.builder.schema.frozen_below(end.far):
                 yield from (Body((*link, TypeConstraint(cls, Variable("far")))) for link in links)
         if end.other.lower:
             yield self._too_few(end, [Body(link) for link in links])
@@ -217,7 +217,7 @@ class _Gone:
     def _too_few(self, end: End, links: Sequence[Body]) -> Body:
         suffix = f"#{self.name}.{end.reference}.{'far' if end.forward else 'near'}"
         parameters = {**self.parameters, "far": end.far, "part": end.near}
-        lost = self.draft.pattern(suffix, parameters, links)
+        lost = self.builder.pattern(suffix, parameters, links)
         roots = tuple(self.parameters)
         counts: list[tuple[str, Term]] = [
             ("lost", Aggregate("count", _find(lost, roots, "far", "_"))),
@@ -240,18 +240,18 @@ def _find(pattern: str, roots: Sequence[str], *more: str) -> PatternCall:
 # --- deletion that gives others something else
 
 
-def _empty(draft: Draft, name: str, cls: str) -> None:
+def _empty(builder: RuleBuilder, name: str, cls: str) -> None:
     """The object contains nothing: what is inside would go as well, and could leave others short."""
-    for end in draft.schema.ends_of(cls):
+    for end in builder.schema.ends_of(cls):
         if end.contains:
-            draft.ask([Negation(end.path(name, "_"))])
+            builder.ask([Negation(end.path(name, "_"))])
 
 
-def _spread(draft: Draft, plan: Plan) -> Operator:
+def _spread(builder: RuleBuilder, plan: Plan) -> Operator:
     """The inverse of stealing: what needs the object goes over to others, to as many as gave it away."""
     cls = plan.new[0]
-    name = draft.node(variable_for(cls), cls, exact=True)
-    _empty(draft, name, cls)
+    name = builder.node(variable_for(cls), cls, exact=True)
+    _empty(builder, name, cls)
     moved: list[tuple[End, str]] = []
     receivers: dict[int, str] = {}
     for link in plan.links:
@@ -259,49 +259,49 @@ def _spread(draft: Draft, plan: Plan) -> Operator:
         if link.near != 0 or donor is None:
             continue
         if donor not in receivers:
-            receivers[donor] = draft.node("other", link.end.near)
-        receiver, target = receivers[donor], draft.node(variable_for(link.end.far), link.end.far)
-        draft.differ(name, receiver)
-        draft.differ(name, target)
-        draft.lose(link.end, name, target)
+            receivers[donor] = builder.node("other", link.end.near)
+        receiver, target = receivers[donor], builder.node(variable_for(link.end.far), link.end.far)
+        builder.differ(name, receiver)
+        builder.differ(name, target)
+        builder.lose(link.end, name, target)
         moved.append((link.end, target))
         if plan.old[donor].repaid:
-            draft.lose(link.end, receiver, name)
+            builder.lose(link.end, receiver, name)
             moved.append((link.end.other, receiver))
-        draft.link(link.end, receiver, target)
-    for end in draft.schema.ends_of(cls):
-        draft.lacking(end, name, name, *(target for one, target in moved if one == end))
-    draft.delete(name)
+        builder.link(link.end, receiver, target)
+    for end in builder.schema.ends_of(cls):
+        builder.lacking(end, name, name, *(target for one, target in moved if one == end))
+    builder.delete(name)
     stolen = [end.name for end, _ in moved]
     doc = f"A `{cls}` goes, and what needs it goes over to others."
-    return "delete", f"delete.{cls}.spreading.{'.'.join(stolen)}", draft, doc, True
+    return "delete", f"delete.{cls}.spreading.{'.'.join(stolen)}", builder, doc, True
 
 
-def _rehome(draft: Draft, cls: str) -> Iterator[Operator]:
+def _rehome(builder: RuleBuilder, cls: str) -> Iterator[Operator]:
     """Whatever would be left short goes over to one other object of the class."""
-    name, other = draft.node(variable_for(cls), cls, exact=True), draft.node("other", cls)
-    draft.differ(name, other)
-    if _all_over(draft, cls, name, other):
-        draft.delete(name)
+    name, other = builder.node(variable_for(cls), cls, exact=True), builder.node("other", cls)
+    builder.differ(name, other)
+    if _all_over(builder, cls, name, other):
+        builder.delete(name)
         doc = f"A `{cls}` goes, and another one takes its place where it is needed."
-        yield "delete", f"delete.{cls}.rehoming", draft, doc, True
+        yield "delete", f"delete.{cls}.rehoming", builder, doc, True
 
 
-def _share(draft: Draft, cls: str, end: End) -> Operator:
+def _share(builder: RuleBuilder, cls: str, end: End) -> Operator:
     """As rehoming, but of those that would be left short at one end, one goes over to a third object."""
-    name, other = draft.node(variable_for(cls), cls, exact=True), draft.node("other", cls)
-    third = draft.node("third", cls)
+    name, other = builder.node(variable_for(cls), cls, exact=True), builder.node("other", cls)
+    third = builder.node("third", cls)
     for one, two in combinations((name, other, third), 2):
-        draft.differ(one, two)
-    needy = [draft.node(variable_for(end.far), end.far) for _ in range(2)]
+        builder.differ(one, two)
+    needy = [builder.node(variable_for(end.far), end.far) for _ in range(2)]
     for target, receiver in zip(needy, (third, other), strict=True):
-        draft.lose(end, name, target)
-        draft.ask([Comparison("==", end.other.count(target), Constant(end.other.lower))])
-        draft.link(end, receiver, target)
-    _all_over(draft, cls, name, other, shared=end)
-    draft.delete(name)
+        builder.lose(end, name, target)
+        builder.ask([Comparison("==", end.other.count(target), Constant(end.other.lower))])
+        builder.link(end, receiver, target)
+    _all_over(builder, cls, name, other, shared=end)
+    builder.delete(name)
     doc = f"A `{cls}` goes, and two others take its place at `{end.name}`."
-    return "delete", f"delete.{cls}.spreading.{end.name}.all", draft, doc, True
+    return "delete", f"delete.{cls}.spreading.{end.name}.all", builder, doc, True
 
 
 def _goes_over(end: End, elsewhere: int = 0) -> bool:
@@ -310,39 +310,39 @@ def _goes_over(end: End, elsewhere: int = 0) -> bool:
     return bool(end.other.lower) and fits and not (end.association.frozen or end.contained or end.contains)
 
 
-def _all_over(draft: Draft, cls: str, name: str, other: str, shared: End | None = None) -> bool:
+def _all_over(builder: RuleBuilder, cls: str, name: str, other: str, shared: End | None = None) -> bool:
     """At every end, who would be left short goes over to the other object; whether there is such an end.
 
     At the shared end one link goes elsewhere.
     """
-    _empty(draft, name, cls)
-    ends = draft.schema.ends_of(cls)
+    _empty(builder, name, cls)
+    ends = builder.schema.ends_of(cls)
     for end in ends:
         if _goes_over(end, int(end == shared)):
-            _rehome_end(draft, end, name, other, int(end == shared))
+            _rehome_end(builder, end, name, other, int(end == shared))
         else:
-            draft.lacking(end, name, name)
+            builder.lacking(end, name, name)
     return any(map(_goes_over, ends))
 
 
-def _rehome_end(draft: Draft, end: End, name: str, other: str, elsewhere: int) -> None:
+def _rehome_end(builder: RuleBuilder, end: End, name: str, other: str, elsewhere: int) -> None:
     if end.held:
-        draft.spared(other, end.near)
+        builder.spared(other, end.near)
     if end.other.held:
-        draft.unfrozen(end, name)
+        builder.unfrozen(end, name)
     if end.upper is not None:
-        ours, theirs = draft.name("links"), draft.name("links")
+        ours, theirs = builder.name("links"), builder.name("links")
         for number, one in ((ours, name), (theirs, other)):
-            draft.ask([Comparison("==", Variable(number), end.count(one))])
+            builder.ask([Comparison("==", Variable(number), end.count(one))])
         together = Binary("+", Variable(ours), Variable(theirs))
-        draft.ask([Check(Binary("<=", together, Constant(end.upper + elsewhere)))])
-    stuck, needy = draft.name("stuck"), draft.name("needy")
+        builder.ask([Check(Binary("<=", together, Constant(end.upper + elsewhere)))])
+    stuck, needy = builder.name("stuck"), builder.name("needy")
     short = {one: Comparison("==", end.other.count(one), Constant(end.other.lower)) for one in (stuck, needy)}
     edges = [end.edge(name, stuck), end.edge(other, stuck)]
-    draft.block("not", [Node(stuck, end.far)], edges, [short[stuck]])
+    builder.block("not", [Node(stuck, end.far)], edges, [short[stuck]])
     edge = end.edge(other, needy)
     link = Create((Node(edge.source), Node(edge.target)), (edge,))
-    draft.block(
+    builder.block(
         "forall",
         [Node(needy, end.far)],
         [end.edge(name, needy)],
@@ -350,9 +350,9 @@ def _rehome_end(draft: Draft, end: End, name: str, other: str, elsewhere: int) -
         [link],
     )
     for one in (stuck, needy):
-        for known in draft.types:
-            if known != name and not (elsewhere and draft.types[known] == end.far):
-                draft.may_be(one, known)
+        for known in builder.types:
+            if known != name and not (elsewhere and builder.types[known] == end.far):
+                builder.may_be(one, known)
 
 
 # --- new classes
@@ -365,7 +365,7 @@ def retypings(schema: Schema, group: str, cls: str, most: int) -> Iterator[Opera
         for after in classes:
             if before != after and _has_place(schema, before, after):
                 for plan in retyping_plans(schema, before, after, most):
-                    yield _retype(Draft(schema, group), before, after, plan)
+                    yield _retype(RuleBuilder(schema, group), before, after, plan)
 
 
 def _has_place(schema: Schema, before: str, after: str) -> bool:
@@ -376,29 +376,29 @@ def _has_place(schema: Schema, before: str, after: str) -> bool:
     return keys[0] in (None, keys[1]) and all(end in had for end in schema.containers(after) if end.lower)
 
 
-def _retype(draft: Draft, before: str, after: str, plan: Plan) -> Operator:
-    cast = _Cast(draft, plan)
-    name = draft.node(variable_for(before), before, exact=True)
+def _retype(builder: RuleBuilder, before: str, after: str, plan: Plan) -> Operator:
+    cast = _Cast(builder, plan)
+    name = builder.node(variable_for(before), before, exact=True)
     cast.declare_old()
     for old in cast.old:
-        if not draft.schema.is_a(after, draft.types[old]):
-            draft.differ(name, old)
-    kept = draft.schema.ends_of(after)
+        if not builder.schema.is_a(after, builder.types[old]):
+            builder.differ(name, old)
+    kept = builder.schema.ends_of(after)
     gained = [link.end.association for link in plan.links]
-    for end in draft.schema.ends_of(before):
+    for end in builder.schema.ends_of(before):
         if end in kept:
             continue
         if end.contains or end.contained or end.association in gained:
-            draft.ask([Negation(end.path(name, "_"))])
+            builder.ask([Negation(end.path(name, "_"))])
         else:
-            draft.lacking(end, name)
-    cast.new += [name, *(draft.name(variable_for(cls)) for cls in plan.new[1:])]
+            builder.lacking(end, name)
+    cast.new += [name, *(builder.name(variable_for(cls)) for cls in plan.new[1:])]
     fresh = [
-        Node(one, cls, tuple(new_key(draft, plan.new[1:], number - 1)))
+        Node(one, cls, tuple(new_key(builder, plan.new[1:], number - 1)))
         for number, (one, cls) in enumerate(zip(cast.new, plan.new, strict=True))
         if number
     ]
-    draft.act(Retype(Variable(name), after), *([Create(tuple(fresh))] if fresh else []))
+    builder.act(Retype(Variable(name), after), *([Create(tuple(fresh))] if fresh else []))
     cast.connect()
     doc = f"`{before}` becomes `{after}`."
-    return "retype", f"retype.{before}.{after}{_suffix(plan)}", draft, doc, True
+    return "retype", f"retype.{before}.{after}{_suffix(plan)}", builder, doc, True

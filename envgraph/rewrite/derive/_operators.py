@@ -52,11 +52,11 @@ def operators(derivation: Derivation, metamodel: Metamodel) -> Derived:
     patterns: dict[str, Pattern] = {}
     found: dict[str, tuple[str, Rule]] = {}
     for cls in derivation.classes:
-        for kind, name, draft, doc, spo in _all(schema, group, cls, most):
-            rule = draft.rule(name, doc, spo=spo)
+        for kind, name, builder, doc, spo in _all(schema, group, cls, most):
+            rule = builder.rule(name, doc, spo=spo)
             rule = replace(rule, name=_free(rule.name, rule, found), span=derivation.span)
             found.setdefault(rule.name, (kind, rule))
-            patterns.update(draft.patterns)
+            patterns.update(builder.patterns)
     weights, caps = _weights(derivation), _caps(derivation)
     rules: list[Rule] = []
     for wanted in KINDS:

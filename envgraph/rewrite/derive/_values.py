@@ -18,8 +18,8 @@ from envgraph.pattern import (
     Unary,
     Variable,
 )
-from envgraph.rewrite.derive._draft import Draft
 from envgraph.rewrite.derive._links import Operator
+from envgraph.rewrite.derive._rule_builder import RuleBuilder
 from envgraph.rewrite.derive._schema import Schema
 
 RANGE = "range"
@@ -35,14 +35,14 @@ def value_operators(schema: Schema, group: str, cls: str) -> Iterator[Operator]:
         if isinstance(feature.type, EnumType):
             yield from _literals(schema, group, feature, feature.type, holder)
         elif feature.type is Scalar.BOOL:
-            yield _flip(Draft(schema, group), feature, holder)
+            yield _flip(RuleBuilder(schema, group), feature, holder)
         elif feature.type in (Scalar.INT, Scalar.FLOAT) and range_of(feature) is not None:
             yield from _steps(schema, group, feature, holder)
 
 
-def _object(draft: Draft, holder: str) -> str:
-    name = draft.node("object", holder)
-    draft.spared(name, holder)
+def _object(builder: RuleBuilder, holder: str) -> str:
+    name = builder.node("object", holder)
+    builder.spared(name, holder)
     return name
 
 
@@ -50,24 +50,24 @@ def _path(attribute: Attribute, name: str, value: Variable | EnumLiteral) -> Pat
     return PathConstraint(attribute.owner, (attribute.name,), Variable(name), value)
 
 
-def _flip(draft: Draft, attribute: Attribute, holder: str) -> Operator:
-    name, value = _object(draft, holder), Variable(draft.name("value"))
-    draft.ask([_path(attribute, name, value)])
-    draft.act(Set(Variable(name), attribute.name, "=", Unary("!", value)))
+def _flip(builder: RuleBuilder, attribute: Attribute, holder: str) -> Operator:
+    name, value = _object(builder, holder), Variable(builder.name("value"))
+    builder.ask([_path(attribute, name, value)])
+    builder.act(Set(Variable(name), attribute.name, "=", Unary("!", value)))
     doc = f"`{holder}.{attribute.name}` becomes the opposite."
-    return "set", f"set.{holder}.{attribute.name}", draft, doc, False
+    return "set", f"set.{holder}.{attribute.name}", builder, doc, False
 
 
 def _literals(
     schema: Schema, group: str, attribute: Attribute, enum: EnumType, holder: str
 ) -> Iterator[Operator]:
     for literal in enum.literals:
-        draft, value = Draft(schema, group), EnumLiteral(enum.name, literal)
-        name = _object(draft, holder)
-        draft.ask([Negation(_path(attribute, name, value))])
-        draft.act(Set(Variable(name), attribute.name, "=", value))
+        builder, value = RuleBuilder(schema, group), EnumLiteral(enum.name, literal)
+        name = _object(builder, holder)
+        builder.ask([Negation(_path(attribute, name, value))])
+        builder.act(Set(Variable(name), attribute.name, "=", value))
         doc = f"`{holder}.{attribute.name}` becomes `{literal}`."
-        yield "set", f"set.{holder}.{attribute.name}.{literal}", draft, doc, False
+        yield "set", f"set.{holder}.{attribute.name}.{literal}", builder, doc, False
 
 
 def _steps(schema: Schema, group: str, attribute: Attribute, holder: str) -> Iterator[Operator]:
@@ -78,15 +78,15 @@ def _steps(schema: Schema, group: str, attribute: Attribute, holder: str) -> Ite
         ("up", "<", "+", highest, "min"),
         ("down", ">", "-", lowest, "max"),
     ):
-        draft = Draft(schema, group)
-        name, value = _object(draft, holder), Variable(draft.name("value"))
-        draft.ask([_path(attribute, name, value), Check(Binary(compare, value, Constant(limit)))])
+        builder = RuleBuilder(schema, group)
+        name, value = _object(builder, holder), Variable(builder.name("value"))
+        builder.ask([_path(attribute, name, value), Check(Binary(compare, value, Constant(limit)))])
         moved = FunctionCall(choose, (Binary(sign, value, Constant(step)), Constant(limit)))
-        draft.act(Set(Variable(name), attribute.name, "=", moved))
+        builder.act(Set(Variable(name), attribute.name, "=", moved))
         doc = f"`{holder}.{attribute.name}` goes {word} by {step}, to {limit} at most."
         if word == "down":
             doc = f"`{holder}.{attribute.name}` goes down by {step}, to {limit} at least."
-        yield "set", f"set.{holder}.{attribute.name}.{word}", draft, doc, False
+        yield "set", f"set.{holder}.{attribute.name}.{word}", builder, doc, False
 
 
 # --- ranges

@@ -10,7 +10,7 @@ import pytest
 
 from envgraph.graph import IndexedSet, Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
-from envgraph.match.demand._common import common
+from envgraph.match.demand._intersections import common
 from envgraph.match.generate._symbols import Backward, Forward, Symbol
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Library, Pattern

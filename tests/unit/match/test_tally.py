@@ -7,8 +7,8 @@ from random import Random
 import pytest
 
 from envgraph.match._aggregates import aggregate
-from envgraph.match.demand import _tally
-from envgraph.match.demand._tally import Tally
+from envgraph.match.demand import _closure_aggregates as _tally
+from envgraph.match.demand._closure_aggregates import ClosureAggregate
 
 Rows = list[tuple[int, ...] | tuple[int, int, float]]
 
@@ -44,7 +44,7 @@ def test_a_tally_agrees_with_the_aggregate_of_the_tuples(
         monkeypatch.setattr(_tally, "MOST_CLASSES", 0)
         monkeypatch.setattr(_tally, "DENSE", 1_000)
     column = 0 if function == "count" else 2
-    tally = Tally(function, column, rows)
+    tally = ClosureAggregate(function, column, rows)
     nodes: list[int] = []
     for node in dice.sample(range(60), 60):
         nodes.append(node)
@@ -60,6 +60,6 @@ def test_a_tally_agrees_with_the_aggregate_of_the_tuples(
 
 
 def test_a_sum_beyond_64_bits_has_no_value() -> None:
-    tally = Tally("sum", 1, [(1, 2**62), (2, 2**62 + 1), (3, -2)])
+    tally = ClosureAggregate("sum", 1, [(1, 2**62), (2, 2**62 + 1), (3, -2)])
     tally.catch_up([1, 2, 3])
     assert (tally.sum_up(0b011), tally.sum_up(0b111), tally.sum_up(0)) == (None, 2**63 - 1, 0)

@@ -10,7 +10,8 @@ import pytest
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, ViewMatcher
 from envgraph.match._matcher import Row
-from envgraph.match.views import _agreeing, _sets
+from envgraph.match.views import _partial_lookup as _agreeing
+from envgraph.match.views import _sets
 from envgraph.metamodel import Reference
 from envgraph.pattern import Library
 from tests.unit.match.people import METAMODEL

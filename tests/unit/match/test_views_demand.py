@@ -6,7 +6,7 @@ import pytest
 
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
-from envgraph.match.views._reach import Reach
+from envgraph.match.views._closure_operator import ClosureOperator
 from envgraph.metamodel import Class, Metamodel, Reference
 from envgraph.pattern import Aggregate, Comparison, Library
 from tests.unit.match.writing import find, path, pattern, v
@@ -75,5 +75,5 @@ def test_numbers_of_what_is_reached_follow_the_links(query: str, before: object,
 def test_a_question_about_one_start_keeps_no_pairs(query: str) -> None:
     matcher = ViewMatcher(grid(), library())
     matcher.watch(query)
-    closures = [each for each in matcher._network.operators.values() if isinstance(each, Reach)]
+    closures = [each for each in matcher._network.operators.values() if isinstance(each, ClosureOperator)]
     assert [each.size() for each in closures] == [SIDE * SIDE]

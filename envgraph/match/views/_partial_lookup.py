@@ -17,7 +17,7 @@ READ: Final = 2.0
 Positions = tuple[int, ...]
 
 
-class Agreeing:
+class PartialLookup:
     """Questions about views with values at some positions.
 
     They are answered by searches until these have cost as much as a look at all rows; then once by that; then by an

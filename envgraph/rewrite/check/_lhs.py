@@ -66,7 +66,7 @@ class LoweredBlock:
         pattern: its pattern: `inherited` parameters first, then `own`.
         inherited: enclosing variables that the pattern takes as arguments.
         own: the variables that the block adds.
-        types: types of all variables in sight, as far as the left sides tell.
+        types: types of all variables in scope, as far as the left sides tell.
         nested: the blocks inside that rewrite.
     """
 
@@ -156,7 +156,7 @@ class LeftLowering:
     # --- types
 
     def _types(self, left: LeftSide, blocks: Sequence[Block], outside: Types) -> Types:
-        """Types of all variables in sight; blocks need to know also of those that are computed."""
+        """Types of all variables in scope; blocks need to know also of those that are computed."""
         types = self.reader.left_side(left, outside)
         if not blocks or None not in types.values():
             return types

@@ -45,7 +45,7 @@ class LinkChange(NamedTuple):
     far: str
 
 
-class Draft:
+class RuleBuilder:
     """A rule that is put together piece by piece.
 
     Variables of the left side may stand for one object unless `differ` was said; those of blocks may not stand for

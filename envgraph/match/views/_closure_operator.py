@@ -70,7 +70,7 @@ class RowSteps:
         return other in self.next(node)
 
 
-class Reach(Operator):
+class ClosureOperator(Operator):
     """For each start what is reached by one or more steps; with `reflexive`, the start itself, too.
 
     Args:

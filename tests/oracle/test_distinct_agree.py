@@ -1,4 +1,4 @@
-"""Bodies with many paths to the same ends: against the naive matcher, and against the same plans without sieves."""
+"""Bodies with many paths to the same ends: against the naive matcher, and the same plans that drop none."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
 from envgraph.match.generate import _generate, _write
-from envgraph.match.plan import _sieves
+from envgraph.match.plan import _distinct as _sieves
 from envgraph.pattern import Constraint, Library, Pattern
 from tests.oracle.test_closures_on_demand import PLACES, places
 from tests.oracle.test_matchers_agree import QUESTIONS, agrees, assert_rows
@@ -116,7 +116,7 @@ def test_sieves_change_neither_results_nor_their_order(seed: int) -> None:
             questions.append((each.name, arguments))
     with_sieves = answers(model, library, questions)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_generate, "sieves", lambda *_: {})
+        patch.setattr(_generate, "distinct_places", lambda *_: {})
         assert answers(model, library, questions) == with_sieves
 
 

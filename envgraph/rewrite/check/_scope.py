@@ -1,4 +1,4 @@
-"""What the right side of a block can refer to: variables, new objects, arrows of the left side."""
+"""The scope of a right side: variables, new objects, arrows of the left side."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ResolvedEdge:
 
 
 @dataclass(slots=True)
-class Sight:
+class RuleScope:
     """Names that a block sees, those of the enclosing blocks included.
 
     Attributes:
@@ -61,9 +61,9 @@ class Sight:
     elsewhere: Mapping[str, str] = field(default_factory=dict)
     _reported: set[str] = field(default_factory=set)
 
-    def inner(self, names: Mapping[str, StaticType | None]) -> Sight:
-        """The sight of a nested block whose left side adds variables, or narrows types."""
-        return Sight(
+    def inner(self, names: Mapping[str, StaticType | None]) -> RuleScope:
+        """The scope of a nested block whose left side adds variables, or narrows types."""
+        return RuleScope(
             self.metamodel,
             self.problems,
             [*self.names, *(name for name in names if name not in self.types)],

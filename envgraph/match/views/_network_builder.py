@@ -22,6 +22,7 @@ from envgraph.match.views._bodies import (
     negated,
     split_negations,
 )
+from envgraph.match.views._closure_operator import ClosureOperator, LinkSteps, RowSteps
 from envgraph.match.views._delta import (
     Delta,
     Occurrence,
@@ -30,11 +31,10 @@ from envgraph.match.views._delta import (
     derivable_source,
     occurrences,
 )
-from envgraph.match.views._folds import Fold
+from envgraph.match.views._group_aggregates import Fold
 from envgraph.match.views._joins import all_values, joined_by_value, values_of, with_values
 from envgraph.match.views._operators import Evaluated, Operator, Rows, View, fill_unrecorded
 from envgraph.match.views._planning import ViewPlanner
-from envgraph.match.views._reach import LinkSteps, Reach, RowSteps
 from envgraph.match.views._recursive import Component, Member
 from envgraph.metamodel import Reference
 from envgraph.pattern import (
@@ -81,7 +81,7 @@ Key = tuple[str, int | str]
 """A relation: "value" or "link" with the index of the feature, "rows" with the name of an operator."""
 
 
-class Growth:
+class NetworkBuilder:
     """The operators so far, each after those that it is made of.
 
     Attributes:
@@ -383,7 +383,7 @@ class Growth:
         forward = reached.target in goal.local
         closure = self._closure(body, reached, place, forward)
         source = self.operators[closure.step]
-        assert isinstance(source, Reach)
+        assert isinstance(source, ClosureOperator)
         fold = Fold(f"{place}/count", source, (0 if forward else 1,), "count", None)
         self._enter(fold)
         ends = (reached.source, reached.target)
@@ -417,7 +417,7 @@ class Growth:
             rows = self.operators[goal.step]
             assert isinstance(rows, Rows)
             steps = RowSteps(rows, forward)
-        reach = Reach(f"{place}/{goal.closure}", self.store, starts, steps, forward, reflexive)
+        reach = ClosureOperator(f"{place}/{goal.closure}", self.store, starts, steps, forward, reflexive)
         self.edges[reach.name] = (("link", link[0]), link[1]) if link else (("rows", goal.step), False)
         self._enter(reach)
         return replace(goal, step=reach.name)
@@ -495,7 +495,7 @@ class Growth:
                         yield place.relation.step
         if isinstance(operator, Fold):
             yield operator.source.name
-        if isinstance(operator, Reach):
+        if isinstance(operator, ClosureOperator):
             yield operator.starts.name
             kind, edges = self.edges[name][0]
             if kind == "rows":

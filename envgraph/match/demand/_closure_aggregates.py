@@ -16,17 +16,17 @@ CLASS: Final = 2
 SLOW_BITS: Final = 1024
 """Bits of an integer that take as long as one more of them."""
 DENSE: Final = 8
-"""One of how many objects must be reached for all of them to be looked at."""
+"""All objects are looked at where at least one of this many is reached."""
 
 Number = int | float
 Rows = Iterable[tuple[Any, ...]]
-"""Something that may be reached, followed by a tuple of the aggregate's relation that there is if it is reached."""
+"""Rows of the aggregate's relation: the end of the closure, then the other columns."""
 
 _SELECTED: Final = bytes(digit == ord("1") for digit in range(256))
 
 
 @dataclass(frozen=True, slots=True)
-class Tallying:
+class ClosureAggregation:
     """How an aggregate is made of what is reached.
 
     Attributes:
@@ -40,19 +40,19 @@ class Tallying:
     rows: Callable[..., Rows]
 
 
-class Tally:
+class ClosureAggregate:
     """The values of an aggregate for any sets of reached objects.
 
     Objects that count alike are one class, of which it is enough to know how many are reached. A tuple that there is
     because of several objects is a class of its own: it counts once, however many of them are reached.
 
-    >>> kinds = Tally("count", 0, [(7, "red"), (8, "red"), (9, "blue")])
+    >>> kinds = ClosureAggregate("count", 0, [(7, "red"), (8, "red"), (9, "blue")])
     >>> kinds.catch_up([9, 8, 7])
     >>> kinds.classes, kinds.sum_up(0b110), kinds.sum_up(0b111)
     (2, 1, 2)
 
     Args:
-        function, column: see `Tallying`.
+        function, column: see `ClosureAggregation`.
         rows: each once.
     """
 

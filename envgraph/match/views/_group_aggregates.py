@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol
 from envgraph.graph import SET, Store
 from envgraph.match._aggregates import aggregate
 from envgraph.match.views._operators import Hook, Operator
-from envgraph.match.views._running import Change, Extremes, Totals
+from envgraph.match.views._running_aggregates import Change, Extremes, Totals
 from envgraph.match.views._sets import Row, become
 
 LARGE: Final = 32

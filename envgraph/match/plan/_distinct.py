@@ -27,7 +27,7 @@ Determined = Callable[[Sequence[Goal], Iterable[int]], set[int]]
 
 
 @dataclass(frozen=True, slots=True)
-class Sieve:
+class Distinct:
     """Lets partial matches pass only if they differ in what is needed further on.
 
     Attributes:
@@ -39,13 +39,13 @@ class Sieve:
     key: tuple[int, ...]
 
 
-def sieves(
+def distinct_places(
     steps: Sequence[Step],
     results: Iterable[int],
     known: Iterable[int],
     determined: Determined,
     around: Iterable[int] = (),
-) -> dict[int, Sieve]:
+) -> dict[int, Distinct]:
     """The places of a plan where partial matches may be alike.
 
     Args:
@@ -56,15 +56,15 @@ def sieves(
         around: those that have a value from a loop around the plan, with the same use of results in each round.
 
     Returns:
-        Sieves by the number of the step that they stand before; by the number of steps, at the end.
+        `Distinct`s by the number of the step that they stand before; by the number of steps, at the end.
     """
     known = frozenset(known).difference(around)
     needed = _needed(steps, results)
     place = dict.fromkeys(around, OUTSIDE)
     looped = dict.fromkeys(around)
     fresh = set(around)
-    """Variables by which partial matches may differ since the last sieve."""
-    found: dict[int, Sieve] = {}
+    """Variables by which partial matches may differ since the last set."""
+    found: dict[int, Distinct] = {}
     for number in range(len(steps) + 1):
         if fresh - needed[number] and (number == len(steps) or _heavy(steps[number])):
             goals = [step.goal for step in steps[:number] if step.kind is not Kind.EXISTS]
@@ -75,7 +75,7 @@ def sieves(
                 outer = known.union(v for v in live if place[v] < first)
                 key = _key(sorted(v for v in live if place[v] >= first), goals, outer, determined)
                 if key and (number == len(steps) or (len(key) <= WIDEST and _many(steps, first, number))):
-                    found[number] = Sieve(first, key)
+                    found[number] = Distinct(first, key)
                     fresh = set(key)
         if number < len(steps):
             place.update(dict.fromkeys(steps[number].binds, number))
