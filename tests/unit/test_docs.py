@@ -306,8 +306,15 @@ def test_files_that_a_page_names_exist(page: Path) -> None:
     assert missing == []
 
 
+def tour_text() -> str:
+    """The map for maintainers and the pages behind it."""
+    docs = ROOT / "docs"
+    pages = [docs / "architecture.md", *sorted((docs / "architecture").glob("*.md"))]
+    return "\n".join(page.read_text(encoding="utf-8") for page in pages)
+
+
 def test_names_that_the_tour_places_in_a_module_are_there() -> None:
-    tour = " ".join((ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").split())
+    tour = " ".join(tour_text().split())
     placed = re.findall(r"`(\w+)` (?:in|of) `(envgraph/[\w/]+\.py)`", tour)
     assert len(placed) >= 5
     assert [name for name, path in placed if name not in (ROOT / path).read_text(encoding="utf-8")] == []
@@ -323,7 +330,7 @@ def test_rows_of_a_table_have_as_many_cells_as_its_head(page: Path) -> None:
 
 
 def test_every_module_that_starts_a_layer_is_in_the_tour() -> None:
-    tour = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    tour = tour_text()
     layers = re.search(r"^    (code < .*)$", tour, re.MULTILINE)
     assert layers is not None
     packages = {path.parent.name for path in (ROOT / "envgraph").glob("*/__init__.py")}
