@@ -10,10 +10,11 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from envgraph.code import _block
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher
-from envgraph.match.generate import _generate, _write
-from envgraph.match.plan import _distinct as _sieves
+from envgraph.match.generate import _generate
+from envgraph.match.plan import _distinct
 from envgraph.pattern import Constraint, Library, Pattern
 from tests.oracle.test_closures_on_demand import PLACES, places
 from tests.oracle.test_matchers_agree import QUESTIONS, agrees, assert_rows
@@ -27,8 +28,8 @@ NAMES = "abcdefgh"
 def limits(request: pytest.FixtureRequest) -> Iterator[None]:
     """Sieves even where little is expected of them, and plans that are split between them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_sieves, "FEW", 0.0)
-        patch.setattr(_write, "MOST_LOOPS", request.param)
+        patch.setattr(_distinct, "FEW", 0.0)
+        patch.setattr(_block, "MOST_LOOPS", request.param)
         yield
 
 
