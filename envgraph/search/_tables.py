@@ -118,8 +118,8 @@ class Tables:
 
 def _key(domain: Domain, behaviour: Behaviour, model: Model, keys: KeyIndex) -> str:
     """A hash of everything that a table depends on. The family file is left out: it says how to search."""
-    bundle = domain.workspace.bundle()
-    texts = {name: text for name, text in bundle.texts.items() if name not in bundle.roots}
+    files = sorted(domain.workspace.sources.items())
+    texts = [text for name, text in files if name != domain.spec.path]
     everything = [FORMAT, __version__, behaviour.name, texts, model_to_json(model), keys.to_json()]
     return sha256(dump_json(everything).encode("utf-8", "surrogatepass")).hexdigest()[:32]
 

@@ -151,6 +151,24 @@ def test_an_edited_behaviour_never_meets_an_old_table(
     assert len(visited) == 4
 
 
+def test_a_check_of_a_directory_meets_no_old_table(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    domain = tmp_path / "domain"
+    shutil.copytree(bundled_domain("keydoor"), domain)
+    rules, taken = domain / "keydoor.rules", "move key to hero.inventory;"
+    text = rules.read_text(encoding="utf-8")
+    assert taken in text
+    monkeypatch.setattr("sys.argv", ["envgraph", "check", str(domain)])
+    assert main() == 0
+    rules.write_text(text.replace(taken, "set hero.at = here;"), encoding="utf-8")
+    assert main() == 1
+    assert "violates `reachable success`" in capsys.readouterr().err
+    rules.write_text(text, encoding="utf-8")
+    assert main() == 0
+    assert len(kept(cache)) == 2
+
+
 def test_a_damaged_table_is_made_anew(exported: Path, cache: Path, visited: list[bool]) -> None:
     make_environment(family=exported)
     (file,) = kept(cache)
