@@ -19,7 +19,7 @@ from envgraph.cli._output import (
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, with_article
 from envgraph.files import replace_file
-from envgraph.graph import Node, model_from_json
+from envgraph.graph import Model, Node, model_from_json
 from envgraph.lang import Workspace
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
@@ -261,6 +261,9 @@ def parse_values(
 def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> Node | Value:
     if isinstance(type_, ObjectType):
         found = engine.model.find_object(text)
+        if found is None:
+            called = _names(engine.model, type_.cls)
+            found = next((node for node, names in called.items() if text in names), None)
         if found is None and text.isdecimal() and engine.model.alive(int(text)):
             found = int(text)
         if found is None:
@@ -297,14 +300,25 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
         ) from None
 
 
+def _names(model: Model, cls: str) -> dict[int, tuple[str, ...]]:
+    """What each object of a class may be called on the command line, the shortest first; ids are not among it.
+
+    The name in the file, the place in a grid, the values of the key, and what is printed: `Box {label = a}`.
+    """
+    found: dict[int, tuple[str, ...]] = {}
+    for node in model.extent(cls):
+        key = model.metamodel.key(model.class_of(node))
+        name = model.title(node)
+        title = [name] if name else []
+        values = [", ".join(str(model.node(node)[each]) for each in key)] if key else []
+        found[node] = (*title, *values, model.describe(node).strip("`"))
+    return found
+
+
 def _objects(engine: Engine, text: str, cls: str) -> str:
     """Which objects of a class may be meant by a text; "" for anything."""
-    nodes = engine.model.extent(cls)
-    names = [name for node in nodes if (name := engine.model.object_name(node))]
-    names += [place for place, node in engine.model.places.items() if node in nodes]
-    if names:
-        return name_hint(text, names) or ""
-    return f"give an id: there are {listed(map(str, nodes))}" if nodes else f"there is no `{cls}` in it"
+    names = [called[0] for called in _names(engine.model, cls).values()]
+    return name_hint(text, names) or "" if names else f"there is no `{cls}` in it"
 
 
 def _shown(value: Node | Value) -> str:

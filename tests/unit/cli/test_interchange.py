@@ -230,3 +230,27 @@ def test_objects_of_a_grid_are_called_by_their_places(run: Run) -> None:
     assert (code, out.splitlines()[-1].split()) == (0, ["Cell", "cell[2,", "0]", "2"])
     code, _, err = run("match", "b.model", "b.query", "at", "--where", "c=cell[3, 0]")
     assert code == 1 and "the model has no object `cell[3, 0]`; did you mean `cell[" in err
+
+
+def test_objects_are_given_by_their_keys_as_tables_show_them(run: Run) -> None:
+    Path("b.metamodel").write_text(
+        "metamodel b\nclass Ward { contains Bed[] beds contains Lamp[] lamps }\n"
+        "@key(number) class Bed { int number }\nclass Lamp { int n }\n"
+    )
+    Path("b.model").write_text(
+        'import "b.metamodel"\nmodel m : b { Ward { beds = [Bed { number = 7 }, Bed { number = 0 }] lamps = [Lamp { }] } }'
+    )
+    Path("b.query").write_text(
+        'import "b.metamodel"\npattern bed(b : Bed) { Bed(b); }\npattern lamp(l : Lamp) { Lamp(l); }\n'
+    )
+    assert "Bed {number = 7}" in run("match", "b.model", "b.query", "bed")[1]
+    for given in ("7", "Bed {number = 7}"):
+        code, out, _ = run("match", "b.model", "b.query", "bed", "-w", f"b={given}")
+        assert code == 0 and "Bed {number = 7}" in out and "Bed {number = 0}" not in out
+    assert (
+        "Bed {number = 0}" in run("match", "b.model", "b.query", "bed", "-w", "b=0")[1]
+    )  # though 0 is the ward's id
+    code, _, err = run("match", "b.model", "b.query", "bed", "-w", "b=70")
+    assert code == 1 and "the model has no object `70`; did you mean `7`" in err
+    for given in ("3", "Lamp#3"):
+        assert run("match", "b.model", "b.query", "lamp", "-w", f"l={given}")[0] == 0
