@@ -162,8 +162,11 @@ class _PatternCheck:
             several = body.types_check.ambiguous(parameter.name)
             if several:
                 names = " and ".join(f"`{type_text(type_)}`" for type_ in several)
+                shared = shared_classes(several, body.types)
                 hint = (
-                    f"declare it, for example `{parameter.name} : {shared_classes(several, body.types)[0]}`"
+                    f"declare it, for example `{parameter.name} : {shared[0]}`"
+                    if shared
+                    else "nothing is both: use another variable for one of them"
                 )
                 yield Diagnostic("ambiguous-type", f"`{parameter.name}` is both {names}", span, hint)
                 return

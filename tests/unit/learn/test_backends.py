@@ -12,7 +12,7 @@ from envgraph.learn import (
     Epsilon,
     Training,
     TrainingSettings,
-    _lists,
+    _q_learning,
     _training,
     available_backends,
     train_curriculum,
@@ -71,7 +71,7 @@ def test_loops_agree_where_ties_are_everywhere() -> None:
 def test_draws_do_not_depend_on_the_size_of_blocks(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
     tables = [random_table(1), random_table(2)]
     whole = trained(tables, SETTINGS, backend)
-    monkeypatch.setattr(_lists, "BLOCK", 7)
+    monkeypatch.setattr(_q_learning, "BLOCK", 7)
     if backend == "numba":
         from envgraph.learn import _compiled
 
