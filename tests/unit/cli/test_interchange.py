@@ -238,7 +238,8 @@ def test_objects_are_given_by_their_keys_as_tables_show_them(run: Run) -> None:
         "@key(number) class Bed { int number }\nclass Lamp { int n }\n"
     )
     Path("b.model").write_text(
-        'import "b.metamodel"\nmodel m : b { Ward { beds = [Bed { number = 7 }, Bed { number = 0 }] lamps = [Lamp { }] } }'
+        'import "b.metamodel"\nmodel m : b {\n'
+        "Ward { beds = [Bed { number = 7 }, Bed { number = 0 }] lamps = [Lamp { }] } }"
     )
     Path("b.query").write_text(
         'import "b.metamodel"\npattern bed(b : Bed) { Bed(b); }\npattern lamp(l : Lamp) { Lamp(l); }\n'
