@@ -222,7 +222,7 @@ def _one_call(reading: Reading, apply: Tree[Token]) -> RuleCall | None:
     branches = trees(apply.children)[0]
     first = trees(branches.children)[0]
     if len(trees(branches.children)) > 1 or tokens(first.children):
-        hint = "write `each step apply` for what happens by chance"
+        hint = "apply a unit that chooses by `@weight`, or write `each step apply` for what happens once in a step"
         reading.error("misplaced-part", "`on` applies one rule, without a probability", branches, hint)
         return None
     return _rule_call(reading, trees(first.children)[0])
