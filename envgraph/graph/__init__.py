@@ -16,6 +16,7 @@
 from typing import TYPE_CHECKING
 
 from envgraph.errors import later, shorten
+from envgraph.graph import _copying  # noqa: F401, how models are copied
 from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
 from envgraph.graph._history import Savepoint, Shelf, Version

@@ -128,7 +128,7 @@ class Model:
 
     def copy(self) -> Model:
         """Another model in the same state (ids, every order, hash), without versions, savepoints and listeners."""
-        return copy(self)  # as `envgraph.graph.interchange` says how
+        return copy(self)  # `envgraph.graph._copying` says how
 
     def __deepcopy__(self, _: object) -> Model:
         return self.copy()

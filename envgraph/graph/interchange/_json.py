@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import copyreg
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -67,14 +66,6 @@ def model_to_json(model: Model) -> dict[str, Any]:
     if orders:
         data["orders"] = orders
     return data
-
-
-def _reduced(model: Model) -> tuple[Callable[..., Model], tuple[object, ...], dict[str, object]]:
-    """What copies and models on the way to a worker process are made from; versions and listeners stay behind."""
-    return model_from_json, (model_to_json(model), model.metamodel), {"places": model.places}
-
-
-copyreg.pickle(Model, _reduced)
 
 
 def model_schema() -> dict[str, Any]:

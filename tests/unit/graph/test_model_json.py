@@ -3,6 +3,8 @@
 import copy
 import json
 import pickle
+import subprocess
+import sys
 
 import pytest
 
@@ -257,3 +259,19 @@ def test_text_that_is_not_json_is_a_diagnostic(text, expected):
 def test_nan_is_no_value():
     with pytest.raises(LoadError, match="takes float, not nan"):
         model_from_json(json.dumps(document({**PERSON, "features": {"height": float("nan")}})), PEOPLE)
+
+
+def test_models_are_copied_before_anything_has_read_json() -> None:
+    code = (
+        "import sys, copy, pickle\n"
+        "from envgraph.graph import Model\n"
+        "from envgraph.metamodel import Attribute, Class, Metamodel, Scalar\n"
+        "model = Model(Metamodel('m', [Class('A', features=(Attribute('x', Scalar.INT),))]))\n"
+        "one = model.create('A', x=1)\n"
+        "assert 'envgraph.graph.interchange._json' not in sys.modules\n"
+        "others = [model.copy(), copy.copy(model), copy.deepcopy(model), pickle.loads(pickle.dumps(model))]\n"
+        "one.x = 2\n"
+        "print(*[other.node(one.id).x for other in others])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["1"] * 4
