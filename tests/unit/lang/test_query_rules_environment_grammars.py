@@ -1,4 +1,4 @@
-"""What the grammars of queries, rules and environments have in common: tables, positions, robustness, speed."""
+"""What the grammars of queries, rules and environments have in common: positions, robustness, speed."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass
@@ -15,7 +15,7 @@ from envgraph.lang import data_path
 from envgraph.lang.read._environment import read_environment
 from envgraph.lang.read._query import read_query
 from envgraph.lang.read._rules import read_rules
-from envgraph.lang.syntax._grammar import RECOVERY, build, grammar
+from envgraph.lang.syntax._grammar import grammar
 from envgraph.lang.syntax._parsing import Parsed, parse
 from tests.profile import AT_NIGHT, examples
 
@@ -41,27 +41,6 @@ class File(Protocol):
 def read(name: str, text: str) -> File:
     language = name.rpartition(".")[2]
     return READERS[language](parse(language, Source(name, text)))
-
-
-# --- tables
-
-
-@pytest.mark.parametrize("language", READERS)
-def test_a_grammar_has_no_conflicts_and_its_tables_are_built_quickly(language: str) -> None:
-    times = []
-    for _ in range(3):
-        started = process_time()
-        build(
-            language, data_path("grammars", f"{language}.lark"), RECOVERY[language]
-        )  # strict: conflicts raise
-        times.append(process_time() - started)
-    assert min(times) < 1.0  # processor time; a table that explodes takes far longer
-
-
-@pytest.mark.parametrize("language", READERS)
-def test_parsing_can_resume_after_every_rule_that_is_named_for_it(language: str) -> None:
-    tables = build(language, data_path("grammars", f"{language}.lark"), RECOVERY[language])
-    assert set(RECOVERY[language]) <= tables.states.names
 
 
 # --- the example domains
