@@ -40,3 +40,21 @@ def test_no_module_imports_one_that_imports_it() -> None:
     assert graph.number_of_edges() > 1000
     circles = [circle for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
     assert circles == []
+
+
+MOST_METHODS = 30
+"""More are a sign of a second idea, which gets an object or functions of its own."""
+
+LARGER = {"History": 37, "Model": 78, "Translation": 46, "ViewMatcher": 58}
+"""Those that are larger, and how much; they are not to grow."""
+
+
+def test_classes_have_few_methods() -> None:
+    found = {}
+    for path in sorted((ROOT / "envgraph").rglob("*.py")):
+        for each in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(each, ast.ClassDef):
+                methods = {inner.name for inner in each.body if isinstance(inner, ast.FunctionDef)}
+                if len(methods) > MOST_METHODS:
+                    found[each.name] = len(methods)
+    assert found == LARGER

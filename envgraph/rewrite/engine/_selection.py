@@ -11,8 +11,8 @@ from envgraph.match import FREE
 from envgraph.pattern import Expression, value_of
 from envgraph.rewrite._match import Match, Row
 from envgraph.rewrite.engine._catalog import Catalog
+from envgraph.rewrite.run._run import best, read_feature
 from envgraph.rewrite.run._runner import RuleRunner
-from envgraph.rewrite.run._unit_source import best, read_feature
 
 Choose = Literal["random", "first"] | Callable[[list[Match]], "Match | None"]
 """How one of several matches is chosen: drawn uniformly, the first in their order, or by a function of the user."""

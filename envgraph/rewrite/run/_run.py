@@ -13,7 +13,8 @@ from typing import Any, Final, NoReturn
 from envgraph.code import dataclass
 from envgraph.errors import EvaluationError, RuleError, Span
 from envgraph.graph import Model, Savepoint
-from envgraph.metamodel import Value
+from envgraph.metamodel import Attribute, Value
+from envgraph.pattern import Expression, evaluate, explained, navigations
 from envgraph.rewrite._branches import Branches
 from envgraph.rewrite._match import Firing, Row
 from envgraph.rewrite.run._runner import REFUSALS, Randomness, RuleRunner, others
@@ -335,3 +336,50 @@ def draw_weighted(rng: Randomness, weights: Sequence[float]) -> int:
         if point < 0:
             return number
     return len(weights) - 1  # rounding
+
+
+def best(rows: Sequence[Row], value: Callable[[Row], Any], limit: int | None) -> list[Row]:
+    """The rows with the largest values, in that order, ties as they come; rows without a value are left out."""
+    valued = [(found, row) for row in rows if (found := value(row)) is not None]
+    valued.sort(key=lambda pair: pair[0], reverse=True)  # stable, reversed or not
+    return [row for _, row in valued[:limit]]
+
+
+def argument_value(
+    expression: Expression, values: Mapping[str, Any], read: Callable[[int, str], Value | None], site: Site
+) -> Value | None:
+    """The value of an argument or a bound, or None if a path in it has none; `site` is what it is, and where.
+
+    Raises:
+        EvaluationError: division by zero, overflow, a function outside its domain.
+    """
+    if any(evaluate(path, values, read) is None for path in navigations(expression)):
+        return None
+    try:
+        return evaluate(expression, values, read)
+    except EvaluationError as error:
+        name, span = site
+        found = explained(error, expression, values, read, span, "write `if check {} {{ .. }}` around it")
+        raise EvaluationError(f"{name} has no value: {found.message}", found.span, found.hint) from None
+
+
+def rounds(run: Run, lower: int, upper: int, span: Span | None) -> int:
+    """A number of rounds between two bounds that were worked out.
+
+    Raises:
+        EvaluationError: the upper one is below the lower one, or the lower one below 0.
+    """
+    if not 0 <= lower <= upper:
+        hint = "the lower bound comes first, and is at least 0"
+        raise EvaluationError(f"cannot repeat {lower}..{upper} times", span, hint)
+    return lower + (run.pick(upper - lower + 1) if upper > lower else 0)
+
+
+def read_feature(model: Model, node: int, feature: str) -> Value | None:
+    """A single-valued feature of an object, for `evaluate`; one that was deleted has none."""
+    if not model.alive(node):
+        return None
+    found = model.metamodel.feature(model.class_of(node), feature)
+    if found is None:
+        return None
+    return model.value(node, found) if isinstance(found, Attribute) else model.target(node, found)

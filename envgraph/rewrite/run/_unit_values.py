@@ -1,0 +1,139 @@
+"""What terms and conditions of units become in generated functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from collections.abc import Mapping as Named
+
+from envgraph.code import (
+    Assign,
+    Each,
+    Expression,
+    Local,
+    Mapping,
+    Name,
+    call,
+    inverse,
+    is_none,
+    tuple_of,
+)
+from envgraph.errors import Span
+from envgraph.match import Matcher
+from envgraph.pattern import Applicable, Call, Check, Constraint, Step, Variable, variables_in
+from envgraph.pattern import Constant as Literal
+from envgraph.pattern import Expression as Term
+from envgraph.pattern import If as If_
+from envgraph.rewrite._names import Signature
+from envgraph.rewrite.check._unit_check import CheckedUnit
+from envgraph.rewrite.run._runner import RuleRunner
+from envgraph.rewrite.run._unit_functions import Scope, UnitFunctions
+
+
+class UnitValues:
+    """Writes values and conditions into the functions of one checked unit.
+
+    Args:
+        checked: the unit.
+        functions: what is being written.
+        matcher: says whether conditions hold.
+        members: the rules that a name stands for.
+    """
+
+    def __init__(
+        self,
+        checked: CheckedUnit,
+        functions: UnitFunctions,
+        matcher: Matcher,
+        members: Callable[[str], Sequence[RuleRunner]],
+    ) -> None:
+        self._checked = checked
+        self._name = checked.unit.qualified_name
+        self._functions = functions
+        self._matcher = matcher
+        self._members = members
+
+    def arguments(
+        self, step: Call, callee: Signature, scope: Scope
+    ) -> tuple[list[tuple[str, Expression]], dict[str, str]]:
+        """The parameters that get values, with the locals that hold them; the variables that get one from `out` ones.
+
+        A variable that may have a value is among both.
+        """
+        given: list[tuple[str, Expression]] = []
+        new: dict[str, str] = {}
+        for argument, parameter in zip(step.arguments, callee.parameters, strict=False):
+            if is_open(argument) is None:
+                continue
+            if isinstance(argument, Variable):
+                name = argument.name
+                if name in scope.names:
+                    given.append((parameter.name, scope.names[name]))
+                if not scope.known(name):
+                    new[parameter.name] = name
+            else:
+                what = f"an argument of `{step.name}`"
+                given.append((parameter.name, self.value(argument, scope, what, step.span)))
+        return given, new
+
+    def value(self, term: Term, scope: Scope, what: str, span: Span | None = None) -> Expression:
+        """A local variable with the value of an expression; without a value the step fails."""
+        local = self._functions.local("a")
+        if isinstance(term, Literal):
+            return self._functions.constant(term.value)
+        site = self._functions.constant((f"{what} in `{self._name}`", term.span or span))
+        asked = call("argument", self._functions.constant(term), self.values(term, scope), Name("read"), site)
+        self._functions.now.add(Assign(local, asked))
+        self._functions.fails_if(is_none(local), f"{what} has no value", term.span or span)
+        return local
+
+    def values(self, term: Term, scope: Scope) -> Mapping:
+        """The values of the variables of an expression."""
+        used = {variable.name: scope.names[variable.name] for variable in variables_in(term)}
+        return self.mapping(used)
+
+    def mapping(self, names: Named[str, Expression]) -> Mapping:
+        """Values by name."""
+        return Mapping(tuple((self._functions.constant(name), value) for name, value in names.items()))
+
+    def holds(self, step: If_, scope: Scope) -> Expression:
+        """Whether the condition of an `if` holds."""
+        if id(step) in self._checked.asked:
+            return self._applicable(step, scope)
+        assert not isinstance(step.condition, Applicable)
+        return self.condition(step, 0, step.condition, scope)
+
+    def _applicable(self, step: If_, scope: Scope) -> Expression:
+        """Whether a rule is applicable."""
+        asked, callee = self._checked.asked[id(step)]
+        rules = self._functions.constant(self._members(callee.name))
+        given: dict[str, Expression] = {}
+        for argument, parameter in zip(asked.arguments, callee.parameters, strict=False):
+            if isinstance(argument, Variable):
+                if argument.name in scope.names:
+                    given[parameter.name] = scope.names[argument.name]
+                continue
+            what = f"an argument of `{asked.name}` in `{self._name}`"
+            site = self._functions.constant((what, argument.span or asked.span))
+            term, values = self._functions.constant(argument), self.values(argument, scope)
+            given[parameter.name] = call("argument", term, values, Name("read"), site)
+        rule = Local("rule")
+        applicable = call("is_applicable", rule, self.mapping(given))
+        test = call("any", Each(applicable, rule, rules, late=True))
+        return inverse(test) if asked.negated else test
+
+    def condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> Expression:
+        """Whether a condition holds."""
+        if isinstance(condition, Check):
+            asked = condition.expression
+            return call("holds", self._functions.constant(asked), self.values(asked, scope), Name("read"))
+        found = self._checked.conditions[id(step), number]
+        tester = self._functions.constant(self._matcher.tester(found.pattern.qualified_name))
+        test = call(tester, tuple_of(*(scope.names[name] for name in found.arguments)))
+        return inverse(test) if found.negated else test
+
+
+def is_open(argument: Term) -> bool | None:
+    """Whether an argument is a variable; None if it is `_`."""
+    if not isinstance(argument, Variable):
+        return False
+    return None if argument.name.startswith("_") else True
