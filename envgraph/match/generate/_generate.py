@@ -12,31 +12,8 @@ from functools import partial
 from itertools import takewhile
 from typing import Final
 
-from envgraph.code import (
-    Assign,
-    Block,
-    Choice,
-    Constant,
-    Do,
-    Expression,
-    Index,
-    Let,
-    Local,
-    Member,
-    Name,
-    Operation,
-    Return,
-    Statement,
-    Tuple,
-    Yield,
-    call,
-    dataclass,
-    equal,
-    inverse,
-    joined,
-    method,
-    some,
-)
+from envgraph import code
+from envgraph.code import dataclass
 from envgraph.match.generate._sinks import (
     COUNT,
     EXISTENCE,
@@ -118,7 +95,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         Unplannable: a free parameter cannot be enumerated.
     """
     view = planner.view(key)
-    module, block = Module(), Block()
+    module, block = Module(), code.Block()
     given = {position: local("v", position) for position in key.bound}
     sieved = not view.distinct and _ends_in_sieve(planner, view.bodies, key, mode)
     frame, bounded = view_sink(mode, view.distinct or sieved, ()), Bounded(key.pattern, searched=True)
@@ -130,7 +107,7 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
             else ClosureQuestion.SIZE_BACK
         )
         size = module.name(Closed(search.step, search.closure is Closure.STAR, question))
-        return module.source(module.function("view", inputs, (Return(call(size, *inputs)),)))
+        return module.source(module.function("view", inputs, (code.Return(code.call(size, *inputs)),)))
     for body in view.bodies:
         conjunction = body.conjunction
         positions = key.outputs if mode is Mode.VALUES else range(len(conjunction.parameters))
@@ -139,29 +116,29 @@ def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
         translation = Translation(planner, module, conjunction, block, given)
         translation.bounded = bounded
         translation.body(body.plan, sink)
-    checked = (Do(call(module.name(bounded))),) if bounded in module else ()
+    checked = (code.Do(code.call(module.name(bounded))),) if bounded in module else ()
     whole = (*checked, *frame.head, *block.body(), *frame.tail)
     alike = alike_starts(planner, key, key.bound) if mode is Mode.COUNT and key.outputs else None
     if alike is None:
         return module.source(module.function("view", inputs, whole))
     direct = module.function("direct", inputs, whole)
     counted = _counted(module, alike, inputs, inputs[key.bound.index(alike.start)], direct)
-    return module.source(module.function("view", inputs, (Return(counted),)))
+    return module.source(module.function("view", inputs, (code.Return(counted),)))
 
 
 def _counted(
-    module: Module, alike: Alike, inputs: Sequence[Expression], start: Expression, direct: Name
-) -> Expression:
+    module: Module, alike: Alike, inputs: Sequence[code.Expression], start: code.Expression, direct: code.Name
+) -> code.Expression:
     """The number of rows that `direct` counts, where that is the same for all starts that reach the same."""
-    others = Tuple(tuple(each for each in inputs if each != start))
-    parts = [start, direct, Tuple(tuple(inputs)), others]
+    others = code.Tuple(tuple(each for each in inputs if each != start))
+    parts = [start, direct, code.Tuple(tuple(inputs)), others]
     if alike.ends is not None:
         ends = alike.ends
         tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, "count", None)
         parts += [module.name(tallied), others]
     question = ClosureQuestion.ALIKE if alike.forward else ClosureQuestion.ALIKE_BACK
     star = alike.closure.closure is Closure.STAR
-    return call(module.name(Closed(alike.closure.step, star, question)), *parts)
+    return code.call(module.name(Closed(alike.closure.step, star, question)), *parts)
 
 
 def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, mode: Mode) -> bool:
@@ -179,7 +156,7 @@ def _ends_in_sieve(planner: Planner, bodies: Sequence[BodyPlan], key: ViewKey, m
 
 def ends_source(planner: Planner, ends: Ends) -> Source:
     """The source that finds all values that the closures of a pattern may reach, each with those that are wanted."""
-    module, block = Module(), Block()
+    module, block = Module(), code.Block()
     given = {position: local("v", position) for position in ends.given}
     for conjunction, end, plan in plans_of_ends(planner, ends) or ():
         found = (end, *(conjunction.parameters[position] for position in ends.wanted))
@@ -198,20 +175,20 @@ def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQu
     leaves out what has been seen, and adds to it. For `HOLDS`, `search(start, goal, todo)` tells whether the goal is
     among what is reached; `todo`, which is `[start]`, gets all that is visited.
     """
-    module, block = Module(), Block()
+    module, block = Module(), code.Block()
     near, far = (0, 1) if forward else (1, 0)
     frame = visiting(far, question)
-    node, other, outside = Local("node"), Local("other"), list[Statement]()
-    block.loop(node, Local("todo"))
+    node, other, outside = code.Local("node"), code.Local("other"), list[code.Statement]()
+    block.loop(node, code.Local("todo"))
     if planner.calls.recursive(step):
-        ends = (Local("_"), other) if forward else (other, Local("_"))
-        block.loop(Tuple(ends), call(module.name(Recursive(step, (near,))), node))
+        ends = (code.Local("_"), other) if forward else (other, code.Local("_"))
+        block.loop(code.Tuple(ends), code.call(module.name(Recursive(step, (near,))), node))
         block.add(*frame.each(lambda _: other))
     elif planner.calls.searches(step):
         follow = module.name(
             Closed(step, False, ClosureQuestion.STEP if forward else ClosureQuestion.STEP_BACK)
         )
-        block.loop(other, call(follow, node))
+        block.loop(other, code.call(follow, node))
         block.add(*frame.each(lambda _: other))
     else:
         for body in planner.expanded(ViewKey(step, (near,), (far,))).bodies:
@@ -220,10 +197,10 @@ def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQu
             translation = Translation(planner, module, conjunction, block, {near: node})
             translation.around = (conjunction.parameters[near],)
             translation.body(body.plan, sink)
-            outside[:0] = [Assign(name, empty("set")) for name in translation.outside]
+            outside[:0] = [code.Assign(name, empty("set")) for name in translation.outside]
     more = {ClosureQuestion.SPREAD: ["seen"], ClosureQuestion.HOLDS: ["goal", "todo"]}.get(question, [])
     whole = (*frame.head, *outside, *block.body(), *frame.tail)
-    return module.source(module.function("search", list(map(Local, ["start", *more])), whole))
+    return module.source(module.function("search", list(map(code.Local, ["start", *more])), whole))
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +213,7 @@ class Reached:
     """
 
     step: Step
-    known: Mapping[int, Expression]
+    known: Mapping[int, code.Expression]
 
 
 class Translation:
@@ -263,8 +240,8 @@ class Translation:
         planner: Planner,
         module: Module,
         conjunction: Conjunction,
-        block: Block,
-        given: Mapping[int, Expression],
+        block: code.Block,
+        given: Mapping[int, code.Expression],
     ) -> None:
         self._planner = planner
         self._metamodel = planner.library.metamodel
@@ -272,16 +249,16 @@ class Translation:
         self._conjunction = conjunction
         self._constants = dict(conjunction.constants)
         self._block = block
-        self._names: dict[int, Expression] = {}
-        self._seen: dict[int, Local] = {}
+        self._names: dict[int, code.Expression] = {}
+        self._seen: dict[int, code.Local] = {}
         self._given = given
         self._sieves: dict[int, tuple[int, tuple[int, ...]]] | None = None
-        self._passed: dict[int, Local] = {}
-        self.outside: list[Local] = []
+        self._passed: dict[int, code.Local] = {}
+        self.outside: list[code.Local] = []
 
     bounded: Bounded | None = None
     """Sees to it that there are not too many matches."""
-    _carried: Sequence[Local] = ()
+    _carried: Sequence[code.Local] = ()
     """What every function inside gets."""
     _continues = False
     """Whether this is the rest of a function, inside its loops."""
@@ -297,7 +274,7 @@ class Translation:
         for position, given in self._given.items():
             variable = self._conjunction.parameters[position]
             if variable in self._names or variable in self._constants:
-                block.test(equal(self._source(variable), given))
+                block.test(code.equal(self._source(variable), given))
             else:
                 self._names[variable] = given
         joined = self._join(plan) if sink is EXISTENCE else None
@@ -308,13 +285,13 @@ class Translation:
             block.add(*sink.each(self._source))
         block.back_to(place)
 
-    def _source(self, variable: int) -> Expression:
+    def _source(self, variable: int) -> code.Expression:
         """What stands for a variable that has a value."""
         if variable not in self._names:
             self._names[variable] = self._module.literal(self._constants[variable])
         return self._names[variable]
 
-    def _local(self, variable: int, prefix: str = "v") -> Local:
+    def _local(self, variable: int, prefix: str = "v") -> code.Local:
         """The local variable for a variable, or for what it is taken from."""
         return local(prefix, variable, self._conjunction.types[variable] if prefix == "v" else None)
 
@@ -364,9 +341,9 @@ class Translation:
             return
         connected = any(self._known(variable) for variable in variables(step.goal))
         if not connected and not self._tests_of_values(step, following):
-            self._block.add(Do(call(self._module.name(self.bounded), self._size(sink))))
+            self._block.add(code.Do(code.call(self._module.name(self.bounded), self._size(sink))))
 
-    def _size(self, sink: Sink) -> Expression:
+    def _size(self, sink: Sink) -> code.Expression:
         """Hook: the number of matches that there are."""
         return sink.size
 
@@ -390,28 +367,28 @@ class Translation:
         """Before what stands at a place, the sets that are empty there."""
         for here, (first, _) in (self._sieves or {}).items():
             if first == place:
-                seen = self._passed[here] = Local(self._module.fresh("d"))
+                seen = self._passed[here] = code.Local(self._module.fresh("d"))
                 if place == OUTSIDE:
                     self.outside.append(seen)
                 else:
-                    self._block.add(Assign(seen, empty("set")))
+                    self._block.add(code.Assign(seen, empty("set")))
 
     def _sieve(self, place: int) -> None:
         """Before what stands at a place, leave out what has been there."""
         _, key = (self._sieves or {}).pop(place, (0, ()))
         if key:
             seen, values = self._passed.pop(place), value(key, self._source)
-            self._block.test(Operation("not in", (values, seen)))
-            self._block.add(Do(method(seen, "add", values)))
+            self._block.test(code.Operation("not in", (values, seen)))
+            self._block.add(code.Do(code.method(seen, "add", values)))
 
     def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:
         """Before the searches whose results do not depend on what the steps after this one find."""
         for search, last in shared.items():
             if last == number:
-                seen = self._seen[id(steps[search])] = Local(self._module.fresh("s"))
-                self._block.add(Assign(seen, empty("set")))
+                seen = self._seen[id(steps[search])] = code.Local(self._module.fresh("s"))
+                self._block.add(code.Assign(seen, empty("set")))
 
-    def _fork(self, block: Block, continuation: bool) -> Translation:
+    def _fork(self, block: code.Block, continuation: bool) -> Translation:
         """Hook: the translation of a function inside this one, or of the rest of this one."""
         return Translation(self._planner, self._module, self._conjunction, block, {})
 
@@ -421,31 +398,31 @@ class Translation:
         match sink.relay:
             case "flag":
                 self._block.test(rest)
-                self._block.add(Return(Constant(True)))
+                self._block.add(code.Return(code.Constant(True)))
             case "found":
-                self._block.test(Operation("is not", (Let(FOUND, rest), Constant(None))))
-                self._block.add(Return(FOUND))
+                self._block.test(code.Operation("is not", (code.Let(FOUND, rest), code.Constant(None))))
+                self._block.add(code.Return(FOUND))
             case "sum":
-                self._block.add(Assign(N, rest, "+="))
+                self._block.add(code.Assign(N, rest, "+="))
             case "each":
-                self._block.add(Yield(rest, each=True))
+                self._block.add(code.Yield(rest, each=True))
             case _:
-                self._block.add(Do(rest))
+                self._block.add(code.Do(rest))
 
     def _function(
         self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
-    ) -> Expression:
+    ) -> code.Expression:
         """A function for some steps; the call of it."""
         name, arguments_ = self._defined(prefix, steps, sink, continuation)
-        return call(name, *arguments_)
+        return code.call(name, *arguments_)
 
     def _defined(
         self, prefix: str, steps: Sequence[Step], sink: Sink, continuation: bool = False
-    ) -> tuple[Name, list[Expression]]:
+    ) -> tuple[code.Name, list[code.Expression]]:
         """A function for some steps, and the arguments of its call."""
-        shared: list[Local] = list(sink.shared) if continuation else []
+        shared: list[code.Local] = list(sink.shared) if continuation else []
         inputs = self._inputs(steps, sink)
-        inner = self._fork(Block(), continuation)
+        inner = self._fork(code.Block(), continuation)
         inner._names.update((v, inner._local(v)) for v in inputs)
         inner._joins, inner.indexes = self._joins, self.indexes
         inner._continues = continuation
@@ -489,17 +466,17 @@ class Translation:
             case _:
                 raise AssertionError(goal)
 
-    def _each(self, targets: Sequence[int | None], iterable: Expression, tuples: bool = False) -> None:
+    def _each(self, targets: Sequence[int | None], iterable: code.Expression, tuples: bool = False) -> None:
         """Loop over tuples, or over bare values if there is one target; None is for what does not matter."""
-        names: list[Local] = []
-        again: list[Expression] = []
+        names: list[code.Local] = []
+        again: list[code.Expression] = []
         for variable in targets:
-            name = Local("_") if variable is None else self._local(variable)
+            name = code.Local("_") if variable is None else self._local(variable)
             if name in names and variable is not None:
                 first, name = name, local("w", len(names))
-                again.append(equal(name, first))
+                again.append(code.equal(name, first))
             names.append(name)
-        self._block.loop(names[0] if len(names) == 1 and not tuples else Tuple(tuple(names)), iterable)
+        self._block.loop(names[0] if len(names) == 1 and not tuples else code.Tuple(tuple(names)), iterable)
         for test in again:
             self._block.test(test)
         self._names.update((v, self._local(v)) for v in targets if v is not None)
@@ -525,16 +502,16 @@ class Translation:
         pairs = {t.goal.attribute.index: t.goal.value for t in tests if isinstance(t.goal, AttributeAtom)}
         valued = Valued(tuple(self._indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
         values = [self._source(pairs[attribute]) for attribute in sorted(pairs)]
-        self._each([goal.variable], call(self._module.name(valued), *values))
+        self._each([goal.variable], code.call(self._module.name(valued), *values))
 
-    def _others(self, step: Step, following: Sequence[Step]) -> list[Expression]:
+    def _others(self, step: Step, following: Sequence[Step]) -> list[code.Expression]:
         """Where the end of a link, over which is looped, has to stand besides: the other ends of links are known."""
         if not (isinstance(step.goal, LinkAtom) and isinstance(step.goal.reference, Reference)):
             return []
         if not (self._shares and self.indexes):
             return []
         (end,) = step.binds
-        found: list[Expression] = []
+        found: list[code.Expression] = []
         for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
             goal = each.goal
             if (
@@ -548,52 +525,52 @@ class Translation:
                     found.append(self._ends(goal))
         return found
 
-    def _loop_common(self, step: Step, others: Sequence[Expression]) -> None:
+    def _loop_common(self, step: Step, others: Sequence[code.Expression]) -> None:
         """Loop over the ends of a link; if they are many, over those that may pass the tests which follow."""
         goal = step.goal
         assert isinstance(goal, LinkAtom)
-        ends = Local(self._module.fresh("e"))
-        kind = Member(Let(ends, self._ends(goal)), "__class__")
-        short = Operation("is", (kind, Name("tuple")))  # the others are crowded
-        common = call(self._module.name(Builtin("common")), ends, *others)
-        self._each(step.binds, Choice(short, ends, common))
+        ends = code.Local(self._module.fresh("e"))
+        kind = code.Member(code.Let(ends, self._ends(goal)), "__class__")
+        short = code.Operation("is", (kind, code.Name("tuple")))  # the others are crowded
+        common = code.call(self._module.name(Builtin("common")), ends, *others)
+        self._each(step.binds, code.Choice(short, ends, common))
 
     # --- values
 
     def _bind(self, step: Step, inline: bool) -> None:
         """Give a variable its one value; `inline` keeps everything in one expression."""
         (variable,) = step.binds
-        found: Expression = self._local(variable)
-        assert isinstance(found, Local)
+        found: code.Expression = self._local(variable)
+        assert isinstance(found, code.Local)
         if isinstance(step.goal, LinkAtom):
             ends = self._local(variable, "t")
-            self._block.test(Let(ends, self._ends(step.goal)))
+            self._block.test(code.Let(ends, self._ends(step.goal)))
             if inline:
-                found = Index(ends, Constant(0))
+                found = code.Index(ends, code.Constant(0))
             else:
-                self._block.add(Assign(Tuple((found,)), ends))
+                self._block.add(code.Assign(code.Tuple((found,)), ends))
         else:
-            self._block.test(some(Let(found, self._value(step))))
+            self._block.test(code.some(code.Let(found, self._value(step))))
         self._names[variable] = found
 
-    def _value(self, step: Step) -> Expression:
+    def _value(self, step: Step) -> code.Expression:
         """A value that the goal computes; None if there is none."""
         goal = step.goal
         match goal:
             case AttributeAtom(attribute, owner, _):
-                return Index(self._module.name(Values(attribute.index)), self._source(owner))
+                return code.Index(self._module.name(Values(attribute.index)), self._source(owner))
             case Valuation(expression, reads, _):
                 return self._expression(expression, reads)
             case AggregateAtom():
                 return self._aggregate(goal, step.inner[0])
         raise AssertionError(goal)
 
-    def _expression(self, expression: Term, reads: tuple[tuple[str, int], ...]) -> Expression:
+    def _expression(self, expression: Term, reads: tuple[tuple[str, int], ...]) -> code.Expression:
         names = {name: self._source(variable) for name, variable in reads}
         types = {name: self._conjunction.types[variable] for name, variable in reads}
         return self._module.expression(expression, names, types)
 
-    def _aggregate(self, goal: AggregateAtom, plan: Plan) -> Expression:
+    def _aggregate(self, goal: AggregateAtom, plan: Plan) -> code.Expression:
         return (
             self._alike(goal, plan)
             or (self._count(goal) if goal.function == "count" else None)
@@ -606,9 +583,9 @@ class Translation:
         assert goal.column is not None
         column = goal.column
         fold = self._module.name(Builtin(_FOLDS[goal.function]))
-        return gathering((column,), lambda names: names(column), call(fold, OUT))
+        return gathering((column,), lambda names: names(column), code.call(fold, OUT))
 
-    def _alike(self, goal: AggregateAtom, plan: Plan) -> Expression | None:
+    def _alike(self, goal: AggregateAtom, plan: Plan) -> code.Expression | None:
         """An aggregate that has the same value for all starts from which a closure reaches the same."""
         if not self._shares:
             return None
@@ -621,19 +598,19 @@ class Translation:
         others = tuple(each for each in given if each != start)
         question = ClosureQuestion.ALIKE if found.forward else ClosureQuestion.ALIKE_BACK
         star = found.closure.closure is Closure.STAR
-        parts = [start, name, Tuple(tuple(given)), Tuple(others)]
+        parts = [start, name, code.Tuple(tuple(given)), code.Tuple(others)]
         if found.ends is not None:
             parts += self._tallied(goal, found.ends)
-        return call(self._module.name(Closed(found.closure.step, star, question)), *parts)
+        return code.call(self._module.name(Closed(found.closure.step, star, question)), *parts)
 
-    def _tallied(self, goal: AggregateAtom, ends: Ends) -> list[Expression]:
+    def _tallied(self, goal: AggregateAtom, ends: Ends) -> list[code.Expression]:
         """How the value of an aggregate is made of what is reached, and the values that this depends on."""
         called = arguments(goal.relation)
         column = None if goal.column is None else called.index(goal.column)
         tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, goal.function, column)
         return [self._module.name(tallied), row([called[place] for place in ends.given], self._source)]
 
-    def _count(self, goal: AggregateAtom) -> Expression | None:
+    def _count(self, goal: AggregateAtom) -> code.Expression | None:
         """The number of tuples, where it can be had without a loop of our own."""
         relation = goal.relation
         called = arguments(relation)
@@ -642,7 +619,7 @@ class Translation:
             return None
         match relation:
             case InstanceAtom(cls, _, exact):
-                return joined("+", [length(name) for name in self._members(cls, exact)], 0)
+                return code.joined("+", [length(name) for name in self._members(cls, exact)], 0)
             case LinkAtom() if len(free) == 1:
                 return length(self._ends(relation))
             case CallAtom(pattern) if self._planner.calls.recursive(pattern):
@@ -653,18 +630,18 @@ class Translation:
 
     # --- tests
 
-    def _test(self, step: Step) -> Expression:
+    def _test(self, step: Step) -> code.Expression:
         goal = step.goal
         match goal:
             case _ if step.kind is Kind.EXISTS:
                 return self._existence(step.inner[0])
             case Absence():
-                return joined("and", [inverse(self._existence(plan)) for plan in step.inner], True)
+                return code.joined("and", [code.inverse(self._existence(plan)) for plan in step.inner], True)
             case InstanceAtom():
                 return self._is_instance(goal)
             case AttributeAtom() | Valuation() | AggregateAtom():
                 result = goal.value if isinstance(goal, AttributeAtom) else goal.result
-                return equal(self._value(step), self._source(result))
+                return code.equal(self._value(step), self._source(result))
             case LinkAtom():
                 return self._is_linked(goal)
             case CallAtom(pattern) if self._planner.calls.recursive(pattern):
@@ -676,25 +653,25 @@ class Translation:
                     return self._closure(goal)
                 return self._test(replace(step, goal=CallAtom(relation, (source, target))))
             case UnequalAtom(left, right):
-                return Operation("!=", (self._source(left), self._source(right)))
+                return code.Operation("!=", (self._source(left), self._source(right)))
             case Condition(expression, reads):
                 return self._expression(expression, reads)
         raise AssertionError(goal)
 
-    def _existence(self, plan: Plan) -> Expression:
+    def _existence(self, plan: Plan) -> code.Expression:
         """Whether a plan has a solution: an expression, or the call of a function if there are loops."""
         if any(step.kind is Kind.LOOP for step in plan.steps):
             return self._join(plan) or self._function("g", plan.steps, EXISTENCE)
-        inner = Translation(self._planner, self._module, self._conjunction, Block(), {})
+        inner = Translation(self._planner, self._module, self._conjunction, code.Block(), {})
         inner._names = dict(self._names)
         for step in plan.steps:
             if step.kind is Kind.BIND:
                 inner._bind(step, inline=True)
             else:
                 inner._block.test(inner._test(step))
-        return joined("and", [test for test, _ in inner._block.tests], True)
+        return code.joined("and", [test for test, _ in inner._block.tests], True)
 
-    def _join(self, plan: Plan) -> Expression | None:
+    def _join(self, plan: Plan) -> code.Expression | None:
         """Whether a plan has a solution, where that is whether a search meets what does not depend on its start."""
         if not (self._shares and self._joins):
             return None
@@ -714,9 +691,9 @@ class Translation:
         )
         all_ = Sink(
             (join.far,),
-            (Assign(OUT, empty("set")),),
-            lambda names: (Do(call(spread, names(join.far), OUT)),),
-            (Return(OUT),),
+            (code.Assign(OUT, empty("set")),),
+            lambda names: (code.Do(code.call(spread, names(join.far), OUT)),),
+            (code.Return(OUT),),
             (OUT,),
             repeatable=True,
         )
@@ -731,19 +708,19 @@ class Translation:
         )
         parts = [self._source(join.near)]
         for name, given in (whole, direct):
-            parts += [name, Tuple(tuple(given))]
-        return call(holds, *parts)
+            parts += [name, code.Tuple(tuple(given))]
+        return code.call(holds, *parts)
 
-    def _is_instance(self, goal: InstanceAtom) -> Expression:
+    def _is_instance(self, goal: InstanceAtom) -> code.Expression:
         if not self._known(goal.variable):
-            return joined("or", self._members(goal.cls, goal.exact), False)
-        cls = Index(self._module.name(Classes()), self._source(goal.variable))
+            return code.joined("or", self._members(goal.cls, goal.exact), False)
+        cls = code.Index(self._module.name(Classes()), self._source(goal.variable))
         indices = self._indices(goal.cls, goal.exact)
         if len(indices) == 1:
-            return equal(cls, Constant(indices[0]))
-        return Index(self._module.name(ClassTable(goal.cls)), cls) if indices else Constant(False)
+            return code.equal(cls, code.Constant(indices[0]))
+        return code.Index(self._module.name(ClassTable(goal.cls)), cls) if indices else code.Constant(False)
 
-    def _is_linked(self, goal: LinkAtom) -> Expression:
+    def _is_linked(self, goal: LinkAtom) -> code.Expression:
         if not (self._known(goal.source) and self._known(goal.target)):
             return self._ends(goal)
         source, target = self._source(goal.source), self._source(goal.target)
@@ -751,8 +728,10 @@ class Translation:
         reference = goal.reference
         if isinstance(reference, Reference) and sizes.backward(reference) < sizes.forward(reference):
             backward = self._module.name(Backward(reference.index))  # the fewer
-            return Operation("in", (source, Index(backward, target)))
-        return Operation("in", (target, Index(self._module.name(forward_column(reference)), source)))
+            return code.Operation("in", (source, code.Index(backward, target)))
+        return code.Operation(
+            "in", (target, code.Index(self._module.name(forward_column(reference)), source))
+        )
 
     # --- relations
 
@@ -761,49 +740,49 @@ class Translation:
         names = (cls,) if exact else self._metamodel.concrete(cls)
         return [index for index, each in enumerate(self._metamodel.class_list) if each.name in names]
 
-    def _members(self, cls: str, exact: bool) -> list[Expression]:
+    def _members(self, cls: str, exact: bool) -> list[code.Expression]:
         """The extents that hold the objects of a class."""
         return [self._module.name(Members(index)) for index in self._indices(cls, exact)]
 
-    def _extent(self, cls: str, exact: bool) -> Expression:
+    def _extent(self, cls: str, exact: bool) -> code.Expression:
         members = self._members(cls, exact)
         if len(members) == 1:
             return members[0]
-        return call(self._module.name(Builtin("chain")), *members) if members else Tuple(())
+        return code.call(self._module.name(Builtin("chain")), *members) if members else code.Tuple(())
 
-    def _ends(self, goal: LinkAtom) -> Expression:
+    def _ends(self, goal: LinkAtom) -> code.Expression:
         """What stands at the other end of the links of the one object, or the value, that is known."""
         reference = goal.reference
         if self._known(goal.source):
-            return Index(self._module.name(forward_column(reference)), self._source(goal.source))
+            return code.Index(self._module.name(forward_column(reference)), self._source(goal.source))
         if isinstance(reference, Attribute):
             valued = Valued(tuple(self._indices(reference.owner, False)), (reference.index,))
-            return call(self._module.name(valued), self._source(goal.target))
-        return Index(self._module.name(Backward(reference.index)), self._source(goal.target))
+            return code.call(self._module.name(valued), self._source(goal.target))
+        return code.Index(self._module.name(Backward(reference.index)), self._source(goal.target))
 
-    def _view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> Expression:
+    def _view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> code.Expression:
         known = frozenset(v for v in goal.arguments if self._known(v))
         return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
 
-    def _rows(self, goal: CallAtom) -> Expression:
+    def _rows(self, goal: CallAtom) -> code.Expression:
         bound = tuple(position for position, v in enumerate(goal.arguments) if self._known(v))
         return self._call(self._module.name(Recursive(goal.pattern, bound)), goal)
 
-    def _call(self, function: Name, goal: CallAtom) -> Expression:
-        return call(function, *[self._source(v) for v in goal.arguments if self._known(v)])
+    def _call(self, function: code.Name, goal: CallAtom) -> code.Expression:
+        return code.call(function, *[self._source(v) for v in goal.arguments if self._known(v)])
 
-    def _closure(self, goal: ClosureAtom) -> Expression:
+    def _closure(self, goal: ClosureAtom) -> code.Expression:
         return self._reach(goal, _QUESTIONS[self._known(goal.source), self._known(goal.target)])
 
-    def _spread(self, goal: ClosureAtom, seen: Local) -> Expression:
+    def _spread(self, goal: ClosureAtom, seen: code.Local) -> code.Expression:
         """What other searches in the same place have not found; `seen` holds what they have."""
         question = ClosureQuestion.SPREAD if self._known(goal.source) else ClosureQuestion.SPREAD_BACK
         return self._reach(goal, question, seen)
 
-    def _reach(self, goal: ClosureAtom, question: ClosureQuestion, *more: Expression) -> Expression:
+    def _reach(self, goal: ClosureAtom, question: ClosureQuestion, *more: code.Expression) -> code.Expression:
         inputs = [self._source(v) for v in (goal.source, goal.target) if self._known(v)]
         name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
-        return call(name, *inputs, *more)
+        return code.call(name, *inputs, *more)
 
 
 def forward_column(feature: Reference | Attribute) -> Forward | Values:

@@ -6,37 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from envgraph.code import (
-    FALSE,
-    NONE,
-    TRUE,
-    Assign,
-    Body,
-    Call,
-    Constant,
-    Do,
-    Expression,
-    If,
-    Index,
-    Let,
-    Local,
-    Member,
-    Operation,
-    Return,
-    Statement,
-    Text,
-    Tuple,
-    Yield,
-    call,
-    dataclass,
-    method,
-)
+from envgraph import code
+from envgraph.code import dataclass
 from envgraph.match.generate._symbols import ClosureQuestion, Mode
 
-Names = Callable[[int], Expression]
+Names = Callable[[int], code.Expression]
 """The code of a variable."""
-NONE_YET: Final = Constant(0)
-OUT, ADD, N, FOUND = Local("out"), Local("add"), Local("n"), Local("found")
+NONE_YET: Final = code.Constant(0)
+OUT, ADD, N, FOUND = code.Local("out"), code.Local("add"), code.Local("n"), code.Local("found")
 """Variables of functions with sinks."""
 
 
@@ -57,34 +34,34 @@ class Sink:
     """
 
     variables: tuple[int, ...]
-    head: Body
-    each: Callable[[Names], Body]
-    tail: Body
-    shared: tuple[Local, ...] = ()
+    head: code.Body
+    each: Callable[[Names], code.Body]
+    tail: code.Body
+    shared: tuple[code.Local, ...] = ()
     relay: str = ""
     repeatable: bool = False
     sieved: bool = False
-    size: Expression = NONE_YET
+    size: code.Expression = NONE_YET
 
 
-def row(variables: Sequence[int], names: Names) -> Tuple:
+def row(variables: Sequence[int], names: Names) -> code.Tuple:
     """The values of some variables as one."""
-    return Tuple(tuple([names(variable) for variable in variables]))
+    return code.Tuple(tuple([names(variable) for variable in variables]))
 
 
-def value(variables: Sequence[int], names: Names) -> Expression:
+def value(variables: Sequence[int], names: Names) -> code.Expression:
     """A bare value, or a tuple of several."""
     return names(variables[0]) if len(variables) == 1 else row(variables, names)
 
 
-def length(collection: Expression) -> Call:
+def length(collection: code.Expression) -> code.Call:
     """How many elements there are."""
-    return call("len", collection)
+    return code.call("len", collection)
 
 
-def empty(what: str) -> Call:
+def empty(what: str) -> code.Call:
     """A new `set`, `dict` or `list`."""
-    return call(what)
+    return code.call(what)
 
 
 def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
@@ -94,11 +71,11 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
         case Mode.EXISTS:
             return EXISTENCE
         case Mode.FIRST:
-            first = (Return(NONE),)
+            first = (code.Return(code.NONE),)
             return Sink(
                 variables,
                 (),
-                lambda names: (Return(shape(variables, names)),),
+                lambda names: (code.Return(shape(variables, names)),),
                 first,
                 (),
                 "found",
@@ -110,17 +87,19 @@ def view_sink(mode: Mode, distinct: bool, variables: tuple[int, ...]) -> Sink:
             return _yielding(variables, distinct)
     if distinct:
         return gathering(variables, lambda names: shape(variables, names), OUT)
-    result = length(OUT) if mode is Mode.COUNT else call("list", OUT)
+    result = length(OUT) if mode is Mode.COUNT else code.call("list", OUT)
     return keeping(variables, lambda names: shape(variables, names), result)
 
 
-def keeping(variables: tuple[int, ...], item: Callable[[Names], Expression], result: Expression) -> Sink:
+def keeping(
+    variables: tuple[int, ...], item: Callable[[Names], code.Expression], result: code.Expression
+) -> Sink:
     """Collects an item of each solution in `out`, each once, in the order in which they are found first."""
     return Sink(
         variables,
-        (Assign(OUT, Text("{}")),),
-        lambda names: (Assign(Index(OUT, item(names)), NONE),),
-        (Return(result),),
+        (code.Assign(OUT, code.Text("{}")),),
+        lambda names: (code.Assign(code.Index(OUT, item(names)), code.NONE),),
+        (code.Return(result),),
         (OUT,),
         repeatable=True,
         size=length(OUT),
@@ -129,16 +108,16 @@ def keeping(variables: tuple[int, ...], item: Callable[[Names], Expression], res
 
 def _yielding(variables: tuple[int, ...], distinct: bool) -> Sink:
     """The sink of a generator."""
-    tail = (Yield(Tuple(()), each=True),)  # what yields nothing is a generator, too
+    tail = (code.Yield(code.Tuple(()), each=True),)  # what yields nothing is a generator, too
     if distinct:
-        return Sink(variables, (), lambda names: (Yield(row(variables, names)),), tail, (), "each")
-    new = Local("r")
+        return Sink(variables, (), lambda names: (code.Yield(row(variables, names)),), tail, (), "each")
+    new = code.Local("r")
 
-    def each(names: Names) -> Body:
-        passed = Operation("not in", (Let(new, row(variables, names)), OUT))
-        return (If(passed, (Do(method(OUT, "add", new)), Yield(new))),)
+    def each(names: Names) -> code.Body:
+        passed = code.Operation("not in", (code.Let(new, row(variables, names)), OUT))
+        return (code.If(passed, (code.Do(code.method(OUT, "add", new)), code.Yield(new))),)
 
-    return Sink(variables, (Assign(OUT, empty("set")),), each, tail, (OUT,), "each", repeatable=True)
+    return Sink(variables, (code.Assign(OUT, empty("set")),), each, tail, (OUT,), "each", repeatable=True)
 
 
 def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
@@ -146,26 +125,28 @@ def sieved_sink(mode: Mode, variables: tuple[int, ...]) -> Sink:
     return replace(view_sink(mode, True, variables), variables=variables, repeatable=True, sieved=True)
 
 
-def gathering(variables: tuple[int, ...], item: Callable[[Names], Expression], result: Expression) -> Sink:
+def gathering(
+    variables: tuple[int, ...], item: Callable[[Names], code.Expression], result: code.Expression
+) -> Sink:
     """Collects an item of each solution in the list `out`."""
-    head = (Assign(OUT, Text("[]")), Assign(ADD, Member(OUT, "append")))
-    each = lambda names: (Do(call(ADD, item(names))),)  # noqa: E731
-    return Sink(variables, head, each, (Return(result),), (OUT, ADD), size=length(OUT))
+    head = (code.Assign(OUT, code.Text("[]")), code.Assign(ADD, code.Member(OUT, "append")))
+    each = lambda names: (code.Do(code.call(ADD, item(names))),)  # noqa: E731
+    return Sink(variables, head, each, (code.Return(result),), (OUT, ADD), size=length(OUT))
 
 
 EXISTENCE = Sink(
     (),
     (),
-    lambda names: (Return(TRUE),),
-    (Return(FALSE),),
+    lambda names: (code.Return(code.TRUE),),
+    (code.Return(code.FALSE),),
     relay="flag",
     repeatable=True,
 )
 COUNT = Sink(
     (),
-    (Assign(N, Constant(0)),),
-    lambda names: (Assign(N, Constant(1), "+="),),
-    (Return(N),),
+    (code.Assign(N, code.Constant(0)),),
+    lambda names: (code.Assign(N, code.Constant(1), "+="),),
+    (code.Return(N),),
     relay="sum",
     size=N,
 )
@@ -173,21 +154,31 @@ COUNT = Sink(
 
 def visiting(variable: int, question: ClosureQuestion) -> Sink:
     """Adds a reached object to a breadth-first search, which a goal ends."""
-    seen, todo, start, goal, push = map(Local, ("seen", "todo", "start", "goal", "push"))
+    seen, todo, start, goal, push = map(code.Local, ("seen", "todo", "start", "goal", "push"))
     meets = question is ClosureQuestion.HOLDS
 
-    def each(names: Names) -> Body:
+    def each(names: Names) -> code.Body:
         node = names(variable)
-        reached = If(Operation("==", (node, goal)), (Return(TRUE),))
-        new = If(Operation("not in", (node, seen)), (Do(call(ADD, node)), Do(call(push, node))))
+        reached = code.If(code.Operation("==", (node, goal)), (code.Return(code.TRUE),))
+        new = code.If(
+            code.Operation("not in", (node, seen)),
+            (code.Do(code.call(ADD, node)), code.Do(code.call(push, node))),
+        )
         return (reached, new) if meets else (new,)
 
     # The start is not seen: it is reached only if some path leads back to it.
-    head: list[Statement] = [Assign(ADD, Member(seen, "add")), Assign(push, Member(todo, "append"))]
+    head: list[code.Statement] = [
+        code.Assign(ADD, code.Member(seen, "add")),
+        code.Assign(push, code.Member(todo, "append")),
+    ]
     if question is not ClosureQuestion.SPREAD:
-        head.insert(0, Assign(seen, empty("set")))
+        head.insert(0, code.Assign(seen, empty("set")))
     if not meets:
-        head.insert(0, Assign(todo, Text("[start]", reads=(start,))))
+        head.insert(0, code.Assign(todo, code.Text("[start]", reads=(start,))))
     shared = (seen, ADD, push, goal) if meets else (seen, ADD, push)
-    tail = (Return(FALSE),) if meets else (Do(Text("del todo[0]", reads=(todo,))), Return(todo))
+    tail = (
+        (code.Return(code.FALSE),)
+        if meets
+        else (code.Do(code.Text("del todo[0]", reads=(todo,))), code.Return(todo))
+    )
     return Sink((variable,), tuple(head), each, tail, shared, "flag" if meets else "", repeatable=True)

@@ -4,18 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from envgraph.code import (
-    NONE,
-    Body,
-    Call,
-    Expression,
-    Function,
-    Handler,
-    Local,
-    Name,
-    Return,
-    Try,
-)
+from envgraph import code
 from envgraph.match.generate._symbols import (
     Backward,
     Bounded,
@@ -44,15 +33,15 @@ class Module:
     """The names of one generated source, and the functions in it."""
 
     def __init__(self) -> None:
-        self._names: dict[Symbol, Name] = {}
+        self._names: dict[Symbol, code.Name] = {}
         self._symbols: list[tuple[str, Symbol]] = []
         self._counts: dict[str, int] = {}
-        self._functions: list[Function] = []
+        self._functions: list[code.Function] = []
 
-    def name(self, symbol: Symbol) -> Name:
+    def name(self, symbol: Symbol) -> code.Name:
         """The name of a symbol."""
         if symbol not in self._names:
-            self._names[symbol] = name = Name(self._invent(symbol))
+            self._names[symbol] = name = code.Name(self._invent(symbol))
             self._symbols.append((name.name, symbol))
         return self._names[symbol]
 
@@ -96,47 +85,49 @@ class Module:
         self._counts[prefix] = number + 1
         return f"{prefix}{number}"
 
-    def literal(self, value: Value) -> Name:
+    def literal(self, value: Value) -> code.Name:
         """The name of a constant."""
         return self.name(Literal(value))
 
     def expression(
-        self, expression: Term, names: Mapping[str, Expression], types: Mapping[str, StaticType]
-    ) -> Expression:
+        self, expression: Term, names: Mapping[str, code.Expression], types: Mapping[str, StaticType]
+    ) -> code.Expression:
         """The code of an expression; one that may have no value is put into a function that returns None then."""
         first = self._counts.get("k", 0)
-        compiled = compile_expression(expression, names, types, constant=lambda i: Name(f"k{first + i}"))
+        compiled = compile_expression(expression, names, types, constant=lambda i: code.Name(f"k{first + i}"))
         for value in compiled.constants:
             self.name(Literal(value))
         if not compiled.fallible:
             return compiled.tree
         inputs = tuple(
-            sorted({each for each in names.values() if isinstance(each, Local)}, key=lambda each: each.name)
+            sorted(
+                {each for each in names.values() if isinstance(each, code.Local)}, key=lambda each: each.name
+            )
         )
-        failed = Handler(Name("EvaluationError"), None, (Return(NONE),))
-        body = (Try((Return(compiled.tree),), (failed,)),)
-        return Call(self.function(self.fresh("x"), inputs, body), inputs)
+        failed = code.Handler(code.Name("EvaluationError"), None, (code.Return(code.NONE),))
+        body = (code.Try((code.Return(compiled.tree),), (failed,)),)
+        return code.Call(self.function(self.fresh("x"), inputs, body), inputs)
 
-    def function(self, name: str, parameters: Sequence[Local], body: Body) -> Name:
+    def function(self, name: str, parameters: Sequence[code.Local], body: code.Body) -> code.Name:
         """Add an inner function."""
-        self._functions.append(Function(name, tuple(parameters), body))
-        return Name(name)
+        self._functions.append(code.Function(name, tuple(parameters), body))
+        return code.Name(name)
 
-    def source(self, function: Name) -> Source:
+    def source(self, function: code.Name) -> Source:
         """The whole source; `build` returns this inner function."""
-        parameters = tuple(Name(name) for name, _ in self._symbols)
-        build = Function("build", parameters, (*self._functions, Return(function)))
+        parameters = tuple(code.Name(name) for name, _ in self._symbols)
+        build = code.Function("build", parameters, (*self._functions, code.Return(function)))
         return Source(build, tuple(self._symbols))
 
 
-def local(prefix: str, variable: int, type_: StaticType | None = None) -> Local:
+def local(prefix: str, variable: int, type_: StaticType | None = None) -> code.Local:
     """The local variable that holds the value of a variable."""
     match type_:
         case None:
-            return Local(f"{prefix}{variable}")
+            return code.Local(f"{prefix}{variable}")
         case ObjectType():
-            return Local(f"{prefix}{variable}", "object")
+            return code.Local(f"{prefix}{variable}", "object")
         case EnumType():
-            return Local(f"{prefix}{variable}", "string")
+            return code.Local(f"{prefix}{variable}", "string")
         case _:
-            return Local(f"{prefix}{variable}", type_.value)
+            return code.Local(f"{prefix}{variable}", type_.value)

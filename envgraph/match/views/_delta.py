@@ -11,27 +11,8 @@ from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import Final
 
-from envgraph.code import (
-    FALSE,
-    TRUE,
-    Assign,
-    Block,
-    Constant,
-    Do,
-    Expression,
-    For,
-    Index,
-    Local,
-    Name,
-    Operation,
-    call,
-    dataclass,
-    equal,
-    inverse,
-    joined,
-    some,
-    tuple_of,
-)
+from envgraph import code
+from envgraph.code import dataclass
 from envgraph.match.generate._generate import Translation, forward_column
 from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, gathering, length, row, value
 from envgraph.match.generate._symbols import Backward, Bounded, Held, Source, Values
@@ -165,17 +146,17 @@ def delta_source(planner: ViewPlanner, delta: Delta, coming: bool) -> Source:
     Raises:
         Unplannable: some variables cannot be enumerated.
     """
-    module, block = Module(), Block()
+    module, block = Module(), code.Block()
     write_delta(planner, module, block, delta, coming)
     return module.source(module.function("delta", tuple_names(delta.occurrence), block.body()))
 
 
-def tuple_names(occurrence: Occurrence) -> list[Local]:
+def tuple_names(occurrence: Occurrence) -> list[code.Local]:
     """The parameters of a delta function: the values of the tuple."""
     return [local("a", position) for position in range(len(occurrence.columns))]
 
 
-def write_delta(planner: ViewPlanner, module: Module, block: Block, delta: Delta, coming: bool) -> None:
+def write_delta(planner: ViewPlanner, module: Module, block: code.Block, delta: Delta, coming: bool) -> None:
     """Write the body of a delta function: see `delta_source`."""
     conjunction, occurrence = delta.conjunction, delta.occurrence
     names = tuple_names(occurrence)
@@ -239,21 +220,27 @@ def own_positions(planner: ViewPlanner, delta: Delta) -> tuple[int, ...] | None:
 
 
 def _write_lookup(
-    planner: ViewPlanner, module: Module, block: Block, delta: Delta, own: tuple[int, ...]
+    planner: ViewPlanner, module: Module, block: code.Block, delta: Delta, own: tuple[int, ...]
 ) -> None:
     """Take the rows along that hold the values of the tuple."""
     occurrence = delta.occurrence
     names = tuple_names(occurrence)
     translation = DeltaTranslation(planner, module, block, delta, names)
-    first: dict[int, Local] = {}
+    first: dict[int, code.Local] = {}
     for variable, each in zip(occurrence.columns, names, strict=True):
         if variable is not None and first.setdefault(variable, each) != each:
-            block.test(equal(first[variable], each))
+            block.test(code.equal(first[variable], each))
     translation.alone(occurrence, names)
     group = module.name(Held("group", delta.name, own))
     key = value(list(first), first.__getitem__)
-    row_ = Local("row")
-    block.add(For(row_, call("tuple", call(group, key, tuple_of())), (changed(module, delta, False, row_),)))
+    row_ = code.Local("row")
+    block.add(
+        code.For(
+            row_,
+            code.call("tuple", code.call(group, key, code.tuple_of())),
+            (changed(module, delta, False, row_),),
+        )
+    )
 
 
 def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjunction) -> Source:
@@ -262,7 +249,7 @@ def build_source(planner: ViewPlanner, name: str, body: int, conjunction: Conjun
     Raises:
         Unplannable: some variables cannot be enumerated.
     """
-    module, block = Module(), Block()
+    module, block = Module(), code.Block()
     plan = planner.plan(conjunction, conjunction.goals, frozenset())
     heads = conjunction.parameters
     sink = gathering(heads, lambda names: row(heads, names), OUT)
@@ -279,7 +266,7 @@ def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Co
     Raises:
         Unplannable: some variables cannot be enumerated.
     """
-    module, block = Module(), Block()
+    module, block = Module(), code.Block()
     heads = conjunction.parameters
     head = Occurrence(-1, _NOTHING, Role.EACH, heads)
     names = tuple_names(head)
@@ -290,7 +277,7 @@ def derivable_source(planner: ViewPlanner, name: str, body: int, conjunction: Co
 
 
 _NOTHING = CallAtom("", ())
-_WAITING: Final = Name("")
+_WAITING: Final = code.Name("")
 """Stands for the number of rows of a view, those included that wait for its turn."""
 
 
@@ -298,14 +285,16 @@ def view_sink(module: Module, delta: Delta, adding: bool) -> Sink:
     """Adds or removes a derivation of the view."""
     heads = delta.conjunction.parameters
     each = lambda names: (changed(module, delta, adding, row(heads, names)),)  # noqa: E731
-    return Sink(heads, (), each, (), size=_WAITING if adding else Constant(0))
+    return Sink(heads, (), each, (), size=_WAITING if adding else code.Constant(0))
 
 
-def changed(module: Module, delta: Delta, adding: bool, row_: Expression) -> Do:
+def changed(module: Module, delta: Delta, adding: bool, row_: code.Expression) -> code.Do:
     """Adds or removes a derivation of a row, now or when it is the view's turn."""
     if delta.queued:
-        return Do(call(module.name(Held("queue", delta.name)), tuple_of(row_, Constant(adding))))
-    return Do(call(module.name(Held(SINKS[adding], delta.name)), row_))
+        return code.Do(
+            code.call(module.name(Held("queue", delta.name)), code.tuple_of(row_, code.Constant(adding)))
+        )
+    return code.Do(code.call(module.name(Held(SINKS[adding], delta.name)), row_))
 
 
 class DeltaTranslation(Translation):
@@ -322,7 +311,12 @@ class DeltaTranslation(Translation):
     _shares = False
 
     def __init__(
-        self, planner: ViewPlanner, module: Module, block: Block, delta: Delta, tuple_: Sequence[Local]
+        self,
+        planner: ViewPlanner,
+        module: Module,
+        block: code.Block,
+        delta: Delta,
+        tuple_: Sequence[code.Local],
     ) -> None:
         super().__init__(planner, module, delta.conjunction, block, {})  # type: ignore[arg-type]
         self._held = planner.held
@@ -332,7 +326,7 @@ class DeltaTranslation(Translation):
         goals = delta.conjunction.goals
         self._later = {id(goals[each.goal]): each for each in delta.later}
 
-    def run(self, plan: Plan, sink: Sink, given: Mapping[int, Expression]) -> None:
+    def run(self, plan: Plan, sink: Sink, given: Mapping[int, code.Expression]) -> None:
         """Write everything.
 
         Args:
@@ -347,40 +341,44 @@ class DeltaTranslation(Translation):
             if variable is None:
                 continue
             if self._known(variable):
-                block.test(equal(self._source(variable), each))
-            elif isinstance(each, Local):
+                block.test(code.equal(self._source(variable), each))
+            elif isinstance(each, code.Local):
                 self._names[variable] = each
             else:
                 self._names[variable] = kept = self._local(variable)
-                block.add(Assign(kept, each))
+                block.add(code.Assign(kept, each))
         self._steps(plan.steps, sink)
         block.back_to(place)
 
-    def _size(self, sink: Sink) -> Expression:
+    def _size(self, sink: Sink) -> code.Expression:
         """As in `Translation`; what a delta adds to is the view."""
-        return call(self._module.name(Held("size", self._delta.name))) if sink.size == _WAITING else sink.size
+        return (
+            code.call(self._module.name(Held("size", self._delta.name)))
+            if sink.size == _WAITING
+            else sink.size
+        )
 
-    def _fork(self, block: Block, continuation: bool) -> Translation:
+    def _fork(self, block: code.Block, continuation: bool) -> Translation:
         return DeltaTranslation(self._planner, self._module, block, self._delta, self._tuple)  # type: ignore[arg-type]
 
-    def _local(self, variable: int, prefix: str = "v") -> Local:
+    def _local(self, variable: int, prefix: str = "v") -> code.Local:
         """As in `Translation`, but numbered as they get values, so that code that does the same is equal."""
         number = self._numbers.setdefault(variable, len(self._numbers))
         return local(prefix, number, self._conjunction.types[variable] if prefix == "v" else None)
 
     # --- the relation without the tuple
 
-    def _here(self, columns: Sequence[int | None]) -> Expression:
+    def _here(self, columns: Sequence[int | None]) -> code.Expression:
         """Whether the tuple agrees with what a place asks for; columns without a value agree with everything."""
         straight = self._agrees(columns, self._tuple)
         if not self._delta.symmetric:
             return straight
         crossed = self._agrees(columns, self._tuple[::-1])
-        return straight if straight == crossed else Operation("or", (straight, crossed))
+        return straight if straight == crossed else code.Operation("or", (straight, crossed))
 
-    def _agrees(self, columns: Sequence[int | None], tuple_: Sequence[Local]) -> Expression:
+    def _agrees(self, columns: Sequence[int | None], tuple_: Sequence[code.Local]) -> code.Expression:
         asked = ((self._source(v), each) for v, each in zip(columns, tuple_, strict=True) if v is not None)
-        return joined("and", [equal(own, each) for own, each in asked if own != each], True)
+        return code.joined("and", [code.equal(own, each) for own, each in asked if own != each], True)
 
     def _loop(self, step: Step) -> None:
         goal = step.goal
@@ -400,9 +398,9 @@ class DeltaTranslation(Translation):
         if place is None:
             return
         if place.role is Role.EACH or (place.role is Role.SOME and isinstance(goal, AttributeAtom)):
-            self._block.test(inverse(self._here(place.columns)))
+            self._block.test(code.inverse(self._here(place.columns)))
 
-    def _test(self, step: Step) -> Expression:
+    def _test(self, step: Step) -> code.Expression:
         goal = step.goal
         assert step.kind is Kind.TEST
         place = self._later.get(id(goal))
@@ -414,38 +412,40 @@ class DeltaTranslation(Translation):
             case CallAtom():
                 found = self._has(goal)
             case AttributeAtom() if not self._known(goal.value):
-                found = some(self._value(step))
+                found = code.some(self._value(step))
             case _:
                 found = super()._test(step)
         if place is None or place.role is Role.NUMBER:
             return found
         here = self._here(place.columns)
-        return FALSE if here == TRUE else Operation("and", (found, inverse(here)))
+        return code.FALSE if here == code.TRUE else code.Operation("and", (found, code.inverse(here)))
 
-    def _number_without(self, goal: LinkAtom, place: Occurrence) -> Expression:
+    def _number_without(self, goal: LinkAtom, place: Occurrence) -> code.Expression:
         here = self._here(place.columns)
-        return Operation("-", (length(self._ends(goal)), Constant(1) if here == TRUE else here))
+        return code.Operation(
+            "-", (length(self._ends(goal)), code.Constant(1) if here == code.TRUE else here)
+        )
 
-    def _absent(self, goal: Absence, place: Occurrence | None) -> Expression:
+    def _absent(self, goal: Absence, place: Occurrence | None) -> code.Expression:
         relation = negated(goal)
         if isinstance(relation, LinkAtom) and free_inside(goal):
             if place is None:
-                return inverse(self._ends(relation))
-            return equal(self._number_without(relation, place), Constant(0))
-        found = inverse(self._holds(relation))
+                return code.inverse(self._ends(relation))
+            return code.equal(self._number_without(relation, place), code.Constant(0))
+        found = code.inverse(self._holds(relation))
         if place is None:
             return found
         here = self._here(place.columns)
-        return TRUE if here == TRUE else Operation("or", (found, here))
+        return code.TRUE if here == code.TRUE else code.Operation("or", (found, here))
 
-    def _holds(self, relation: RelationAtom) -> Expression:
+    def _holds(self, relation: RelationAtom) -> code.Expression:
         """Whether a relation has a tuple."""
         match relation:
             case InstanceAtom():
                 return self._is_instance(relation)
             case AttributeAtom(attribute, owner, held):
-                found = Index(self._module.name(Values(attribute.index)), self._source(owner))
-                return equal(found, self._source(held)) if self._known(held) else some(found)
+                found = code.Index(self._module.name(Values(attribute.index)), self._source(owner))
+                return code.equal(found, self._source(held)) if self._known(held) else code.some(found)
             case LinkAtom():
                 return self._is_linked(relation)
             case CallAtom():
@@ -453,42 +453,44 @@ class DeltaTranslation(Translation):
             case ClosureAtom():
                 return self._closure(relation)
 
-    def alone(self, occurrence: Occurrence, names: Sequence[Local]) -> None:
+    def alone(self, occurrence: Occurrence, names: Sequence[code.Local]) -> None:
         """What follows is for a tuple that is the only one of its group, if there are groups."""
         if isinstance(occurrence.relation, LinkAtom) and None in occurrence.columns:
-            self._block.test(equal(self.number(occurrence, names, 0), Constant(1)))
+            self._block.test(code.equal(self.number(occurrence, names, 0), code.Constant(1)))
 
-    def number(self, occurrence: Occurrence, names: Sequence[Local], less: int) -> Expression:
+    def number(self, occurrence: Occurrence, names: Sequence[code.Local], less: int) -> code.Expression:
         """How many tuples the group of the tuple has, with it or without."""
         size = length(self._group(occurrence, names))
-        return Operation("-", (size, Constant(1))) if less else size
+        return code.Operation("-", (size, code.Constant(1))) if less else size
 
-    def _group(self, occurrence: Occurrence, names: Sequence[Local]) -> Expression:
+    def _group(self, occurrence: Occurrence, names: Sequence[code.Local]) -> code.Expression:
         relation = occurrence.relation
         assert isinstance(relation, LinkAtom)
         if occurrence.columns[0] is not None:
-            return Index(self._module.name(forward_column(relation.reference)), names[0])
-        return Index(self._module.name(Backward(relation.reference.index)), names[1])
+            return code.Index(self._module.name(forward_column(relation.reference)), names[0])
+        return code.Index(self._module.name(Backward(relation.reference.index)), names[1])
 
     # --- views
 
-    def _has(self, goal: CallAtom) -> Expression:
+    def _has(self, goal: CallAtom) -> code.Expression:
         """Whether a view has a row, all of which is known."""
         rows = self._module.name(Held("position", goal.pattern))
-        return Operation("in", (row(goal.arguments, self._source), rows))
+        return code.Operation("in", (row(goal.arguments, self._source), rows))
 
     def _loop_view(self, goal: CallAtom) -> None:
         given = tuple(p for p, v in enumerate(goal.arguments) if self._known(v))
-        iterable: Expression
+        iterable: code.Expression
         if given:
             table = self._module.name(Held("group", goal.pattern, given))
-            iterable = call(table, value([goal.arguments[p] for p in given], self._source), tuple_of())
+            iterable = code.call(
+                table, value([goal.arguments[p] for p in given], self._source), code.tuple_of()
+            )
         else:
             iterable = self._module.name(Held("rows", goal.pattern))
         columns = [None if p in given else v for p, v in enumerate(goal.arguments)]
         self._each(columns, iterable, tuples=True)
 
-    def _value(self, step: Step) -> Expression:
+    def _value(self, step: Step) -> code.Expression:
         goal = step.goal
         if not isinstance(goal, AggregateAtom):
             return super()._value(step)
@@ -498,21 +500,21 @@ class DeltaTranslation(Translation):
                 return length(self._ends(goal.relation))
             return self._number_without(goal.relation, place)
         table = self._module.name(Held("fold", fold_of(goal)))
-        return call(table, row(group_of(goal), self._source))
+        return code.call(table, row(group_of(goal), self._source))
 
     # --- closures
 
-    def _closure(self, goal: ClosureAtom) -> Expression:
+    def _closure(self, goal: ClosureAtom) -> code.Expression:
         forward, _, _ = self._held.reached(goal.step)
         table = self._module.name(Held("reach", goal.step))
         start, other = (goal.source, goal.target) if forward else (goal.target, goal.source)
         if self._known(start):
-            found = call(table, self._source(start), tuple_of())
-            return Operation("in", (self._source(other), found)) if self._known(other) else found
+            found = code.call(table, self._source(start), code.tuple_of())
+            return code.Operation("in", (self._source(other), found)) if self._known(other) else found
         pairs = self._module.name(Held("starts" if self._known(other) else "pairs", goal.step))
-        return call(pairs, *([self._source(other)] if self._known(other) else []))
+        return code.call(pairs, *([self._source(other)] if self._known(other) else []))
 
 
-def _more(number: Expression) -> Operation:
+def _more(number: code.Expression) -> code.Operation:
     """Whether a number is more than none."""
-    return Operation(">", (number, Constant(0)))
+    return code.Operation(">", (number, code.Constant(0)))

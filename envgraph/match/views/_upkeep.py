@@ -9,34 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
-from envgraph.code import (
-    NONE,
-    Assign,
-    Body,
-    Constant,
-    Do,
-    Expression,
-    For,
-    Function,
-    If,
-    Index,
-    Leave,
-    Local,
-    Member,
-    Name,
-    Operation,
-    Return,
-    Statement,
-    Text,
-    Tuple,
-    call,
-    dataclass,
-    define,
-    expression_text,
-    method,
-    some,
-    tuple_of,
-)
+from envgraph import code
+from envgraph.code import dataclass
 from envgraph.graph import IN, OUT, SET
 from envgraph.match.views import _sets
 
@@ -61,7 +35,7 @@ def changes(
     form = Form(
         shape, counts is not None, rows.listed, rows.added is not None, rows.removing is not None, arity
     )
-    build = define((_tree(form),), "<view of envgraph>", {})["build"]
+    build = code.define((_tree(form),), "<view of envgraph>", {})["build"]
     values = {
         "rows": rows.rows,
         "store": rows.store,
@@ -99,142 +73,154 @@ class Form:
     arity: int
 
 
-_ROW, _COUNT, _INDEX, _PLACE = map(Local, ("row", "count", "index", "place"))
-_ROWS, _POSITION, _COUNTS, _QUEUE = map(Name, ("rows", "position", "counts", "queue"))
-_RECORDING: Final = Member(Name("store"), "recording")
-_ONE: Final = Constant(1)
+_ROW, _COUNT, _INDEX, _PLACE = map(code.Local, ("row", "count", "index", "place"))
+_ROWS, _POSITION, _COUNTS, _QUEUE = map(code.Name, ("rows", "position", "counts", "queue"))
+_RECORDING: Final = code.Member(code.Name("store"), "recording")
+_ONE: Final = code.Constant(1)
 
 
-def _tree(form: Form) -> Function:
+def _tree(form: Form) -> code.Function:
     """Makes the other functions of what they refer to."""
     outside = ("rows", "store", "counts", "added", "removing", "tables", "adds", "drops", "queue")
-    entries, both, coming = map(Local, ("entries", "both", "coming"))
-    changes_ = If(coming, _gain(form, Leave("continue")), _lose(form, Leave("continue")))
+    entries, both, coming = map(code.Local, ("entries", "both", "coming"))
+    changes_ = code.If(coming, _gain(form, code.Leave("continue")), _lose(form, code.Leave("continue")))
     work = (
-        Assign(entries, Text("queue[:]")),
-        Do(method(_QUEUE, "clear")),
-        Assign(both, call("iter", entries)),
-        For(tuple_of(_ROW, coming), call("zip", both, both), (changes_,)),
+        code.Assign(entries, code.Text("queue[:]")),
+        code.Do(code.method(_QUEUE, "clear")),
+        code.Assign(both, code.call("iter", entries)),
+        code.For(code.tuple_of(_ROW, coming), code.call("zip", both, both), (changes_,)),
     )
-    body: Body = (
-        Assign(_POSITION, Member(_ROWS, "position")),
-        Assign(Name("append"), Member(_ROWS, "append")),
-        Assign(Name("pop"), Member(_ROWS, "pop")),
-        Assign(Name("record"), Member(Member(Name("store"), "journal"), "extend")),
+    body: code.Body = (
+        code.Assign(_POSITION, code.Member(_ROWS, "position")),
+        code.Assign(code.Name("append"), code.Member(_ROWS, "append")),
+        code.Assign(code.Name("pop"), code.Member(_ROWS, "pop")),
+        code.Assign(code.Name("record"), code.Member(code.Member(code.Name("store"), "journal"), "extend")),
         *(
-            Assign(Name(f"{what}{number}"), Index(Name(f"{what}s"), Constant(number)))
+            code.Assign(
+                code.Name(f"{what}{number}"), code.Index(code.Name(f"{what}s"), code.Constant(number))
+            )
             for number in range(len(form.shape))
             for what in ("table", "add", "drop")
         ),
-        Function("gain", (_ROW,), _gain(form, Return())),
-        Function("lose", (_ROW,), _lose(form, Return())),
-        Function("work", (), work),
-        Return(tuple_of(Name("gain"), Name("lose"), Name("work"))),
+        code.Function("gain", (_ROW,), _gain(form, code.Return())),
+        code.Function("lose", (_ROW,), _lose(form, code.Return())),
+        code.Function("work", (), work),
+        code.Return(code.tuple_of(code.Name("gain"), code.Name("lose"), code.Name("work"))),
     )
-    return Function("build", tuple(map(Name, outside)), body)
+    return code.Function("build", tuple(map(code.Name, outside)), body)
 
 
-def _gain(form: Form, leave: Statement) -> Body:
-    found: list[Statement] = []
+def _gain(form: Form, leave: code.Statement) -> code.Body:
+    found: list[code.Statement] = []
     if form.counted:
         found += [
-            Assign(_COUNT, method(_COUNTS, "get", _ROW, Constant(0))),
+            code.Assign(_COUNT, code.method(_COUNTS, "get", _ROW, code.Constant(0))),
             _recorded(_COUNTS, _ROW, _COUNT, SET),
-            Assign(Index(_COUNTS, _ROW), Operation("+", (_COUNT, _ONE))),
-            If(_COUNT, (leave,)),
+            code.Assign(code.Index(_COUNTS, _ROW), code.Operation("+", (_COUNT, _ONE))),
+            code.If(_COUNT, (leave,)),
         ]
     if form.listed:
         found += [
             _logged(True),
-            _recorded(_ROWS, _ROW, NONE, OUT),
-            Assign(Index(_POSITION, _ROW), call("len", _ROWS)),
-            Do(call("append", _ROW)),
-            If(Member(_ROWS, "indexes"), (Do(method(_ROWS, "inserted", _ROW)),)),
+            _recorded(_ROWS, _ROW, code.NONE, OUT),
+            code.Assign(code.Index(_POSITION, _ROW), code.call("len", _ROWS)),
+            code.Do(code.call("append", _ROW)),
+            code.If(code.Member(_ROWS, "indexes"), (code.Do(code.method(_ROWS, "inserted", _ROW)),)),
         ]
     for number, (positions, item) in enumerate(form.shape):
         key, old, table = _group(number)
-        short = Operation("<", (call("len", old), Constant(_sets.CROWD)))
-        longer = Text(f"(*{old.name}, {expression_text(_item(item))})", reads=(old, _ROW))
-        more = _recorded(table, key, old, SET), Assign(Index(table, key), longer)
+        short = code.Operation("<", (code.call("len", old), code.Constant(_sets.CROWD)))
+        longer = code.Text(f"(*{old.name}, {code.expression_text(_item(item))})", reads=(old, _ROW))
+        more = _recorded(table, key, old, SET), code.Assign(code.Index(table, key), longer)
         found += [
             *_looked_up(number, positions),
-            If(Operation("and", (_is_tuple(old), short)), more, (Do(call(f"add{number}", _ROW)),)),
+            code.If(
+                code.Operation("and", (_is_tuple(old), short)),
+                more,
+                (code.Do(code.call(f"add{number}", _ROW)),),
+            ),
         ]
     if form.added:
-        found.append(Do(call("added", *map(_item, range(form.arity)))))
+        found.append(code.Do(code.call("added", *map(_item, range(form.arity)))))
     return tuple(found)
 
 
-def _lose(form: Form, leave: Statement) -> Body:
-    found: list[Statement] = []
+def _lose(form: Form, leave: code.Statement) -> code.Body:
+    found: list[code.Statement] = []
     if form.counted:
-        counted = Index(_COUNTS, _ROW)
+        counted = code.Index(_COUNTS, _ROW)
         found += [
-            Assign(_COUNT, counted),
+            code.Assign(_COUNT, counted),
             _recorded(_COUNTS, _ROW, _COUNT, SET),
-            If(
-                Operation(">", (_COUNT, _ONE)),
-                (Assign(counted, Operation("-", (_COUNT, _ONE))), leave),
+            code.If(
+                code.Operation(">", (_COUNT, _ONE)),
+                (code.Assign(counted, code.Operation("-", (_COUNT, _ONE))), leave),
             ),
-            If(_RECORDING, (Assign(counted, Constant(0)),), (_deleted(counted),)),
+            code.If(_RECORDING, (code.Assign(counted, code.Constant(0)),), (_deleted(counted),)),
         ]
     if form.removing:
-        found.append(Do(call("removing", *map(_item, range(form.arity)))))
+        found.append(code.Do(code.call("removing", *map(_item, range(form.arity)))))
     for number, (positions, item) in enumerate(form.shape):
         key, old, table = _group(number)
-        shorter = Text(f"({old.name}[:place] + {old.name}[place + 1:])", reads=(old, _PLACE))
+        shorter = code.Text(f"({old.name}[:place] + {old.name}[place + 1:])", reads=(old, _PLACE))
         less = (
-            Assign(_PLACE, method(old, "index", _item(item))),
+            code.Assign(_PLACE, code.method(old, "index", _item(item))),
             _recorded(table, key, old, SET),
-            Assign(Index(table, key), shorter),
+            code.Assign(code.Index(table, key), shorter),
         )
         found += [
             *_looked_up(number, positions),
-            If(_is_tuple(old), less, (Do(call(f"drop{number}", _ROW)),)),
+            code.If(_is_tuple(old), less, (code.Do(code.call(f"drop{number}", _ROW)),)),
         ]
     if form.listed:
-        place, last = Index(_POSITION, _ROW), Local("last")
-        moved = Assign(Index(_ROWS, _INDEX), last), Assign(Index(_POSITION, last), _INDEX)
+        place, last = code.Index(_POSITION, _ROW), code.Local("last")
+        moved = code.Assign(code.Index(_ROWS, _INDEX), last), code.Assign(code.Index(_POSITION, last), _INDEX)
         found += [
             _logged(False),
-            Assign(_INDEX, place),
+            code.Assign(_INDEX, place),
             _recorded(_ROWS, _ROW, _INDEX, IN),
             _deleted(place),
-            Assign(last, call("pop")),
-            If(Operation("<", (_INDEX, call("len", _ROWS))), moved),
-            If(Member(_ROWS, "indexes"), (Do(method(_ROWS, "deleted", _ROW)),)),
+            code.Assign(last, code.call("pop")),
+            code.If(code.Operation("<", (_INDEX, code.call("len", _ROWS))), moved),
+            code.If(code.Member(_ROWS, "indexes"), (code.Do(code.method(_ROWS, "deleted", _ROW)),)),
         ]
     return tuple(found)
 
 
-def _recorded(container: Name, key: Expression, old: Expression, opcode: int) -> If:
+def _recorded(container: code.Name, key: code.Expression, old: code.Expression, opcode: int) -> code.If:
     """Notes what takes a change back."""
-    return If(_RECORDING, (Do(call("record", tuple_of(container, key, old, Constant(opcode)))),))
+    return code.If(
+        _RECORDING, (code.Do(code.call("record", code.tuple_of(container, key, old, code.Constant(opcode)))),)
+    )
 
 
-def _deleted(entry: Index) -> Do:
-    return Do(Text(f"del {expression_text(entry)}", reads=(_ROW,)))
+def _deleted(entry: code.Index) -> code.Do:
+    return code.Do(code.Text(f"del {code.expression_text(entry)}", reads=(_ROW,)))
 
 
-def _logged(coming: bool) -> If:
-    log = Member(_ROWS, "log")
-    return If(some(log), (Do(method(log, "extend", tuple_of(_ROW, Constant(coming)))),))
+def _logged(coming: bool) -> code.If:
+    log = code.Member(_ROWS, "log")
+    return code.If(
+        code.some(log), (code.Do(code.method(log, "extend", code.tuple_of(_ROW, code.Constant(coming)))),)
+    )
 
 
-def _group(number: int) -> tuple[Local, Local, Name]:
+def _group(number: int) -> tuple[code.Local, code.Local, code.Name]:
     """The key of a row in a group, what is held there, and all that is held."""
-    return Local(f"key{number}"), Local(f"old{number}"), Name(f"table{number}")
+    return code.Local(f"key{number}"), code.Local(f"old{number}"), code.Name(f"table{number}")
 
 
-def _looked_up(number: int, positions: tuple[int, ...]) -> Body:
+def _looked_up(number: int, positions: tuple[int, ...]) -> code.Body:
     key, old, table = _group(number)
     values = tuple(map(_item, positions))
-    return Assign(key, values[0] if len(values) == 1 else Tuple(values)), Assign(old, Index(table, key))
+    return code.Assign(key, values[0] if len(values) == 1 else code.Tuple(values)), code.Assign(
+        old, code.Index(table, key)
+    )
 
 
-def _is_tuple(old: Local) -> Operation:
-    return Operation("is", (call("type", old), Name("tuple")))
+def _is_tuple(old: code.Local) -> code.Operation:
+    return code.Operation("is", (code.call("type", old), code.Name("tuple")))
 
 
-def _item(item: int | None) -> Expression:
-    return _ROW if item is None else Index(_ROW, Constant(item))
+def _item(item: int | None) -> code.Expression:
+    return _ROW if item is None else code.Index(_ROW, code.Constant(item))

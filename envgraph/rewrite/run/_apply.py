@@ -11,28 +11,8 @@ from contextlib import suppress
 from itertools import count
 from typing import Any, Final
 
-from envgraph.code import (
-    NONE,
-    Assign,
-    Body,
-    Constant,
-    Do,
-    Expression,
-    Function,
-    Handler,
-    Index,
-    Local,
-    Member,
-    Name,
-    Raise,
-    Return,
-    Try,
-    call,
-    dataclass,
-    define,
-    method,
-    tuple_of,
-)
+from envgraph import code
+from envgraph.code import dataclass
 from envgraph.errors import RAISE_LIMIT, EvaluationError, RuleError, limit
 from envgraph.graph import Model
 from envgraph.match import Matcher
@@ -98,62 +78,65 @@ def _straight(plan: RulePlan, model: Model, again: Again) -> Effect:
         refused=lambda error: refusal(plan, error, model),
         BaseException=BaseException,
     )
-    whole: Body = (*computed, *changes)
+    whole: code.Body = (*computed, *changes)
     if kept or _needs_savepoint(body, model.metamodel):
         writer.namespace.update(savepoint=model.savepoint, release=model.release)
-        mark = Local("mark")
-        protected = Try((*changes, Do(call("release", mark))), (_interrupted(mark),))
-        whole = (*computed, Assign(mark, call("savepoint")), protected)
+        mark = code.Local("mark")
+        protected = code.Try((*changes, code.Do(code.call("release", mark))), (_interrupted(mark),))
+        whole = (*computed, code.Assign(mark, code.call("savepoint")), protected)
     elif len(changes) > 1:
         names = [_slot(slot) for slot in (*range(body.variables), *(c.slot for c in body.computed))]
-        begin = [Assign(total, NONE) for total in writer.sums]
+        begin = [code.Assign(total, code.NONE) for total in writer.sums]
         names += writer.sums
         if body.creates:
-            begin.append(Assign(FIRST, Member(Name("store"), "next_id")))
+            begin.append(code.Assign(FIRST, code.Member(code.Name("store"), "next_id")))
             names.append(FIRST)
         writer.namespace["redo"] = _redone(plan, model, endangered, names)
-        redo = tuple_of(Name("redo"), tuple_of(*names))
-        handlers = Handler(Name("refusals"), None, (Raise(),)), _interrupted(redo)
-        whole = (*computed, *begin, Try(changes, handlers))
-    row, error = Local("row"), Local("error")
-    unpacked = (Assign(writer.slots(range(body.variables)), row),) if body.variables else ()
-    caught = Handler(Name("refusals"), error, (Raise(call("refused", error)),))
-    tried = Try((*whole, Return(writer.slots(range(body.slots)))), (caught,))
-    function = Function("do_apply", (row,), (*unpacked, tried))
-    effect: Effect = define((function,), _FILE, writer.namespace)["do_apply"]
+        redo = code.tuple_of(code.Name("redo"), code.tuple_of(*names))
+        handlers = code.Handler(code.Name("refusals"), None, (code.Raise(),)), _interrupted(redo)
+        whole = (*computed, *begin, code.Try(changes, handlers))
+    row, error = code.Local("row"), code.Local("error")
+    unpacked = (code.Assign(writer.slots(range(body.variables)), row),) if body.variables else ()
+    caught = code.Handler(code.Name("refusals"), error, (code.Raise(code.call("refused", error)),))
+    tried = code.Try((*whole, code.Return(writer.slots(range(body.slots)))), (caught,))
+    function = code.Function("do_apply", (row,), (*unpacked, tried))
+    effect: Effect = code.define((function,), _FILE, writer.namespace)["do_apply"]
     return effect
 
 
 _FILE: Final = "<rule of envgraph>"
 
 
-def _slot(number: int) -> Local:
-    return Local(f"e{number}")
+def _slot(number: int) -> code.Local:
+    return code.Local(f"e{number}")
 
 
-def _changes(writer: Writer, body: BlockPlan, kept: tuple[int, ...] = ()) -> Body:
+def _changes(writer: Writer, body: BlockPlan, kept: tuple[int, ...] = ()) -> code.Body:
     """All changes of a straight rule, in order; what is `kept` is looked at after deletions."""
     changes = [*writer.unlink(body), *writer.delete(body)]
     changes += [writer.keep(kept, body)] if kept else []
     return (*changes, *(statement for phase in PHASES[3:] for statement in getattr(writer, phase)(body)))
 
 
-def _interrupted(end: Expression) -> Handler:
+def _interrupted(end: code.Expression) -> code.Handler:
     """What is done with an exception in the middle of changes: see `Interrupted`."""
-    done = [method(Name("interrupted"), "append", end), method(Name("interrupted"), "repair")]
-    return Handler(Name("BaseException"), None, (*map(Do, done), Raise()))
+    done = [
+        code.method(code.Name("interrupted"), "append", end),
+        code.method(code.Name("interrupted"), "repair"),
+    ]
+    return code.Handler(code.Name("BaseException"), None, (*map(code.Do, done), code.Raise()))
 
 
 def _redone(
-    plan: RulePlan, model: Model, endangered: Collection[str], names: Sequence[Local]
+    plan: RulePlan, model: Model, endangered: Collection[str], names: Sequence[code.Local]
 ) -> Callable[..., None]:
     """Makes the changes of a straight rule of which some may be made; only the first of them may be refused."""
 
     def redo(*values: Any) -> None:
         writer = Writer(model, _slot, lossy=plan.lossy, sure=True, redo=True, endangered=endangered)
-        function = Function("do_again", tuple(names), _changes(writer, plan.body))
+        function = code.Function("do_again", tuple(names), _changes(writer, plan.body))
         with suppress(*REFUSALS):
-            define((function,), _FILE, writer.namespace)["do_again"](*values)
+            code.define((function,), _FILE, writer.namespace)["do_again"](*values)
 
     return redo
 
@@ -249,13 +232,19 @@ class _Block:
             matcher.prepare(plan.pattern, tuple(range(len(plan.arguments)))) if plan.kind != "rule" else None
         )
         self.nested = [_Block(inner, model, matcher, lossy, doomed, endangered) for inner in plan.nested]
-        slots = Local("e")
+        slots = code.Local("e")
         writer = Writer(
-            model, lambda n: Index(slots, Constant(n)), lossy=lossy, doomed=doomed, endangered=endangered
+            model,
+            lambda n: code.Index(slots, code.Constant(n)),
+            lossy=lossy,
+            doomed=doomed,
+            endangered=endangered,
         )
         phases = {phase: tuple(getattr(writer, phase)(plan)) for phase in PHASES}
-        functions = tuple(Function(f"do_{phase}", (slots,), body) for phase, body in phases.items() if body)
-        made = define(functions, _FILE, writer.namespace)
+        functions = tuple(
+            code.Function(f"do_{phase}", (slots,), body) for phase, body in phases.items() if body
+        )
+        made = code.define(functions, _FILE, writer.namespace)
         self.phases: dict[str, Callable[[list[Any]], None] | None] = {
             phase: made.get(f"do_{phase}") for phase in PHASES
         }

@@ -12,28 +12,7 @@ from dataclasses import replace
 from sys import maxsize
 from typing import Any, Final
 
-from envgraph.code import (
-    NONE,
-    Assign,
-    Body,
-    Choice,
-    Constant,
-    Do,
-    Expression,
-    For,
-    If,
-    Index,
-    Let,
-    Local,
-    Name,
-    Operation,
-    Statement,
-    Tuple,
-    call,
-    inverse,
-    joined,
-    some,
-)
+from envgraph import code
 from envgraph.errors import EvaluationError, RuleError, with_article
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Reference, Value, Values
@@ -74,7 +53,7 @@ from envgraph.rewrite._plan import Assign as Assign_
 
 _DRAGGED: Final = "`move` it out of the container, or delete it too"
 
-Namer = Callable[[int], Local | Index]
+Namer = Callable[[int], code.Local | code.Index]
 """What stands for a slot."""
 
 LinkFact = tuple[Reference, int, int]
@@ -122,7 +101,7 @@ class Writer:
         self.sure = sure
         self.again = again
         self.redo = redo
-        self.sums: list[Local] = []
+        self.sums: list[code.Local] = []
         self.semantics = "spo" if lossy else "dpo"
         self.lossy = lossy
         self.namespace: dict[str, Any] = {
@@ -161,24 +140,24 @@ class Writer:
         if redo:
             self.namespace["made"] = lambda node, cls: node if model.alive(node) else model.new_at(node, cls)
 
-    def constant(self, value: object) -> Name:
+    def constant(self, value: object) -> code.Name:
         """A name for a constant."""
         name = f"k{len(self.namespace)}"
         self.namespace[name] = value
-        return Name(name)
+        return code.Name(name)
 
-    def slots(self, numbers: Iterable[int]) -> Tuple:
+    def slots(self, numbers: Iterable[int]) -> code.Tuple:
         """A tuple of slots."""
-        return Tuple(tuple(self.slot(number) for number in numbers))
+        return code.Tuple(tuple(self.slot(number) for number in numbers))
 
     # --- the phases of a block, in order
 
-    def compute(self, plan: BlockPlan) -> list[Statement]:
+    def compute(self, plan: BlockPlan) -> list[code.Statement]:
         """Values on the state before the rule, and links that have to be there."""
-        asked = [Do(call("_there", *self._ends(u)), u) for u in plan.unlinks if u.required]
-        return [*asked, *(Assign(self.slot(c.slot), self._value(c), origin=c) for c in plan.computed)]
+        asked = [code.Do(code.call("_there", *self._ends(u)), u) for u in plan.unlinks if u.required]
+        return [*asked, *(code.Assign(self.slot(c.slot), self._value(c), origin=c) for c in plan.computed)]
 
-    def unlink(self, plan: BlockPlan) -> list[Statement]:
+    def unlink(self, plan: BlockPlan) -> list[code.Statement]:
         """Links that go, and objects that leave their container: all before one enters another."""
         fresh = {new.node for new in plan.creates}
         leaving = [
@@ -195,53 +174,61 @@ class Writer:
         relation = self.model.store.relations[reference.index]
         return relation.containment or relation.contained
 
-    def _release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[Statement]:
+    def _release(self, op: SetTargets | ChangeTargets, fresh: set[int]) -> list[code.Statement]:
         """What targets that are set take out of containers."""
         known = tuple(value for value in op.values if value not in fresh)
         if op.object in fresh and (not op.reference.containment or _removes(op)):
             return []
         if _removes(op):
             return [self._assign(replace(op, values=known), op)]
-        node = NONE if op.object in fresh else self.slot(op.object)
-        every = Constant(isinstance(op, SetTargets))
-        return [Do(call("_release", node, self.constant(op.reference), self.slots(known), every), op)]
+        node = code.NONE if op.object in fresh else self.slot(op.object)
+        every = code.Constant(isinstance(op, SetTargets))
+        return [
+            code.Do(code.call("_release", node, self.constant(op.reference), self.slots(known), every), op)
+        ]
 
-    def delete(self, plan: BlockPlan) -> list[Statement]:
+    def delete(self, plan: BlockPlan) -> list[code.Statement]:
         """Objects that go."""
         return [self._delete(d, plan) for d in plan.deletes]
 
-    def strip(self, plan: BlockPlan) -> list[Statement]:
+    def strip(self, plan: BlockPlan) -> list[code.Statement]:
         """Links that objects which are merged take along."""
         return [
-            Assign(self.slot(a.links), call("_strip", self.slot(a.absorbed)), origin=a) for a in plan.absorbs
+            code.Assign(self.slot(a.links), code.call("_strip", self.slot(a.absorbed)), origin=a)
+            for a in plan.absorbs
         ]
 
-    def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> Statement:
+    def keep(self, slots: tuple[int, ...], plan: BlockPlan) -> code.Statement:
         """Makes sure that what the rule keeps has not gone with its container."""
         names = tuple(plan.names[slot] for slot in slots)
-        return Do(call("_check_kept", self.slots(slots), self.constant(names)))
+        return code.Do(code.call("_check_kept", self.slots(slots), self.constant(names)))
 
-    def retype(self, plan: BlockPlan) -> list[Statement]:
+    def retype(self, plan: BlockPlan) -> list[code.Statement]:
         """Objects that change their class."""
-        lossy = Constant(self.lossy)
-        return [Do(call("retype", self.slot(r.node), self.constant(r.cls), lossy), r) for r in plan.retypes]
+        lossy = code.Constant(self.lossy)
+        return [
+            code.Do(code.call("retype", self.slot(r.node), self.constant(r.cls), lossy), r)
+            for r in plan.retypes
+        ]
 
-    def create(self, plan: BlockPlan) -> list[Statement]:
+    def create(self, plan: BlockPlan) -> list[code.Statement]:
         """New objects."""
         return [
-            Assign(self.slot(new.node), self._new(number, self.constant(new.cls)), origin=new)
+            code.Assign(self.slot(new.node), self._new(number, self.constant(new.cls)), origin=new)
             for number, new in enumerate(plan.creates)
         ]
 
-    def _new(self, number: int, cls: Name) -> Expression:
+    def _new(self, number: int, cls: code.Name) -> code.Expression:
         if not self.redo:
-            return call("new", cls)
-        return call("made", Operation("+", (FIRST, Constant(number))), cls)
+            return code.call("new", cls)
+        return code.call("made", code.Operation("+", (FIRST, code.Constant(number))), cls)
 
-    def link(self, plan: BlockPlan) -> list[Statement]:
+    def link(self, plan: BlockPlan) -> list[code.Statement]:
         """Merges, moves and new links."""
         moves = [
-            Do(call("link", self.slot(m.container), self.constant(m.reference), self.slot(m.node)), m)
+            code.Do(
+                code.call("link", self.slot(m.container), self.constant(m.reference), self.slot(m.node)), m
+            )
             for m in plan.moves
         ]
         fresh = {new.node for new in plan.creates}
@@ -255,143 +242,151 @@ class Writer:
             links.append(self._link(op, fresh=new, homeless=homeless))
         return [*map(self._absorb, plan.absorbs), *moves, *links]
 
-    def assign(self, plan: BlockPlan) -> list[Statement]:
+    def assign(self, plan: BlockPlan) -> list[code.Statement]:
         """Values and targets that are set."""
         return [statement for change in plan.sets for statement in self._assigned(change)]
 
     # --- parts
 
-    def _ends(self, op: Unlink | Link) -> tuple[Expression, Name, Expression]:
+    def _ends(self, op: Unlink | Link) -> tuple[code.Expression, code.Name, code.Expression]:
         return self.slot(op.source), self.constant(op.reference), self.slot(op.target)
 
-    def _unlink(self, op: Unlink) -> Statement:
+    def _unlink(self, op: Unlink) -> code.Statement:
         """Removes a link, if it is there."""
         if not self.sure:
-            return Do(call("unlink", *self._ends(op)), op)
+            return code.Do(code.call("unlink", *self._ends(op)), op)
         relation = self.model.store.relations[op.reference.index]
         source, target = self.slot(op.source), self.slot(op.target)
         forward, disconnect = self.constant(relation.forward), self.constant(relation.disconnect)
-        there_ = Operation("in", (target, Index(forward, source)))
-        return If(there_, (Do(call(disconnect, source, target)),), origin=op)
+        there_ = code.Operation("in", (target, code.Index(forward, source)))
+        return code.If(there_, (code.Do(code.call(disconnect, source, target)),), origin=op)
 
-    def _make(self, op: Link, homeless: bool) -> Expression:
+    def _make(self, op: Link, homeless: bool) -> code.Expression:
         """Adds a link that is not there; `homeless` if what it contains, if anything, is surely in no container."""
         relation = self.model.store.relations[op.reference.index]
         source, reference, target = self._ends(op)
         if relation.containment or relation.contained:
-            return call("link" if homeless else "_house", source, reference, target)
+            return code.call("link" if homeless else "_house", source, reference, target)
         if not self.sure:
-            return call("link", source, reference, target)
+            return code.call("link", source, reference, target)
         forward, backward = self.constant(relation.forward), self.constant(relation.backward)
         room = []
         if relation.upper < maxsize:
-            room.append(_fewer(Index(forward, source), relation.upper))
+            room.append(_fewer(code.Index(forward, source), relation.upper))
         if relation.opposite_upper < maxsize:
-            room.append(_fewer(Index(backward, target), relation.opposite_upper))
-        made = call(self.constant(relation.connect), source, target)
+            room.append(_fewer(code.Index(backward, target), relation.opposite_upper))
+        made = code.call(self.constant(relation.connect), source, target)
         # Where there is no room `link` says so.
         return (
-            Choice(joined("and", room, True), made, call("link", source, reference, target)) if room else made
+            code.Choice(code.joined("and", room, True), made, code.call("link", source, reference, target))
+            if room
+            else made
         )
 
-    def _leave(self, op: Rehome, fresh: bool) -> Statement:
+    def _leave(self, op: Rehome, fresh: bool) -> code.Statement:
         """An object leaves its container; `fresh` if it goes to one that is not there yet."""
-        container = NONE if fresh else self.slot(op.container)
-        return Do(call("_leave", self.slot(op.node), container, self.constant(op.reference)), op)
+        container = code.NONE if fresh else self.slot(op.container)
+        return code.Do(code.call("_leave", self.slot(op.node), container, self.constant(op.reference)), op)
 
-    def _delete(self, op: Delete, plan: BlockPlan) -> Statement:
+    def _delete(self, op: Delete, plan: BlockPlan) -> code.Statement:
         # A container that went before has taken its contents along; one that will go takes them.
         node = self.slot(op.node)
-        test: Expression = call("alive", node)
+        test: code.Expression = code.call("alive", node)
         if plan.classes[op.node] in self.endangered and (self.doomed is not None or len(plan.deletes) > 1):
             others = self.slots(other.node for other in plan.deletes if other is not op)
             doomed = others if self.doomed is None else self.constant(self.doomed)
-            test = Operation("and", (test, inverse(call("_inside", node, doomed))))
-        return If(test, (Do(call("delete", node, Name("_semantics"))),), origin=op)
+            test = code.Operation("and", (test, code.inverse(code.call("_inside", node, doomed))))
+        return code.If(test, (code.Do(code.call("delete", node, code.Name("_semantics"))),), origin=op)
 
-    def _absorb(self, op: Absorb) -> Statement:
-        return Do(call("_absorb", *map(self.slot, (op.kept, op.absorbed, op.links))), op)
+    def _absorb(self, op: Absorb) -> code.Statement:
+        return code.Do(code.call("_absorb", *map(self.slot, (op.kept, op.absorbed, op.links))), op)
 
-    def _link(self, op: Link, *, fresh: bool, homeless: bool) -> Statement:
+    def _link(self, op: Link, *, fresh: bool, homeless: bool) -> code.Statement:
         """Adds a link unless it is there; `fresh` if that cannot be, `homeless` as for `_make`."""
         source, target = self.slot(op.source), self.slot(op.target)
         forward = self.constant(self.model.store.relations[op.reference.index].forward)
-        made = Do(self._make(op, homeless))
-        again: Body = ()
+        made = code.Do(self._make(op, homeless))
+        again: code.Body = ()
         if self.again is not None and not fresh:
-            again = (Do(call("_again", self.constant(op), source, target)),)
-        missing = Operation("not in", (target, Index(forward, source)))
-        return If(some(target), (If(missing, (made,), again),), origin=op)
+            again = (code.Do(code.call("_again", self.constant(op), source, target)),)
+        missing = code.Operation("not in", (target, code.Index(forward, source)))
+        return code.If(code.some(target), (code.If(missing, (made,), again),), origin=op)
 
-    def _assigned(self, op: Assign_) -> list[Statement]:
+    def _assigned(self, op: Assign_) -> list[code.Statement]:
         if not isinstance(op, Increase):
             return [self._assign(op, op)]
         # Two steps: to set a value once more changes nothing.
         node, attribute, value = self.slot(op.object), self.constant(op.attribute), self.slot(op.value)
-        new: Expression
+        new: code.Expression
         if op.attribute.many:
-            old = call("values", node, attribute)
-            new = call("_more", old, value, attribute) if op.operator == "+=" else call("_less", old, value)
+            old = code.call("values", node, attribute)
+            new = (
+                code.call("_more", old, value, attribute)
+                if op.operator == "+="
+                else code.call("_less", old, value)
+            )
         else:
             function = "_add" if op.operator == "+=" else "_subtract"
-            one = call("_need", call("value", node, attribute), self.constant(str(op.attribute)))
-            new = call("_bounded", call(function, one, value))
-        total = Local(f"t{len(self.sums)}")
+            one = code.call("_need", code.call("value", node, attribute), self.constant(str(op.attribute)))
+            new = code.call("_bounded", code.call(function, one, value))
+        total = code.Local(f"t{len(self.sums)}")
         self.sums.append(total)
-        summed: Statement = Assign(total, new, origin=op)
+        summed: code.Statement = code.Assign(total, new, origin=op)
         if self.redo:
-            summed = If(Operation("is", (total, NONE)), (summed,), origin=op)
-        return [summed, Do(call("set_value", node, attribute, total), op)]
+            summed = code.If(code.Operation("is", (total, code.NONE)), (summed,), origin=op)
+        return [summed, code.Do(code.call("set_value", node, attribute, total), op)]
 
-    def _assign(self, op: SetValue | SetValues | SetTargets | ChangeTargets, origin: Assign_) -> Statement:
+    def _assign(
+        self, op: SetValue | SetValues | SetTargets | ChangeTargets, origin: Assign_
+    ) -> code.Statement:
         node = self.slot(op.object)
         match op:
             case SetValue(_, attribute):
-                value = NONE if op.value is None else self.slot(op.value)
-                return Do(call("set_value", node, self.constant(attribute), value), origin)
+                value = code.NONE if op.value is None else self.slot(op.value)
+                return code.Do(code.call("set_value", node, self.constant(attribute), value), origin)
             case SetValues(_, attribute):
                 name = self.constant(attribute)
-                values = call("_listed", self.slots(op.values), name)
-                return Do(call("set_value", node, name, values), origin)
+                values = code.call("_listed", self.slots(op.values), name)
+                return code.Do(code.call("set_value", node, name, values), origin)
             case SetTargets(_, reference) if reference.many:
-                targets = call("_present", self.slots(op.values))
-                return Do(call("set_targets", node, self.constant(reference), targets), origin)
+                targets = code.call("_present", self.slots(op.values))
+                return code.Do(code.call("set_targets", node, self.constant(reference), targets), origin)
             case SetTargets(_, reference):
-                target = self.slot(op.values[0]) if op.values else NONE
-                return Do(call("set_target", node, self.constant(reference), target), origin)
+                target = self.slot(op.values[0]) if op.values else code.NONE
+                return code.Do(code.call("set_target", node, self.constant(reference), target), origin)
             case ChangeTargets(_, reference):
                 change = "_extend" if op.operator == "+=" else "unlink"
-                changed = Do(call(change, node, self.constant(reference), _T))
-                return For(_T, self.slots(op.values), (If(some(_T), (changed,)),), origin)
+                changed = code.Do(code.call(change, node, self.constant(reference), _T))
+                return code.For(_T, self.slots(op.values), (code.If(code.some(_T), (changed,)),), origin)
 
     # --- values
 
-    def _value(self, compute: Compute) -> Expression:
+    def _value(self, compute: Compute) -> code.Expression:
         types = {name: type_ for name, _, type_ in compute.scope}
-        names: dict[str, Expression] = {name: self.slot(slot) for name, slot, _ in compute.scope}
+        names: dict[str, code.Expression] = {name: self.slot(slot) for name, slot, _ in compute.scope}
         reader = PathReader(self, types, names)
         expression = reader.without_paths(compute.expression, compute.needed)
         return self.expression(expression, reader.names, reader.types)
 
     def expression(
-        self, expression: Term, names: Mapping[str, Expression], types: Mapping[str, StaticType | None]
-    ) -> Expression:
+        self, expression: Term, names: Mapping[str, code.Expression], types: Mapping[str, StaticType | None]
+    ) -> code.Expression:
         """The code of an expression without paths."""
         base = len(self.namespace)
         known = {name: type_ for name, type_ in types.items() if type_ is not None}
-        compiled = compile_expression(expression, names, known, constant=lambda n: Name(f"c{base}_{n}"))
+        compiled = compile_expression(expression, names, known, constant=lambda n: code.Name(f"c{base}_{n}"))
         for number, literal in enumerate(compiled.constants):
             self.namespace[f"c{base}_{number}"] = literal
         return compiled.tree
 
 
-_T: Final = Local("t")
-FIRST: Final = Local("first")
+_T: Final = code.Local("t")
+FIRST: Final = code.Local("first")
 """The id of the first new object."""
 
 
-def _fewer(collection: Expression, most: int) -> Operation:
-    return Operation("<", (call("len", collection), Constant(most)))
+def _fewer(collection: code.Expression, most: int) -> code.Operation:
+    return code.Operation("<", (code.call("len", collection), code.Constant(most)))
 
 
 class PathReader:
@@ -401,7 +396,7 @@ class PathReader:
     """
 
     def __init__(
-        self, writer: Writer, types: Mapping[str, StaticType | None], names: Mapping[str, Expression]
+        self, writer: Writer, types: Mapping[str, StaticType | None], names: Mapping[str, code.Expression]
     ) -> None:
         self.writer = writer
         self.metamodel = writer.model.metamodel
@@ -429,13 +424,13 @@ class PathReader:
                 return node
 
     def _path(self, node: Navigation, needed: bool) -> Variable:
-        code, feature = self._read(node)
+        value, feature = self._read(node)
         name = f"#{len(self.names)}"
-        self.names[name] = call("_need", code, self.writer.constant(node.feature)) if needed else code
+        self.names[name] = code.call("_need", value, self.writer.constant(node.feature)) if needed else value
         self.types[name] = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
         return Variable(name)
 
-    def _read(self, node: Navigation) -> tuple[Expression, Attribute | Reference]:
+    def _read(self, node: Navigation) -> tuple[code.Expression, Attribute | Reference]:
         owner = self._type(node.object)
         assert isinstance(owner, ObjectType), "the expression has been checked"
         feature = self.metamodel.feature(owner.cls, node.feature)
@@ -445,16 +440,16 @@ class PathReader:
         read = "value" if isinstance(feature, Attribute) else "target"
         constant = self.writer.constant(feature)
         if isinstance(inner, Variable):
-            return call(read, base, constant), feature
-        temporary = Local(f"t{len(self.writer.namespace)}")
+            return code.call(read, base, constant), feature
+        temporary = code.Local(f"t{len(self.writer.namespace)}")
         self.writer.namespace[temporary.name] = None
-        nowhere = Operation("is", (Let(temporary, base), NONE))
-        return Choice(nowhere, NONE, call(read, temporary, constant)), feature
+        nowhere = code.Operation("is", (code.Let(temporary, base), code.NONE))
+        return code.Choice(nowhere, code.NONE, code.call(read, temporary, constant)), feature
 
     def _type(self, node: Term) -> StaticType | None:
         return check_expression(node, self.types, self.metamodel)[0]
 
-    def _base(self, node: Term) -> Expression:
+    def _base(self, node: Term) -> code.Expression:
         if isinstance(node, Variable):
             return self.names[node.name]
         return self.writer.expression(self.without_paths(node), self.names, self.types)

@@ -11,33 +11,7 @@ from collections.abc import Callable, Sequence
 from collections.abc import Mapping as Named
 from typing import Any, Final
 
-from envgraph.code import (
-    FALSE,
-    NONE,
-    TRUE,
-    Assign,
-    Body,
-    Constant,
-    Do,
-    Expression,
-    For,
-    If,
-    Index,
-    Leave,
-    Local,
-    Member,
-    Name,
-    Operation,
-    Return,
-    Text,
-    While,
-    call,
-    chained,
-    inverse,
-    is_none,
-    method,
-    tuple_of,
-)
+from envgraph import code
 from envgraph.errors import RuleError
 from envgraph.graph import Model
 from envgraph.match import Matcher, ViewMatcher
@@ -128,20 +102,20 @@ class UnitSource:
     def compile(self, signature: Signature) -> Callable[..., bool | None]:
         """The function of the unit; it takes a run and the values of the parameters, and adds the `out` ones."""
         scope, functions = Scope(), self._functions
-        given = Local("e")
+        given = code.Local("e")
         with functions.begun() as function:
             for parameter in signature.parameters:
                 local = scope.names[parameter.name] = functions.local("v")
                 key = functions.constant(parameter.name)
                 if parameter.output:
                     scope.maybe.add(parameter.name)
-                function.add(Assign(local, method(given, "get", key, Name("UNSET"))))
+                function.add(code.Assign(local, code.method(given, "get", key, code.Name("UNSET"))))
             self._body(self._checked.unit.body, scope)
             for parameter in signature.parameters:
                 if parameter.output:
-                    entry = Index(given, functions.constant(parameter.name))
-                    function.add(Assign(entry, scope.names[parameter.name]))
-            function.add(Return(function.outcome))
+                    entry = code.Index(given, functions.constant(parameter.name))
+                    function.add(code.Assign(entry, scope.names[parameter.name]))
+            function.add(code.Return(function.outcome))
         functions.end("unit", (RUN, given), function.body)
         return functions.compiled("unit")
 
@@ -155,16 +129,16 @@ class UnitSource:
         function = self._functions.now
         function.tracks = not surely_changes(step, self._checked.calls)
         if function.tracks:
-            function.add(Assign(CHANGED, FALSE))
+            function.add(code.Assign(CHANGED, code.FALSE))
         self._step(step, scope)
 
-    def _inner(self, step: Step, scope: Scope, gives: Sequence[str] = ()) -> Name:
+    def _inner(self, step: Step, scope: Scope, gives: Sequence[str] = ()) -> code.Name:
         """A function of its own for a block; it also returns the variables of the names that it gives."""
         name, within = self._functions.new("b"), scope.inner()
         with self._functions.begun() as function:
             self._body(step, within)
             given = [within.names[each] for each in gives]
-            function.add(Return(tuple_of(function.outcome, *given) if given else function.outcome))
+            function.add(code.Return(code.tuple_of(function.outcome, *given) if given else function.outcome))
         return self._functions.end(name, (RUN, *scope.locals), function.body)
 
     def _step(self, step: Step, scope: Scope) -> None:
@@ -187,7 +161,7 @@ class UnitSource:
             case Atomic():
                 self._atomic(step, scope)
 
-    def _whole(self, step: Step, scope: Scope) -> Expression:
+    def _whole(self, step: Step, scope: Scope) -> code.Expression:
         """A call that runs a block which leaves nothing behind if it fails."""
         name = self._inner(step, scope)
         return (
@@ -196,51 +170,55 @@ class UnitSource:
             else self._guarded(name, scope)
         )
 
-    def _entered(self, name: Name, scope: Scope) -> Expression:
-        return call(name, RUN, *scope.locals)
+    def _entered(self, name: code.Name, scope: Scope) -> code.Expression:
+        return code.call(name, RUN, *scope.locals)
 
-    def _guarded(self, name: Name, scope: Scope) -> Expression:
-        return method(RUN, "whole", name, *scope.locals)
+    def _guarded(self, name: code.Name, scope: Scope) -> code.Expression:
+        return code.method(RUN, "whole", name, *scope.locals)
 
     def _alap(self, step: Alap, scope: Scope) -> None:
         function, loop = self._functions.now, self._functions.constant(("the `alap`", step.span))
         name = self._inner(step.body, scope)
-        loops = Name("loops")
+        loops = code.Name("loops")
         if self._loops:
-            function.add(Do(method(loops, "begin")))
+            function.add(code.Do(code.method(loops, "begin")))
 
         def once() -> None:
             function.add(*self._functions.takes_step(loop))
             if self._loops:
-                function.add(If(Member(loops, "due"), (Do(method(loops, "turn")),)))
+                function.add(code.If(code.Member(loops, "due"), (code.Do(code.method(loops, "turn")),)))
             if leaves_nothing(step.body, self._checked.calls):
-                function.add(Assign(OUTCOME, self._entered(name, scope)))
+                function.add(code.Assign(OUTCOME, self._entered(name, scope)))
             else:
                 # `run.whole`, written out.
-                mark, size, gaps = map(Local, ("mark", "size", "gaps"))
-                opened = Member(RUN, "opened")
+                mark, size, gaps = map(code.Local, ("mark", "size", "gaps"))
+                opened = code.Member(RUN, "opened")
                 function.add(
-                    Assign(mark, call("savepoint")),
-                    Assign(size, call("len", Member(RUN, "trace"))),
-                    Assign(gaps, call("len", Member(RUN, "gaps"))),
-                    Do(method(opened, "append", mark)),
-                    Assign(OUTCOME, self._entered(name, scope)),
-                    Do(method(opened, "pop")),
-                    If(
-                        is_none(OUTCOME),
+                    code.Assign(mark, code.call("savepoint")),
+                    code.Assign(size, code.call("len", code.Member(RUN, "trace"))),
+                    code.Assign(gaps, code.call("len", code.Member(RUN, "gaps"))),
+                    code.Do(code.method(opened, "append", mark)),
+                    code.Assign(OUTCOME, self._entered(name, scope)),
+                    code.Do(code.method(opened, "pop")),
+                    code.If(
+                        code.is_none(OUTCOME),
                         (
-                            Do(call("rollback", mark)),
-                            Do(Text("del run.trace[size:], run.gaps[gaps:]", reads=(RUN, size, gaps))),
-                            Leave("break"),
+                            code.Do(code.call("rollback", mark)),
+                            code.Do(
+                                code.Text("del run.trace[size:], run.gaps[gaps:]", reads=(RUN, size, gaps))
+                            ),
+                            code.Leave("break"),
                         ),
                     ),
-                    Do(call("release", mark)),
+                    code.Do(code.call("release", mark)),
                 )
-            function.add(If(inverse(OUTCOME), (Leave("break"),)))
-            self._functions.changed(TRUE)
+            function.add(code.If(code.inverse(OUTCOME), (code.Leave("break"),)))
+            self._functions.changed(code.TRUE)
 
-        function.add(While(TRUE, function.inside(once)))
-        function.add(*([Do(method(loops, "end"))] if self._loops else []), Assign(REFUSAL, NONE))
+        function.add(code.While(code.TRUE, function.inside(once)))
+        function.add(
+            *([code.Do(code.method(loops, "end"))] if self._loops else []), code.Assign(REFUSAL, code.NONE)
+        )
 
     def _repeat(self, step: Repeat, scope: Scope) -> None:
         function, loop = self._functions.now, self._functions.constant(("the `repeat`", step.span))
@@ -248,67 +226,72 @@ class UnitSource:
         once, done = self._whole(step.body, scope), self._functions.local("d")
 
         def stop() -> None:
-            if lower != Constant(0):
-                parts: list[Expression] = [
-                    call("str", done),
+            if lower != code.Constant(0):
+                parts: list[code.Expression] = [
+                    code.call("str", done),
                     self._functions.constant(" of at least "),
-                    call("str", lower),
+                    code.call("str", lower),
                     self._functions.constant(f" rounds succeeded{at(step.span)}: "),
-                    Index(FAILURE, Constant(0)),
+                    code.Index(FAILURE, code.Constant(0)),
                 ]
-                told = tuple_of(chained("+", parts), Index(FAILURE, Constant(1)))
-                function.add(If(Operation("<", (done, lower)), (Assign(FAILURE, told), Return(NONE))))
-            function.add(Assign(REFUSAL, NONE), Leave("break"))
+                told = code.tuple_of(code.chained("+", parts), code.Index(FAILURE, code.Constant(1)))
+                function.add(
+                    code.If(
+                        code.Operation("<", (done, lower)),
+                        (code.Assign(FAILURE, told), code.Return(code.NONE)),
+                    )
+                )
+            function.add(code.Assign(REFUSAL, code.NONE), code.Leave("break"))
 
         def each() -> None:
-            function.add(*self._functions.takes_step(loop), Assign(OUTCOME, once))
-            function.add(If(is_none(OUTCOME), function.inside(stop)))
+            function.add(*self._functions.takes_step(loop), code.Assign(OUTCOME, once))
+            function.add(code.If(code.is_none(OUTCOME), function.inside(stop)))
             self._functions.changed(OUTCOME)
 
-        function.add(For(done, call("range", number), function.inside(each)))
+        function.add(code.For(done, code.call("range", number), function.inside(each)))
 
-    def _rounds(self, step: Repeat, scope: Scope) -> tuple[Expression, Expression]:
+    def _rounds(self, step: Repeat, scope: Scope) -> tuple[code.Expression, code.Expression]:
         """The least number of rounds, and the number that is drawn."""
         if isinstance(step.lower, int) and isinstance(step.upper, int):
-            spread, least = step.upper - step.lower + 1, Constant(step.lower)
-            drawn = method(RUN, "pick", Constant(spread))
-            return least, Operation("+", (least, drawn)) if spread > 1 else least
+            spread, least = step.upper - step.lower + 1, code.Constant(step.lower)
+            drawn = code.method(RUN, "pick", code.Constant(spread))
+            return least, code.Operation("+", (least, drawn)) if spread > 1 else least
         what = "a bound of the `repeat`"
 
-        def bound_of(bound: int | Term) -> Expression:
+        def bound_of(bound: int | Term) -> code.Expression:
             return (
-                Constant(bound)
+                code.Constant(bound)
                 if isinstance(bound, int)
                 else self._values.value(bound, scope, what, step.span)
             )
 
         lower = bound_of(step.lower)
         upper = lower if step.upper == step.lower else bound_of(step.upper)
-        return lower, call("rounds", RUN, lower, upper, self._functions.constant(step.span))
+        return lower, code.call("rounds", RUN, lower, upper, self._functions.constant(step.span))
 
     def _try(self, step: Try, scope: Scope) -> None:
         function = self._functions.now
-        function.add(Assign(OUTCOME, self._whole(step.body, scope)))
+        function.add(code.Assign(OUTCOME, self._whole(step.body, scope)))
 
         def failed() -> None:
-            function.add(Assign(REFUSAL, NONE))
+            function.add(code.Assign(REFUSAL, code.NONE))
             if step.otherwise is not None:
                 self._branch(step.otherwise, scope)
 
-        changed: Body = (Assign(CHANGED, OUTCOME, "|="),) if function.tracks else ()
-        function.add(If(is_none(OUTCOME), function.inside(failed), changed))
+        changed: code.Body = (code.Assign(CHANGED, OUTCOME, "|="),) if function.tracks else ()
+        function.add(code.If(code.is_none(OUTCOME), function.inside(failed), changed))
 
     def _if(self, step: If_, scope: Scope) -> None:
         function, test, otherwise = self._functions.now, self._values.holds(step, scope), step.otherwise
         then = function.inside(lambda: self._branch(step.then, scope))
         other = function.inside(lambda: self._branch(otherwise, scope)) if otherwise is not None else ()
-        function.add(If(test, then, other))
+        function.add(code.If(test, then, other))
 
     def _branch(self, step: Step, scope: Scope) -> None:
         """A block that fails with the steps around it: it is written in place, unless it nests too deep."""
         function = self._functions.now
         if function.branches == _INLINE:
-            function.add(Assign(OUTCOME, self._entered(self._inner(step, scope), scope)), FAILED)
+            function.add(code.Assign(OUTCOME, self._entered(self._inner(step, scope), scope)), FAILED)
             self._functions.changed(OUTCOME)
             return
         function.branches += 1
@@ -316,36 +299,38 @@ class UnitSource:
         function.branches -= 1
 
     def _choice(self, step: Choice, scope: Scope) -> None:
-        tiers: dict[int, list[tuple[Name, float]]] = {}
+        tiers: dict[int, list[tuple[code.Name, float]]] = {}
         for alternative in step.alternatives:
             priority, weight = _preference(alternative, self._checked.calls)
             name = self._inner(alternative, scope)
             if not leaves_nothing(alternative, self._checked.calls):
-                whole = Return(self._guarded(name, scope))
+                whole = code.Return(self._guarded(name, scope))
                 name = self._functions.end(self._functions.new("b"), (RUN, *scope.locals), (whole,))
             tiers.setdefault(priority, []).append((name, weight))
         # The functions are not there yet.
         ordered = [
-            tuple_of(
-                tuple_of(*(name for name, _ in tier)),
+            code.tuple_of(
+                code.tuple_of(*(name for name, _ in tier)),
                 self._functions.constant(tuple(weight for _, weight in tier)),
             )
             for tier in (tiers[priority] for priority in sorted(tiers, reverse=True))
         ]
-        self._functions.now.add(Assign(OUTCOME, call("run_one_of", RUN, tuple_of(*ordered), *scope.locals)))
-        self._functions.fails_if(is_none(OUTCOME), "no alternative could be applied", step.span)
+        self._functions.now.add(
+            code.Assign(OUTCOME, code.call("run_one_of", RUN, code.tuple_of(*ordered), *scope.locals))
+        )
+        self._functions.fails_if(code.is_none(OUTCOME), "no alternative could be applied", step.span)
         self._functions.changed(OUTCOME)
 
     def _atomic(self, step: Atomic, scope: Scope) -> None:
         gives = [name for name in _outputs(step.body, self._checked.calls) if not scope.known(name)]
         function = self._functions.now
         if not gives:
-            function.add(Assign(OUTCOME, self._whole(step.body, scope)), FAILED)
+            function.add(code.Assign(OUTCOME, self._whole(step.body, scope)), FAILED)
         else:
             name = self._inner(step.body, scope, gives)
-            function.add(Assign(OUTCOME, self._guarded(name, scope)), FAILED)
+            function.add(code.Assign(OUTCOME, self._guarded(name, scope)), FAILED)
             new = [self._functions.give(scope, each) for each in gives]
-            function.add(Assign(tuple_of(OUTCOME, *new), OUTCOME))
+            function.add(code.Assign(code.tuple_of(OUTCOME, *new), OUTCOME))
         self._functions.changed(OUTCOME)
 
 

@@ -5,18 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from collections.abc import Mapping as Named
 
-from envgraph.code import (
-    Assign,
-    Each,
-    Expression,
-    Local,
-    Mapping,
-    Name,
-    call,
-    inverse,
-    is_none,
-    tuple_of,
-)
+from envgraph import code
 from envgraph.errors import Span
 from envgraph.match import Matcher
 from envgraph.pattern import Applicable, Call, Check, Constraint, Step, Variable, variables_in
@@ -54,12 +43,12 @@ class UnitValues:
 
     def arguments(
         self, step: Call, callee: Signature, scope: Scope
-    ) -> tuple[list[tuple[str, Expression]], dict[str, str]]:
+    ) -> tuple[list[tuple[str, code.Expression]], dict[str, str]]:
         """The parameters that get values, with the locals that hold them; the variables that get one from `out` ones.
 
         A variable that may have a value is among both.
         """
-        given: list[tuple[str, Expression]] = []
+        given: list[tuple[str, code.Expression]] = []
         new: dict[str, str] = {}
         for argument, parameter in zip(step.arguments, callee.parameters, strict=False):
             if is_open(argument) is None:
@@ -75,38 +64,40 @@ class UnitValues:
                 given.append((parameter.name, self.value(argument, scope, what, step.span)))
         return given, new
 
-    def value(self, term: Term, scope: Scope, what: str, span: Span | None = None) -> Expression:
+    def value(self, term: Term, scope: Scope, what: str, span: Span | None = None) -> code.Expression:
         """A local variable with the value of an expression; without a value the step fails."""
         local = self._functions.local("a")
         if isinstance(term, Literal):
             return self._functions.constant(term.value)
         site = self._functions.constant((f"{what} in `{self._name}`", term.span or span))
-        asked = call("argument", self._functions.constant(term), self.values(term, scope), Name("read"), site)
-        self._functions.now.add(Assign(local, asked))
-        self._functions.fails_if(is_none(local), f"{what} has no value", term.span or span)
+        asked = code.call(
+            "argument", self._functions.constant(term), self.values(term, scope), code.Name("read"), site
+        )
+        self._functions.now.add(code.Assign(local, asked))
+        self._functions.fails_if(code.is_none(local), f"{what} has no value", term.span or span)
         return local
 
-    def values(self, term: Term, scope: Scope) -> Mapping:
+    def values(self, term: Term, scope: Scope) -> code.Mapping:
         """The values of the variables of an expression."""
         used = {variable.name: scope.names[variable.name] for variable in variables_in(term)}
         return self.mapping(used)
 
-    def mapping(self, names: Named[str, Expression]) -> Mapping:
+    def mapping(self, names: Named[str, code.Expression]) -> code.Mapping:
         """Values by name."""
-        return Mapping(tuple((self._functions.constant(name), value) for name, value in names.items()))
+        return code.Mapping(tuple((self._functions.constant(name), value) for name, value in names.items()))
 
-    def holds(self, step: If_, scope: Scope) -> Expression:
+    def holds(self, step: If_, scope: Scope) -> code.Expression:
         """Whether the condition of an `if` holds."""
         if id(step) in self._checked.asked:
             return self._applicable(step, scope)
         assert not isinstance(step.condition, Applicable)
         return self.condition(step, 0, step.condition, scope)
 
-    def _applicable(self, step: If_, scope: Scope) -> Expression:
+    def _applicable(self, step: If_, scope: Scope) -> code.Expression:
         """Whether a rule is applicable."""
         asked, callee = self._checked.asked[id(step)]
         rules = self._functions.constant(self._members(callee.name))
-        given: dict[str, Expression] = {}
+        given: dict[str, code.Expression] = {}
         for argument, parameter in zip(asked.arguments, callee.parameters, strict=False):
             if isinstance(argument, Variable):
                 if argument.name in scope.names:
@@ -115,21 +106,23 @@ class UnitValues:
             what = f"an argument of `{asked.name}` in `{self._name}`"
             site = self._functions.constant((what, argument.span or asked.span))
             term, values = self._functions.constant(argument), self.values(argument, scope)
-            given[parameter.name] = call("argument", term, values, Name("read"), site)
-        rule = Local("rule")
-        applicable = call("is_applicable", rule, self.mapping(given))
-        test = call("any", Each(applicable, rule, rules, late=True))
-        return inverse(test) if asked.negated else test
+            given[parameter.name] = code.call("argument", term, values, code.Name("read"), site)
+        rule = code.Local("rule")
+        applicable = code.call("is_applicable", rule, self.mapping(given))
+        test = code.call("any", code.Each(applicable, rule, rules, late=True))
+        return code.inverse(test) if asked.negated else test
 
-    def condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> Expression:
+    def condition(self, step: Step, number: int, condition: Constraint, scope: Scope) -> code.Expression:
         """Whether a condition holds."""
         if isinstance(condition, Check):
             asked = condition.expression
-            return call("holds", self._functions.constant(asked), self.values(asked, scope), Name("read"))
+            return code.call(
+                "holds", self._functions.constant(asked), self.values(asked, scope), code.Name("read")
+            )
         found = self._checked.conditions[id(step), number]
         tester = self._functions.constant(self._matcher.tester(found.pattern.qualified_name))
-        test = call(tester, tuple_of(*(scope.names[name] for name in found.arguments)))
-        return inverse(test) if found.negated else test
+        test = code.call(tester, code.tuple_of(*(scope.names[name] for name in found.arguments)))
+        return code.inverse(test) if found.negated else test
 
 
 def is_open(argument: Term) -> bool | None:

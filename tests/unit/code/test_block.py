@@ -2,54 +2,40 @@
 
 from __future__ import annotations
 
-from envgraph.code import (
-    Assign,
-    Block,
-    Call,
-    Constant,
-    Do,
-    Function,
-    Let,
-    Local,
-    Name,
-    Return,
-    define,
-    printed,
-    with_counters,
-)
+from envgraph import code
 
-A, B = Local("a"), Local("b")
+A, B = code.Local("a"), code.Local("b")
 
 
-def show(block: Block) -> str:
-    return printed(block.body()).text
+def show(block: code.Block) -> str:
+    return code.printed(block.body()).text
 
 
 def test_what_follows_stands_inside() -> None:
-    block = Block()
-    block.loop(A, Name("E"))
+    block = code.Block()
+    block.loop(A, code.Name("E"))
     block.test(A)
     block.test(B)
-    block.add(Do(Call(Name("f"), (A,))))
+    block.add(code.Do(code.Call(code.Name("f"), (A,))))
     assert show(block) == "for a in E:\n    if a and b:\n        f(a)\n"
 
 
 def test_it_goes_back_to_where_it_was() -> None:
-    block = Block()
-    block.add(Assign(A, Constant(0)))
+    block = code.Block()
+    block.add(code.Assign(A, code.Constant(0)))
     place = block.place
-    block.loop(B, Name("E"))
+    block.loop(B, code.Name("E"))
     block.test(B)
-    block.add(Assign(A, B, "+="))
+    block.add(code.Assign(A, B, "+="))
     block.back_to(place)
     assert not block.full
     block.test(A)
-    block.add(Return(A))
+    block.add(code.Return(A))
     assert show(block) == "a = 0\nfor b in E:\n    if b:\n        a += b\nif a:\n    return a\n"
 
 
 def test_tests_under_which_nothing_stands_are_left_out_unless_that_is_added() -> None:
-    block = Block()
+    block = code.Block()
     place = block.place
     block.test(A)
     block.back_to(place)
@@ -59,35 +45,35 @@ def test_tests_under_which_nothing_stands_are_left_out_unless_that_is_added() ->
 
 
 def test_it_is_full_before_python_has_enough() -> None:
-    block = Block()
+    block = code.Block()
     depth = 0
     while not block.full:
-        block.test(Let(A, Name("one")))
-        block.add(Assign(B, A))
+        block.test(code.Let(A, code.Name("one")))
+        block.add(code.Assign(B, A))
         depth += 1
-    block.add(Return(B))
+    block.add(code.Return(B))
     assert 20 < depth < 90
-    names = define((Function("f", (), block.body()),), "deep", {"one": 1})
+    names = code.define((code.Function("f", (), block.body()),), "deep", {"one": 1})
     assert names["f"]() == 1
-    block = Block()
+    block = code.Block()
     while not block.full:
-        block.loop(A, Name("E"))
-    block.add(Return(A))
-    assert define((Function("f", (), block.body()),), "loops", {"E": [3]})["f"]() == 3
+        block.loop(A, code.Name("E"))
+    block.add(code.Return(A))
+    assert code.define((code.Function("f", (), block.body()),), "loops", {"E": [3]})["f"]() == 3
 
 
 def test_counters_stand_behind_what_comes_from_somewhere() -> None:
-    block = Block()
-    block.loop(A, Name("E"))
+    block = code.Block()
+    block.loop(A, code.Name("E"))
     block.come_from("loop")
     block.test(A)
     block.come_from("test")
-    block.test(Let(B, A))
-    block.add(Assign(B, A))
+    block.test(code.Let(B, A))
+    block.add(code.Assign(B, A))
     block.come_from("value")
     block.test(B)
-    block.add(Do(Call(Name("found"), (B,))))
-    function = Function("f", (), block.body())
+    block.add(code.Do(code.Call(code.Name("found"), (B,))))
+    function = code.Function("f", (), block.body())
     seen: list[str] = []
     found: list[int] = []
 
@@ -95,11 +81,14 @@ def test_counters_stand_behind_what_comes_from_somewhere() -> None:
         seen.append(what)
         return True
 
-    counted = with_counters(
-        function, lambda origin: None if origin is None else Call(Name("note"), (Name(f"the_{origin}"),))
+    counted = code.with_counters(
+        function,
+        lambda origin: (
+            None if origin is None else code.Call(code.Name("note"), (code.Name(f"the_{origin}"),))
+        ),
     )
     names = {"E": [0, 5], "note": note, "found": found.append}
-    define(
+    code.define(
         (counted,),
         "counted",
         names := {**names, "the_loop": "loop", "the_test": "test", "the_value": "value"},
@@ -107,4 +96,4 @@ def test_counters_stand_behind_what_comes_from_somewhere() -> None:
     names["f"]()  # type: ignore[operator]
     assert found == [5]
     assert seen == ["loop", "loop", "test", "value"]
-    assert printed((function,)).text.count("\n") == printed((counted,)).text.count("\n") - 2
+    assert code.printed((function,)).text.count("\n") == code.printed((counted,)).text.count("\n") - 2

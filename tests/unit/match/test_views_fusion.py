@@ -4,21 +4,7 @@ from __future__ import annotations
 
 from itertools import chain, pairwise
 
-from envgraph.code import (
-    Assign,
-    Body,
-    Call,
-    Constant,
-    Do,
-    For,
-    If,
-    Index,
-    Local,
-    Name,
-    Operation,
-    Tuple,
-    printed,
-)
+from envgraph import code
 from envgraph.graph import Model
 from envgraph.match import FREE
 from envgraph.match.views._fusion import Group, fused_source, insert, merged
@@ -151,29 +137,29 @@ def test_explain_tells_what_a_function_does_for_the_tuples_that_there_are() -> N
     assert "when find far(" in views.explain("far")  # recursive patterns, too
 
 
-V0, V1, T0, U0 = map(Local, ("v0", "v1", "t0", "u0"))
+V0, V1, T0, U0 = map(code.Local, ("v0", "v1", "t0", "u0"))
 
 
-def first_and_then(table: Local, name: str) -> Body:
+def first_and_then(table: code.Local, name: str) -> code.Body:
     """The first of a tuple, and what a function does with all that a table has for it."""
-    found = For(V1, Index(Name("F"), V0), (Do(Call(Name(name), (V1,))),))
-    return (If(T0, (Assign(Tuple((V0,)), table), found)),)
+    found = code.For(V1, code.Index(code.Name("F"), V0), (code.Do(code.Call(code.Name(name), (V1,))),))
+    return (code.If(T0, (code.Assign(code.Tuple((V0,)), table), found)),)
 
 
-def each(name: str) -> Body:
+def each(name: str) -> code.Body:
     """A function of all elements."""
-    return (For(V0, Name("F"), (Do(Call(Name(name), (V0,))),)),)
+    return (code.For(V0, code.Name("F"), (code.Do(code.Call(code.Name(name), (V0,))),)),)
 
 
-def fused(*nests: tuple[tuple[str, bool], Body]) -> str:
+def fused(*nests: tuple[tuple[str, bool], code.Body]) -> str:
     groups: list[Group] = []
     for change, nest in nests:
         insert(groups, nest, change)
-    return printed(merged(groups)).text
+    return code.printed(merged(groups)).text
 
 
-def text(*parts: Body) -> str:
-    return printed(tuple(chain.from_iterable(parts))).text
+def text(*parts: code.Body) -> str:
+    return code.printed(tuple(chain.from_iterable(parts))).text
 
 
 def test_loops_over_names_that_stand_for_different_things_are_not_one() -> None:
@@ -187,16 +173,22 @@ def test_gains_and_losses_of_a_view_stay_apart_and_in_order() -> None:
     gain, lose = each("add"), each("drop")
     assert fused((("p", True), gain), (("p", False), lose)) == text(gain, lose)
     assert fused((("p", True), gain), (("q", False), lose)) == text(gain) + "    drop(v0)\n"
-    between = (If(Name("c"), (Do(Call(Name("drop"), (Local("a0"),))),)),)
+    between = (code.If(code.Name("c"), (code.Do(code.Call(code.Name("drop"), (code.Local("a0"),))),)),)
     whole = fused((("p", True), gain), (("p", False), between), (("p", True), gain))
     assert whole == text(gain, between, gain)
 
 
 def test_what_only_some_need_stands_inside_what_all_need() -> None:
-    tests = [Operation("==", (V0, Constant(n))) for n in range(3)]
+    tests = [code.Operation("==", (V0, code.Constant(n))) for n in range(3)]
 
-    def nest(which: int, name: str) -> Body:
-        return (For(V0, Name("F"), (If(tests[0], (If(tests[which], (Do(Call(Name(name), (V0,))),)),)),)),)
+    def nest(which: int, name: str) -> code.Body:
+        return (
+            code.For(
+                V0,
+                code.Name("F"),
+                (code.If(tests[0], (code.If(tests[which], (code.Do(code.Call(code.Name(name), (V0,))),)),)),),
+            ),
+        )
 
     one, other, again = nest(1, "f"), nest(2, "g"), nest(1, "h")
     lines = fused((("p", True), one), (("q", True), other), (("r", True), again)).splitlines()
