@@ -96,7 +96,7 @@ class Grammar:
 def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
     """Reads a grammar file; a conflict in it is an exception."""
     found = tables(path)
-    core = LexicalCore(found)
+    core = LexicalCore(found.terminals)
     spelling = {terminal: f"`{word}`" for word, terminal in (*core.keywords.items(), *core.signs.items())}
     for terminal in (*(t.name for t in found.terminals), END):
         if terminal not in found.ignored:

@@ -8,7 +8,7 @@ comes to few states, and needs few rules.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
@@ -19,13 +19,12 @@ from typing import Any, NamedTuple
 import lark
 from lark import Lark, Tree
 from lark.grammar import Rule
-from lark.lexer import TerminalDef
+from lark.lexer import Lexer, LexerState, TerminalDef, Token
 from lark.parse_tree_builder import ExpandSingleChild, ParseTreeBuilder
 from lark.parsers.lalr_analysis import Reduce, Shift
 from lark.utils import SerializeMemoizer
 
 from envgraph.files import cache_directory, replace_file
-from envgraph.lang.syntax._lexer import LexicalCore
 
 
 class Reduction(NamedTuple):
@@ -101,6 +100,16 @@ class Tables:
         self.ignored: list[str] = data["ignored"]
 
 
+class _NoLexer(Lexer):
+    """Stands for the lexer that Lark asks for; to build tables none is needed."""
+
+    def __init__(self, conf: Any) -> None:
+        pass
+
+    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:
+        return iter(())
+
+
 def tables(path: Path) -> Tables:
     """The tables of a grammar file; a conflict in it is an exception when they are built."""
     directory, key = cache_directory(), _key(path)
@@ -130,7 +139,7 @@ def _hash(*texts: str) -> str:
 def _built(path: Path) -> dict[str, Any]:
     """The tables as Lark serialises them."""
     with path.open(encoding="utf-8") as text:
-        made = Lark(text, parser="lalr", lexer=LexicalCore, strict=True)
+        made = Lark(text, parser="lalr", lexer=_NoLexer, strict=True)
     memo = SerializeMemoizer([Rule, TerminalDef])
     table: Any = made.parser.parser._parse_table
     data = {

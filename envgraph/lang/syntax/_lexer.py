@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Container, Iterable, Iterator
+from collections.abc import Container, Iterable
 from dataclasses import field
 from inspect import cleandoc
-from typing import Any, Protocol
 
-from lark.lexer import Lexer, LexerState, PatternStr, TerminalDef, Token
+from lark.lexer import PatternStr, TerminalDef
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Source, Span
@@ -85,27 +84,14 @@ class Scan:
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
 
-class Terminals(Protocol):
-    """What has the terminals of a grammar: what Lark hands over, or what was kept of it."""
+class LexicalCore:
+    """The terminals of one grammar, sorted into words, regular tokens and punctuation."""
 
-    @property
-    def terminals(self) -> Collection[TerminalDef]:
-        """All of them."""
-
-
-class LexicalCore(Lexer):
-    """The terminals of one grammar, sorted into words, regular tokens and punctuation.
-
-    Lark hands over the terminals when it builds a parser; `scan` does the work.
-    """
-
-    __future_interface__ = 2
-
-    def __init__(self, conf: Terminals) -> None:
+    def __init__(self, terminals: Iterable[TerminalDef]) -> None:
         self.keywords: dict[str, str] = {}
         self.signs: dict[str, str] = {}
         regular: list[TerminalDef] = []
-        for terminal in conf.terminals:
+        for terminal in terminals:
             value = terminal.pattern.value
             if not isinstance(terminal.pattern, PatternStr):
                 regular.append(terminal)
@@ -121,10 +107,6 @@ class LexicalCore(Lexer):
         )
         groups = [f"(?P<{terminal.name}>{terminal.pattern.to_regexp()})" for terminal in regular]
         self._token = re.compile("|".join([*groups, f"(?P<{PUNCTUATION}>{signs})"] if signs else groups))
-
-    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:
-        """Unused: `envgraph.lang.syntax._parsing` feeds the parser itself."""
-        raise NotImplementedError("parse with envgraph.lang.syntax._parsing.parse")
 
     def scan(self, source: Source) -> Scan:
         """Splits a text; nothing in it can make this raise."""
