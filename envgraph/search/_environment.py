@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +14,7 @@ from envgraph.env import (
     EnvgraphVectorEnv,
     Environment,
     EnvSpec,
+    Explored,
     Simulator,
     VectorEnvironment,
     check_render_mode,
@@ -22,9 +24,10 @@ from envgraph.env import (
 from envgraph.errors import InvalidArgument
 from envgraph.graph import model_to_json
 from envgraph.search._domain import Domain
-from envgraph.search._family import Family, Member, run_file
-from envgraph.search._family_file import open_family
+from envgraph.search._family import Family, Member, place_of, run_file
+from envgraph.search._family_file import kept, open_family
 from envgraph.search._store import dump_json
+from envgraph.search._tables import Record, Tables
 
 Location = str | PathLike[str]
 
@@ -89,7 +92,8 @@ def _spec(family: Location | None, domain: Location | None) -> EnvSpec:
         path = Path(family)
         family = str((path if path.suffix == ".json" else run_file(path)).resolve())
     opened = _opened(place, family)
-    return environment_spec(opened.behaviour.name, limit=opened.limit, **_given(domain=place, family=family))
+    record = opened.record
+    return environment_spec(record.behaviour, limit=record.limit, **_given(domain=place, family=family))
 
 
 def _given(**values: object) -> dict[str, Any]:
@@ -126,17 +130,18 @@ def make_environment(
         EvaluationError: too many states to visit.
     """
     opened = _opened(domain, family, () if variant is None else (variant,))
-    check_render_mode(render_mode, drawn=opened.behaviour.draw is not None)  # before all states are visited
-    member = opened.member(variant)
+    check_render_mode(render_mode, drawn=opened.record.drawn)  # before all states are visited
+    place = opened.place(variant)
     shown: dict[str, Any] = {"render_mode": render_mode, "observation": observation, "cell": cell}
     environment: EnvgraphEnv | EnvgraphLiveEnv
     if live:
-        engine = opened.domain.engine(opened.model(member))
-        environment = EnvgraphLiveEnv(Simulator(engine, opened.behaviour, opened.keys), **shown)
+        read = opened.family
+        engine = read.domain.engine(read.model(read.members[place]))
+        environment = EnvgraphLiveEnv(Simulator(engine, read.behaviour, read.keys), **shown)
     else:
-        found = opened.explored(member, pictures=render_mode is not None)
+        found = opened.explored(place, pictures=render_mode is not None)
         environment = EnvgraphEnv(found.tabular, pictures=found.pictures, **shown)
-    if opened.behaviour.draw is None:
+    if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
     return environment
 
@@ -159,9 +164,9 @@ def make_vector_environment(
     """
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
     opened = _opened(domain, family, variants)
-    check_render_mode(render_mode, ("rgb_array",), drawn=opened.behaviour.draw is not None)
-    members = [opened.member(one) for one in variants or (None,)]
-    found = [opened.explored(member, pictures=render_mode is not None) for member in members]
+    check_render_mode(render_mode, ("rgb_array",), drawn=opened.record.drawn)
+    places = [opened.place(one) for one in variants or (None,)]
+    found = [opened.explored(place, pictures=render_mode is not None) for place in places]
     return EnvgraphVectorEnv(
         [one.tabular for one in found],
         num_envs,
@@ -173,18 +178,49 @@ def make_vector_environment(
     )
 
 
-def _opened(domain: str | None, family: Location | None, variants: Sequence[int | str] = ()) -> Family:
+class _Opened:
+    """A family whose texts are read as soon as a table, or the record of what else it takes, is not kept."""
+
+    def __init__(self, read: Callable[[], Family], kept: Callable[[], tuple[Tables, str]]) -> None:
+        self._read = read
+        self._kept = kept
+        self._tables, self._key = kept()
+
+    @cached_property
+    def family(self) -> Family:
+        return self._read()
+
+    @cached_property
+    def record(self) -> Record:
+        found = self._tables.record(self._key)
+        if found is None:
+            found = self.family.record()
+            if self._key == self._kept()[1]:  # no generation was added in the meantime
+                self._tables.keep(self._key, found)
+        return found
+
+    def place(self, variant: int | str | None) -> int:
+        return place_of(variant, [*self.record.tables], self.record.family)
+
+    def explored(self, place: int, *, pictures: bool) -> Explored:
+        table = [*self.record.tables.values()][place]
+        found = self._tables.read(table, drawn=pictures and self.record.drawn)
+        return found or self.family.explored(self.family.members[place], pictures=pictures)
+
+
+def _opened(domain: str | None, family: Location | None, variants: Sequence[int | str] = ()) -> _Opened:
     """A family; for a domain without one, that of its own model alone."""
     if family is not None:
-        opened = open_family(Path(family))
+        path = Path(family)
+        opened = _Opened(lambda: open_family(path), lambda: kept(path))
         if domain is not None:
-            _check_same(opened, str(family), _of_model(domain), domain)
+            _check_same(opened.family, str(family), _of_model(domain), domain)
         return opened
     if variants:
         raise InvalidArgument("`variant` names a member of a family: give `family` as well")
     if domain is None:
         raise InvalidArgument("give a `family`, or a `domain`")
-    return _of_model(domain)
+    return _Opened(lambda: _of_model(domain), lambda: (Tables(()), ""))
 
 
 def _of_model(domain: str) -> Family:

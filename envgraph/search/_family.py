@@ -16,7 +16,7 @@ from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._shown import family_html, member_html, member_svg, member_text
 from envgraph.search._store import RunStore, dump_json
-from envgraph.search._tables import Tables
+from envgraph.search._tables import Record, Tables, table_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,16 +94,7 @@ class Family:
         Raises:
             InvalidArgument: there is no such member.
         """
-        if variant is None:
-            return self.members[-1]
-        names = [member.name for member in self.members]
-        text = str(variant)
-        if text in names:
-            return self.members[names.index(text)]
-        if text.isdecimal() and 1 <= int(text) <= len(names):
-            return self.members[int(text) - 1]
-        hint = did_you_mean(text, names) or f"there are {', '.join(names)}"
-        raise InvalidArgument(f"family `{self.name}` has no environment `{variant}`; {hint}")
+        return self.members[place_of(variant, [member.name for member in self.members], self.name)]
 
     def model(self, member: Member) -> Model:
         """A fresh copy of a member's model."""
@@ -128,6 +119,14 @@ class Family:
                 self.domain, behaviour, self.model(member), self.keys, pictures=pictures
             )
         return known
+
+    def record(self) -> Record:
+        """What making environments takes beside the tables; raises as `behaviour`."""
+        behaviour = self.behaviour
+        tables = {
+            one.name: table_name(self.domain, behaviour, self.model(one), self.keys) for one in self.members
+        }
+        return Record(self.name, behaviour.name, self.limit, behaviour.draw is not None, tables)
 
     def scene(self, member: Member) -> Scene | None:
         """The picture of a member, or None where the behaviour says nothing about drawing."""
@@ -166,6 +165,23 @@ class Family:
         """The family measure over the members."""
         problem = self.domain.problem(self.domain.engine())
         return problem.diversity.score([member.measures[problem.diversity_of] for member in self.members])
+
+
+def place_of(variant: int | str | None, names: Sequence[str], family: str) -> int:
+    """The place of a member in a family, from 0, by its name or its number from 1; the last one for None.
+
+    Raises:
+        InvalidArgument: there is no such member.
+    """
+    if variant is None:
+        return len(names) - 1
+    text = str(variant)
+    if text in names:
+        return names.index(text)
+    if text.isdecimal() and 1 <= int(text) <= len(names):
+        return int(text) - 1
+    hint = did_you_mean(text, names) or f"there are {', '.join(names)}"
+    raise InvalidArgument(f"family `{family}` has no environment `{variant}`; {hint}")
 
 
 def ordered(

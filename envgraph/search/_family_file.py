@@ -26,6 +26,7 @@ from envgraph.search._components import Components
 from envgraph.search._domain import Domain
 from envgraph.search._family import Family, Member, domain_of, family_of, lacking_measures, run_file
 from envgraph.search._store import RunStore, dump_json
+from envgraph.search._tables import Tables, key_of
 
 FORMAT = "envgraph-family-2"
 
@@ -44,14 +45,27 @@ def open_family(
         InvalidArgument: there is no such run or file, or the run has no family yet.
         LoadError: the file is no family file.
     """
-    format = file_format(DiskFiles(), str(location))
-    if format in ("family", "json"):
+    if _is_family_file(location):
         return read_family(Path(location), components)
-    if format != "sqlite" and Path(location).is_file():
-        what = FORMATS[format] if format else "of no format that is known"
-        raise InvalidArgument(f"`{location}` is {what}, not a run (run.sqlite) or a family as JSON")
     with RunStore.open(run_file(location, directory)) as store:
         return family_of(store, domain_of(store.bundle(), store.overrides, str(store.path), components))
+
+
+def kept(location: str | Path) -> tuple[Tables, str]:
+    """Where tables of a family are kept, and a hash of all that it is made from; raises as `open_family`."""
+    if _is_family_file(location):
+        return Tables.of_user(), key_of(read_source(DiskFiles(), str(location)).text)
+    with RunStore.open(run_file(location)) as store:
+        return Tables.of_run(store.path), key_of(store.family_data())
+
+
+def _is_family_file(location: str | Path) -> bool:
+    """Whether it is no run; raises where it is a file of another format."""
+    format = file_format(DiskFiles(), str(location))
+    if format not in ("family", "json", "sqlite") and Path(location).is_file():
+        what = FORMATS[format] if format else "of no format that is known"
+        raise InvalidArgument(f"`{location}` is {what}, not a run (run.sqlite) or a family as JSON")
+    return format in ("family", "json")
 
 
 def family_schema() -> dict[str, Any]:

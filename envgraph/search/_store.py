@@ -231,6 +231,12 @@ class RunStore:
                 raise ValueError("there is none")
         return Bundle(roots, self.sources())
 
+    def family_data(self) -> list[Any]:
+        """All that the family of the last generation is made from, ready for JSON."""
+        last = self.last_generation()
+        members = [] if last is None else [_row(self.individual(id_)) for id_ in last.members]
+        return [self.settings(), self.sources(), members]
+
     def write_generation(self, generation: Generation, born: Iterable[Individual]) -> None:
         """Store a generation and the individuals accepted in it, all or nothing."""
         with self._transaction() as db:

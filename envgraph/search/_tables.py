@@ -1,14 +1,18 @@
 """Enumerated environments, kept in files: visiting the states takes seconds to minutes, reading them a moment.
 
 A file is named after a hash of all that the states depend on: a model or a behaviour that was edited has another file,
-and no file is ever out of date. Whoever reads while somebody writes sees the whole file or none.
+and no file is ever out of date. Whoever reads while somebody writes sees the whole file or none. Beside them is what
+making an environment of a family takes besides the tables, so that the texts of a family are read once.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import os
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +21,7 @@ from envgraph import __version__
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, explore, read_explored, write_explored
 from envgraph.errors import InvalidArgument
-from envgraph.files import CACHE_VARIABLE, cache_directory, counting, replacing
+from envgraph.files import CACHE_VARIABLE, cache_directory, counting, replace_file, replacing
 from envgraph.graph import Model, model_to_json
 from envgraph.search._store import dump_json
 
@@ -29,6 +33,25 @@ FORMAT = 3
 
 MOST_BYTES = 2**30
 """Of the files of one place; the ones that nobody has used for longest make room."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What making environments of a family takes.
+
+    Attributes:
+        family: its name.
+        behaviour: the name of its environment.
+        limit: steps after which an episode is truncated, or None.
+        drawn: whether the behaviour says how to draw.
+        tables: the file of each member, by its name.
+    """
+
+    family: str
+    behaviour: str
+    limit: int | None
+    drawn: bool
+    tables: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +96,11 @@ class Tables:
             model: the initial state; it is used up.
             keys: the indices of its objects over the family.
         """
-        name = f"{_key(domain, behaviour, model, keys)}.npz"
+        name = table_name(domain, behaviour, model, keys)
         drawn = pictures and behaviour.draw is not None
         lasting = not domain.components.function
-        known = self._read(name) if lasting else None
-        if known is not None and (known.pictures or not drawn):
+        known = self.read(name, drawn=drawn) if lasting else None
+        if known is not None:
             return known
         with counting(f"states of {behaviour.name}") as progress:
             found = explore(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress)
@@ -85,7 +108,8 @@ class Tables:
             self._write(name, found)
         return found
 
-    def _read(self, name: str) -> Explored | None:
+    def read(self, name: str, *, drawn: bool) -> Explored | None:
+        """The table of a file, if it is there, and has a picture of every state where it is to be drawn."""
         for place in self.places:
             path = place / name
             try:
@@ -94,8 +118,30 @@ class Tables:
                 continue
             with suppress(OSError):  # of another user
                 os.utime(path)
-            return found
+            return found if found.pictures or not drawn else None
         return None
+
+    def record(self, key: str) -> Record | None:
+        """What was kept of a family, by a hash of all that it is made from."""
+        for place in self.places:
+            with suppress(OSError, ValueError, RecursionError):  # not there, or damaged
+                match json.loads((place / f"{key}.record").read_text("utf-8")):
+                    case {
+                        "family": str(family),
+                        "behaviour": str(behaviour),
+                        "limit": int() | None as limit,
+                        "drawn": bool(drawn),
+                        "tables": dict(tables),
+                    } if all(isinstance(table, str) for table in tables.values()):
+                        return Record(family, behaviour, limit, drawn, tables)
+        return None
+
+    def keep(self, key: str, record: Record) -> None:
+        """Keep a record where that can be written."""
+        for place in self.places:
+            with suppress(OSError):
+                replace_file(place / f"{key}.record", json.dumps(asdict(record)))
+                return
 
     def _write(self, name: str, explored: Explored) -> None:
         reason: OSError | None = None
@@ -116,17 +162,22 @@ class Tables:
             )
 
 
-def _key(domain: Domain, behaviour: Behaviour, model: Model, keys: KeyIndex) -> str:
-    """A hash of everything that a table depends on. The family file is left out: it says how to search."""
+def table_name(domain: Domain, behaviour: Behaviour, model: Model, keys: KeyIndex) -> str:
+    """The file of a table: a hash of all that it depends on. The family file is left out: it says how to search."""
     files = sorted(domain.workspace.sources.items())
     texts = [text for name, text in files if name != domain.spec.path]
-    everything = [FORMAT, __version__, behaviour.name, texts, model_to_json(model), keys.to_json()]
-    return sha256(dump_json(everything).encode("utf-8", "surrogatepass")).hexdigest()[:32]
+    return f"{key_of(behaviour.name, texts, model_to_json(model), keys.to_json())}.npz"
+
+
+def key_of(*parts: object) -> str:
+    """A hash of values that are ready for JSON, and of the version that makes something of them."""
+    text = dump_json([FORMAT, __version__, *parts])
+    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:32]
 
 
 def _tidy(place: Path) -> None:
     """Remove the files that nobody has used for longest, if there are too many."""
-    files = [(file.stat(), file) for file in place.glob("*.npz")]
+    files = [(file.stat(), file) for ending in ("npz", "record") for file in place.glob(f"*.{ending}")]
     total = 0
     for stat, file in sorted(files, key=lambda pair: pair[0].st_mtime, reverse=True):
         total += stat.st_size

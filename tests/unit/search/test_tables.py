@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import sqlite3
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
 import gymnasium
@@ -16,6 +18,7 @@ from gymnasium.utils.env_checker import check_env
 import envgraph.env
 from envgraph.cli import main
 from envgraph.env import Explored
+from envgraph.errors import InvalidArgument
 from envgraph.lang import bundled_domain
 from envgraph.search import (
     Components,
@@ -23,7 +26,9 @@ from envgraph.search import (
     Family,
     domain_problems,
     generate,
+    make,
     make_environment,
+    make_vec,
     make_vector_environment,
     open_family,
     write_family,
@@ -116,6 +121,39 @@ def test_a_family_file_and_a_domain_have_theirs_in_the_cache_of_the_user(
         make_environment("burning_forest")
     assert visited == [False] * 2
     assert len(kept(cache)) == 2
+
+
+def test_texts_are_read_for_the_first_environment_alone(
+    run: Path, exported: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limits = [make(stored, 1).spec.max_episode_steps for stored in (run, exported)]  # type: ignore[union-attr]
+    monkeypatch.setattr("envgraph.search._environment.open_family", None)  # what would read them
+    for stored in run, exported:
+        assert make(stored, "E1").spec.max_episode_steps == limits.pop(0) == 200  # type: ignore[union-attr]
+        make_vec(stored, 2, variant=[1, 1]).close()
+        with pytest.raises(InvalidArgument, match="no environment `E9`"):
+            make(stored, "E9")
+
+
+@pytest.mark.parametrize("changed", ["source SET text = text", "individual SET model = model"])
+def test_a_changed_run_is_read_again(run: Path, monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
+    make(run)
+    with closing(sqlite3.connect(run)) as store:
+        store.execute(f"UPDATE {changed} || ' '")
+        store.commit()
+    monkeypatch.setattr("envgraph.search._environment.open_family", None)
+    with pytest.raises(TypeError):
+        make(run)
+
+
+@pytest.mark.parametrize("damage", ["", "[]", "{}", "[" * 100_000, '{"tables": {"E1": 1}}'])
+def test_a_damaged_record_is_made_anew(run: Path, damage: str) -> None:
+    make(run)
+    (record,) = (run.parent / "tables").glob("*.record")
+    good = record.read_text(encoding="utf-8")
+    record.write_text(damage, encoding="utf-8")
+    make(run)
+    assert record.read_text(encoding="utf-8") == good
 
 
 def test_pictures_are_made_for_those_who_want_to_see(
