@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 from envgraph.code._tree import Body, Expression, For, If, Local, Statement, Tuple
 
 MOST_LOOPS: Final = 12
-"""Loops of one function, of the 20 that CPython allows."""
+"""Loops of one function, of the 20 that CPython allows: what is done inside the last one has some too."""
 MOST_LEVELS: Final = 38
-"""Levels of indentation inside one function, of the 100 that CPython allows."""
+"""Levels of indentation in it, of the 100 that CPython allows: tests between statements have levels and no loops."""
 
 
 class Place(NamedTuple):

@@ -37,7 +37,7 @@ from envgraph.code._tree import (
 
 INDENT: Final = "    "
 MOST_COLUMNS: Final = 100
-"""Longer conditions are broken into lines."""
+"""Longer conditions are broken into lines, since people read generated code too."""
 
 _CHOICE, _OR, _AND, _NOT, _COMPARISON, _SUM, _PRODUCT, _MINUS, ATOM = range(9)
 """How tightly operators hold their operands."""

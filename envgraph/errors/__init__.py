@@ -19,12 +19,14 @@ from envgraph.errors._exceptions import (
     TransactionError,
     TypeMismatch,
 )
-from envgraph.errors._limits import RAISE_LIMIT, limit
+from envgraph.errors._limits import MOST_ERRORS, MOST_NESTED, RAISE_LIMIT, limit
 from envgraph.errors._reprs import later, shorten, spelling
 from envgraph.errors._source import Source, Span, visible
 from envgraph.errors._suggest import did_you_mean, listed, name_hint, nearest, plural, with_article
 
 __all__ = [
+    "MOST_ERRORS",
+    "MOST_NESTED",
     "RAISE_LIMIT",
     "Diagnostic",
     "DiagnosticError",

@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import os
 from math import isfinite
+from typing import Final
 
 from envgraph.errors._exceptions import InvalidArgument
 
 _VARIABLE = "ENVGRAPH_LIMITS"
+
+MOST_ERRORS: Final = 100
+"""Mistakes after which the rest of a file is not read or checked: nobody reads so many before mending some."""
+MOST_NESTED: Final = 100
+"""How deep anything may nest: brackets, expressions, blocks of rules, steps of units, packages, closures.
+
+Checks descend by recursion, and generated source nests alike: Python allows 1,000 calls, 200 parentheses and 100 levels
+of indentation.
+"""
 
 
 def limit(usual: int) -> int:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import islice
 
-from envgraph.errors import Diagnostic, Note, Span, did_you_mean, name_hint
+from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Span, did_you_mean, name_hint
 from envgraph.metamodel._above import Above, linearise
 from envgraph.metamodel._features import (
     Attribute,
@@ -20,8 +20,6 @@ from envgraph.metamodel._features import (
     place,
     type_name,
 )
-
-MOST_ERRORS = 100
 
 
 def check_classes(

@@ -22,7 +22,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
-from envgraph.errors import Diagnostic, Span, did_you_mean, name_hint, with_article
+from envgraph.errors import MOST_NESTED, Diagnostic, Span, did_you_mean, name_hint, with_article
 from envgraph.metamodel import Attribute, EnumType, Metamodel, Reference, Scalar
 from envgraph.pattern._bodies import children, depth, none_test, size
 from envgraph.pattern._lowered import ObjectType, StaticType
@@ -42,9 +42,6 @@ from envgraph.pattern._types import NUMBERS, assignable, comparable, type_text, 
 
 if TYPE_CHECKING:
     from envgraph.pattern._functions import DeclaredFunction
-
-MOST_LEVELS: Final = 100
-"""How deep an expression may nest; generated source nests alike, and Python stops at 200 parentheses."""
 
 MOST_PARTS: Final = 50_000
 """How many operands and operators an expression may have: ints in it are exact, and grow with every product."""
@@ -82,8 +79,8 @@ def check_expression(
 
 
 def _too_large(expression: Expression) -> str | None:
-    if depth(expression) > MOST_LEVELS:
-        return f"more than {MOST_LEVELS} levels inside each other"
+    if depth(expression) > MOST_NESTED:
+        return f"more than {MOST_NESTED} levels inside each other"
     return f"more than {MOST_PARTS} operands and operators" if size(expression) > MOST_PARTS else None
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from envgraph.errors import Diagnostic, EnvgraphError, LoadError, RuleError, Source, name_hint
+from envgraph.errors import MOST_ERRORS, Diagnostic, EnvgraphError, LoadError, RuleError, Source, name_hint
 from envgraph.graph._journal import IndexedSet
 from envgraph.graph._model import Model
 from envgraph.graph._refusals import wrong_value
@@ -28,8 +28,6 @@ FORMAT = "envgraph-model-1"
 
 JsonPath = tuple[str | int, ...]
 """Keys and indices from the root to a value."""
-
-_MOST_PROBLEMS = 100
 
 _INFINITIES = {"inf": float("inf"), "-inf": float("-inf")}
 
@@ -393,7 +391,7 @@ class _Reader:
     def _problem(self, path: JsonPath, code: str, message: str, hint: str | None = None) -> None:
         where = f"`{json_place(path)}`: " if path else ""
         self.problems.append(Diagnostic(code, f"{where}{message}", hint=hint, subject=path))
-        if len(self.problems) == _MOST_PROBLEMS:
+        if len(self.problems) == MOST_ERRORS:
             text = f"{where}too many mistakes: the rest of the file is not read"
             self.problems.append(Diagnostic("too-many-errors", text, hint="mend these first", subject=path))
             raise _TooMany

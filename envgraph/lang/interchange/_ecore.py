@@ -12,6 +12,7 @@ from functools import cache
 from types import MappingProxyType
 
 from envgraph.errors import (
+    MOST_NESTED,
     LoadError,
     Note,
     ResolutionError,
@@ -49,8 +50,6 @@ from envgraph.metamodel import (
     Package,
     Reference,
 )
-
-_DEEPEST = 50
 
 
 @cache
@@ -242,12 +241,12 @@ class _Reader(Names):
         self.packages.append((path, element))
         self._kinds[element] = "EPackage"
         self._check_parts(element, "EPackage")
-        if depth > _DEEPEST:
+        if depth > MOST_NESTED:
             self.error(
                 "nested-too-deeply",
                 "packages are nested too deeply",
                 self.places.tag(element.byte),
-                f"there may be {_DEEPEST} levels",
+                f"there may be {MOST_NESTED} levels",
             )
             return
         for classifier in inside(element, "eClassifiers"):

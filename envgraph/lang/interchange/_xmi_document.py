@@ -7,12 +7,11 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Severity, Source, Span, plural
+from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Severity, Source, Span, plural
 from envgraph.graph import Model, usual_value
 from envgraph.lang.syntax._xml import Stop, XmlPlaces
 from envgraph.metamodel import Attribute, Feature, Reference
 
-MOST_ERRORS = 100
 LOST = -1
 """The place of an object that could not be read: to name it is no mistake."""
 

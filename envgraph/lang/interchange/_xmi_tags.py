@@ -7,8 +7,8 @@ from dataclasses import field
 from functools import partial
 
 from envgraph.code import dataclass
-from envgraph.errors import Note, Span, did_you_mean, plural, with_article
-from envgraph.lang.interchange._xmi_document import LOST, MOST_ERRORS, Document, Link, Table, short
+from envgraph.errors import MOST_ERRORS, Note, Span, did_you_mean, plural, with_article
+from envgraph.lang.interchange._xmi_document import LOST, Document, Link, Table, short
 from envgraph.lang.interchange._xmi_namespaces import Namespaces
 from envgraph.lang.read._ecore_types import too_large, value_of
 from envgraph.lang.syntax._xml import XMI, XSI, Handlers, Reader, Stop

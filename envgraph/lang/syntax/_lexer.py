@@ -17,7 +17,7 @@ from inspect import cleandoc
 from lark.lexer import PatternStr, TerminalDef
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Source, Span
+from envgraph.errors import MOST_ERRORS, MOST_NESTED, Diagnostic, Source, Span
 from envgraph.metamodel import LARGEST_INT
 
 END = "$END"
@@ -33,8 +33,6 @@ _MEANT = {
 }  # fmt: skip
 """Signs of print, and what they are here."""
 _QUOTES = "\u2018\u2019\u201a\u201b\u201c\u201d\u201e\u201f\u00ab\u00bb\u2039\u203a`\u00b4"
-_MOST_NESTED = 100
-_MOST_ERRORS = 100
 _CURLY = re.compile(
     '[\u2018-\u201f\u00ab\u2039]([^\u2018-\u201f\u00bb\u203a"\n]*)[\u2018-\u201f\u00bb\u203a"]'
 )
@@ -133,7 +131,7 @@ class _Scanner:
         match = self._token.match
         text, position, end = self._text, 0, len(self._text)
         while position < end:
-            if len(self._scan.diagnostics) >= _MOST_ERRORS:
+            if len(self._scan.diagnostics) >= MOST_ERRORS:
                 message = "too many mistakes: the rest of the file is not read"
                 self._report("too-many-errors", message, position, hint="mend these first")
                 break
@@ -181,9 +179,9 @@ class _Scanner:
         if lexeme.value in {"{", "(", "["}:
             self._open.append(lexeme.value)
             self._braces += lexeme.value == "{"
-            if len(self._open) > _MOST_NESTED and not self._too_deep:
+            if len(self._open) > MOST_NESTED and not self._too_deep:
                 self._too_deep = True
-                message = f"more than {_MOST_NESTED} brackets inside each other"
+                message = f"more than {MOST_NESTED} brackets inside each other"
                 hint = "a bracket before it may not be closed; else make a definition of a part"
                 self._report("nested-too-deeply", message, lexeme.start, hint=hint)
         elif lexeme.value in {"}", ")", "]"} and self._open:
@@ -369,7 +367,7 @@ class _Scanner:
     def _report(
         self, code: str, message: str, start: int, end: int | None = None, hint: str | None = None
     ) -> None:
-        if len(self._scan.diagnostics) > _MOST_ERRORS:
+        if len(self._scan.diagnostics) > MOST_ERRORS:
             return
         span = self._source.span(start, start + 1 if end is None else end)
         self._scan.diagnostics.append(Diagnostic(code, message, span, hint))

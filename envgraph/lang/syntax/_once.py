@@ -9,7 +9,7 @@ from envgraph.errors import Diagnostic, Note
 
 _ROWS = frozenset({"stray-character", "unterminated-text"})
 _MOST_LINES = 3
-"""Characters that mean nothing in more lines, one below the other, are the rows of a text."""
+"""Characters that mean nothing in more lines, one below the other, are the rows of a text; in fewer, mistakes."""
 _NAMES = frozenset(
     f"unknown-{kind}"
     for kind in (
@@ -19,7 +19,7 @@ _NAMES = frozenset(
 )
 """Names that mean the same in a whole file: one that is misspelt where it is defined is unknown wherever it stands."""
 _MOST_PLACES = 10
-"""So many other places of such a name are told."""
+"""A note tells of so many other places of such a name: by then it is found by searching."""
 
 
 def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:

@@ -10,7 +10,7 @@ from dataclasses import field
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Source, Span
+from envgraph.errors import MOST_ERRORS, Diagnostic, Source, Span
 from envgraph.lang.syntax._formats import other_language
 from envgraph.lang.syntax._grammar import Grammar, grammar
 from envgraph.lang.syntax._lexer import END, DocComment, Lexeme
@@ -25,7 +25,6 @@ _TO_THE_END = frozenset({"unterminated-comment", "too-many-errors"})
 """After these nothing of a file is read."""
 _NAME = re.compile(r"[^\W\d]\w*")
 
-_MOST_ERRORS = 100
 _DEEPEST = 150
 
 _CHAINS = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "&&": 3, "and": 3, "||": 4, "or": 4}
@@ -180,7 +179,7 @@ def _run(stack: ParseStack, recovery: Recovery) -> Tree[Token] | None:
         if terminal is None:
             # Counted, and not the diagnostics: what follows from a misspelt token is not reported.
             errors += 1
-            if errors > _MOST_ERRORS:
+            if errors > MOST_ERRORS:
                 recovery.stop(index)
                 return None
             resumed = recovery.recover(index)

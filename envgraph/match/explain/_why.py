@@ -32,8 +32,8 @@ from envgraph.pattern import (
     variables,
 )
 
-MOST_LEVELS = 6
-"""Called patterns that are looked into."""
+_MOST_CALLS = 6
+"""Called patterns that are looked into, one inside the other: recursive ones ask about other objects each time."""
 
 Asked = tuple[tuple[str, dict[int, Value]], ...]
 """Calls: patterns with values by position."""
@@ -238,7 +238,7 @@ def _failure(
     inner = witness = None
     if isinstance(goal, Absence):
         witness = _witness(planner, build, names, conjunction, goal, values)
-    elif isinstance(goal, CallAtom) and _has_text(goal.pattern) and len(asked) <= MOST_LEVELS:
+    elif isinstance(goal, CallAtom) and _has_text(goal.pattern) and len(asked) <= _MOST_CALLS:
         known = {p: values[v] for p, v in enumerate(goal.arguments) if v in values}
         if (goal.pattern, known) not in asked:
             inner = why_not(planner, build, first, goal.pattern, known, asked)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
-from envgraph.errors import EvaluationError
+from envgraph.errors import MOST_NESTED, EvaluationError
 from envgraph.match._components import components
 from envgraph.pattern import (
     Absence,
@@ -15,9 +14,6 @@ from envgraph.pattern import (
     Goal,
     Library,
 )
-
-MOST_NESTED: Final = 100
-"""Closures and recursive patterns inside each other: each needs some of the stack."""
 
 
 class CallGraph:

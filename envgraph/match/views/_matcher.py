@@ -7,13 +7,13 @@ from gc import collect
 from operator import itemgetter
 from typing import Any, Final
 
-from envgraph.errors import EvaluationError, InvalidArgument, TransactionError
+from envgraph.errors import MOST_NESTED, EvaluationError, InvalidArgument, TransactionError
 from envgraph.graph import Model, guarded
 from envgraph.match._matcher import FREE, Row, check_arguments
 from envgraph.match.demand._compiled import CompiledMatcher
 from envgraph.match.explain._why import WhyNot
 from envgraph.match.generate._symbols import Source
-from envgraph.match.passes._calls import MOST_NESTED, check_nesting
+from envgraph.match.passes._calls import check_nesting
 from envgraph.match.views._loops import Loops
 from envgraph.match.views._network import Network
 from envgraph.match.views._operators import Rows, unrecorded

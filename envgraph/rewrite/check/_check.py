@@ -9,7 +9,7 @@ from itertools import chain, combinations, zip_longest
 from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
+from envgraph.errors import MOST_NESTED, Diagnostic, Note, Severity, Span, has_errors, name_hint, with_article
 from envgraph.metamodel import Metamodel
 from envgraph.pattern import (
     Aggregate,
@@ -59,9 +59,6 @@ _LINTS: Final = (
 )
 """Warnings about patterns that mean the same about left sides."""
 
-MOST_BLOCKS = 100
-"""How deep the blocks of a rule may nest."""
-
 
 @dataclass(frozen=True, slots=True)
 class CheckedRule:
@@ -86,9 +83,9 @@ def check_rule(rule: Rule, library: Library) -> list[Diagnostic]:
 def examine(rule: Rule, library: Library) -> CheckedRule:
     """Check a rule, and work out its plan if it has no errors."""
     problems = [*_check_header(rule), *_check_names(rule), *_check_types(rule, library)]
-    if _depth(rule) > MOST_BLOCKS:
+    if _depth(rule) > MOST_NESTED:
         hint = "make a pattern of a part of it"
-        message = f"more than {MOST_BLOCKS} blocks inside each other"
+        message = f"more than {MOST_NESTED} blocks inside each other"
         return CheckedRule(rule, (), None, (*problems, Diagnostic("rule-too-deep", message, rule.span, hint)))
     called = _called_types(rule, library)
     lowering = LeftLowering(rule, library, _unknown(rule, called, library.metamodel))

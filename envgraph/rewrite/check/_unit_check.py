@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import field, replace
-from typing import Final
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Severity, Span, did_you_mean, has_errors, listed, with_article
+from envgraph.errors import (
+    MOST_NESTED,
+    Diagnostic,
+    Severity,
+    Span,
+    did_you_mean,
+    has_errors,
+    listed,
+    with_article,
+)
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import (
     Alap,
@@ -57,9 +65,6 @@ from envgraph.rewrite.check._variables import is_named, mentioned
 
 UNIT_ANNOTATIONS = ("priority", "weight")
 Scope = dict[str, StaticType | None]
-
-MOST_LEVELS: Final = 100
-"""How deep the steps of a unit may nest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,9 +187,9 @@ class _Checker:
         self.result.types = {parameter.name: self._type(parameter) for parameter in unit.parameters}
         outputs = {parameter.name for parameter in unit.parameters if parameter.direction == "out"}
         scope = {name: type_ for name, type_ in self.result.types.items() if name not in outputs}
-        if depth(unit.body) > MOST_LEVELS:
+        if depth(unit.body) > MOST_NESTED:
             hint = "make a unit of a part of it"
-            self._error("unit-too-deep", f"more than {MOST_LEVELS} blocks inside each other", unit.span, hint)
+            self._error("unit-too-deep", f"more than {MOST_NESTED} blocks inside each other", unit.span, hint)
             return
         self._step(unit.body, scope)
         for parameter in unit.parameters:

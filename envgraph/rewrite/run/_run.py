@@ -22,7 +22,7 @@ from envgraph.rewrite.run._runner import REFUSALS, Randomness, RuleRunner, other
 STEP_LIMIT: Final = 100_000
 """How many calls and rounds one run may take, unless told otherwise."""
 
-MOST_LEVELS: Final = 200
+MOST_RUNNING: Final = 200
 """How deep the steps of a run may nest, those of called units included; Python's own stack ends beyond it."""
 
 Environment = dict[str, Value]

@@ -39,7 +39,7 @@ from envgraph.metamodel import Value
 from envgraph.rewrite._match import Firing, Match
 from envgraph.rewrite._names import Signature
 from envgraph.rewrite.check._unit_check import CheckedUnit, depth
-from envgraph.rewrite.run._run import MOST_LEVELS, Environment, Run, Site, at, firings
+from envgraph.rewrite.run._run import MOST_RUNNING, Environment, Run, Site, at, firings
 from envgraph.rewrite.run._runner import RuleRunner
 from envgraph.rewrite.run._unit_source import UnitSource
 
@@ -64,9 +64,9 @@ class UnitProgram:
         """Run it inside of a run; `site` is the call."""
         run.count(site)
         run.levels += self.levels
-        if run.levels > MOST_LEVELS:
+        if run.levels > MOST_RUNNING:
             raise EvaluationError(
-                f"more than {MOST_LEVELS} steps inside each other; `{self.name}` is one that calls on",
+                f"more than {MOST_RUNNING} steps inside each other; `{self.name}` is one that calls on",
                 site and site[1],
                 "use `alap` or `repeat` instead of units that call each other without an end",
             )

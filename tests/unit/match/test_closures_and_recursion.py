@@ -8,13 +8,12 @@ from itertools import pairwise
 
 import pytest
 
-from envgraph.errors import EvaluationError
+from envgraph.errors import MOST_NESTED, EvaluationError
 from envgraph.graph import Model
 from envgraph.match import FREE, CompiledMatcher, ViewMatcher
 from envgraph.match.demand import _closures as closures
 from envgraph.match.demand import _program as compiled
 from envgraph.match.demand import _recursion as recursion
-from envgraph.match.passes import _calls as calls
 from envgraph.match.views import _recursive as recursive_views
 from envgraph.metamodel import Attribute, Class, Metamodel, Reference, Scalar
 from envgraph.pattern import Aggregate, Check, Constraint, Library, Pattern
@@ -393,9 +392,9 @@ def nested(levels: int, kind: str) -> list[Pattern]:
 
 @pytest.mark.parametrize("kind", ["closures", "recursive patterns"])
 def test_what_is_nested_deeper_than_the_stack_is_an_error(kind: str) -> None:
-    model, patterns = chain(4), library(*nested(calls.MOST_NESTED + 1, kind))
+    model, patterns = chain(4), library(*nested(MOST_NESTED + 1, kind))
     matcher, views = CompiledMatcher(model, patterns), ViewMatcher(model, patterns)
-    deepest, too_deep = f"p{calls.MOST_NESTED}", f"p{calls.MOST_NESTED + 1}"
+    deepest, too_deep = f"p{MOST_NESTED}", f"p{MOST_NESTED + 1}"
     assert matcher.rows(deepest, (0, FREE)) == [(0, 1), (0, 2), (0, 3)]
     assert matcher.count(deepest, (FREE, FREE)) == 6
     message = f"`{too_deep}` cannot be evaluated: 101 closures and recursive patterns stand inside each other"
