@@ -113,11 +113,11 @@ def in_views(edges: Edges, size: int, question: str, changed: Edges) -> tuple[in
 
     def cut(source: int, target: int) -> None:
         model.unlink(places[source], TO, places[target])
-        matcher.settle()
+        matcher.kept.settle()
 
     def join(source: int, target: int) -> None:
         model.link(places[source], TO, places[target])
-        matcher.settle()
+        matcher.kept.settle()
 
     savepoint = model.savepoint()
     found = times(cut, join, changed)

@@ -113,7 +113,7 @@ def print_views(model: Model, queries: Library) -> None:
             found.append(1e6 * (perf_counter() - started))
         return found
 
-    views = times(matcher.settle)
+    views = times(matcher.kept.settle)
     matcher.unwatch(*VIEWS)
     asked = times(lambda: [demand.count(name, arguments[name]) for name in VIEWS])
     library_ = path_times(model, matcher, roads)

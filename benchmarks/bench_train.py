@@ -221,7 +221,7 @@ def repair(engine: Engine, quota: Quota, edits: Edits) -> None:
     """The eight batches of a protocol; their times are added to `edits`."""
     protocol = Protocol(engine, "repair", quota)
     assert isinstance(engine.matcher, ViewMatcher)
-    model, settle = engine.model, engine.matcher.settle
+    model, settle = engine.model, engine.matcher.kept.settle
     gc.collect()
     gc.freeze()
     for _ in range(BATCHES):

@@ -179,8 +179,8 @@ def test_extremes_that_come_and_go_for_ever_take_no_room() -> None:
     stock.views.watch("min_stock")
     for round_ in range(2_000):
         stock.model.set_value(stock.items[50], STOCK, 1_000 + round_)
-        stock.views.settle()
-    operators = stock.views._network.operators.values()
+        stock.views.kept.settle()
+    operators = stock.views.kept.network.operators.values()
     (fold,) = (operator for operator in operators if isinstance(operator, _folds.Fold))
     (running,) = fold._running.values()
     assert isinstance(running, _folds.Extremes)

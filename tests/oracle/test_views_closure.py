@@ -388,7 +388,7 @@ class Grid:
     def stored(self) -> int:
         """Nodes in all reached sets that are held, each set once, and in the indexes of them."""
         found = 0
-        for operator in self.views._network.operators.values():
+        for operator in self.views.kept.network.operators.values():
             if isinstance(operator, ClosureOperator):
                 found += sum(map(len, {id(each): each for each in operator.reached.values()}.values()))
                 if operator._inverse is not None:

@@ -22,7 +22,7 @@ from types import ModuleType
 from envgraph.errors import TransactionError
 from envgraph.graph import Savepoint, Version, _integrity, _store
 from envgraph.match import FREE, CompiledMatcher, Matcher, NaiveMatcher, ViewMatcher
-from envgraph.match.views import Subscription, _delta, _joins, _matcher, _sets
+from envgraph.match.views import Subscription, _delta, _joins, _kept, _sets
 from envgraph.match.views import _closure_operator as _reach
 from envgraph.match.views import _group_aggregates as _folds
 from envgraph.match.views import _partial_lookup as _agreeing
@@ -32,8 +32,8 @@ EAGER: tuple[tuple[ModuleType, str, object], ...] = (
     *((module, "CROWD", 2) for module in (_store, _integrity, _sets)),
     (_sets, "LONG", 4),
     # Three more objects make a model large, two tuples a group; one start shares what it reaches.
-    (_matcher, "GROWTH", 1),
-    (_matcher, "LEAST", 2),
+    (_kept, "GROWTH", 1),
+    (_kept, "LEAST", 2),
     (_folds, "LARGE", 1),
     (_reach, "FEW", 0),
     # Rows are looked up in views, whatever a search would cost.
@@ -214,7 +214,7 @@ class Walk:
             return
         version, before = self.versions[number % len(self.versions)]
         if self.model.version is version:
-            self.views.deliver()  # what was told and then rolled back; going nowhere tells nothing
+            self.views.listeners.deliver()  # what was told and then rolled back; going nowhere tells nothing
         try:
             self.model.checkout(version)
         except TransactionError:
@@ -278,11 +278,11 @@ class Walk:
     def unlisten(self, pattern: str) -> None:
         """The listener that came last goes."""
         if self.told[pattern]:
-            self.views.unlisten(self.told[pattern].pop().subscription)
+            self.views.listeners.remove(self.told[pattern].pop().subscription)
 
     def deliver(self) -> None:
         """Tell now, also what may be rolled back."""
-        self.views.deliver()
+        self.views.listeners.deliver()
         self._assert_all_told()
 
     def _assert_all_told(self) -> None:

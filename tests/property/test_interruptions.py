@@ -149,7 +149,7 @@ class World:
         model["p4"].knows.remove(model["p0"])
         self.check()
         assert self.state() == here
-        self.matcher.deliver()
+        self.matcher.listeners.deliver()
         model.commit()
         assert self.heard == set(self.rows("two"))
 
@@ -241,7 +241,7 @@ def ask(world: World) -> None:
 
 def deliver(world: World) -> None:
     """Tell who listens."""
-    world.matcher.deliver()
+    world.matcher.listeners.deliver()
 
 
 def several(world: World) -> None:
@@ -403,7 +403,7 @@ def play(steps: tuple[Step, ...]) -> tuple[list[object], list[dict[int, object]]
         world.check()
         states.append(world.state())
         numbered.append({**numbered[-1], **{v.number: s for v, s in _here(world)}})
-    world.matcher.deliver()
+    world.matcher.listeners.deliver()
     assert world.heard == set(world.rows("two"))
     return states, numbered, trip.passed
 

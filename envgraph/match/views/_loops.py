@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-if TYPE_CHECKING:
-    from envgraph.match.views._matcher import ViewMatcher
+from envgraph.match._matcher import FREE
+from envgraph.match.demand._compiled import CompiledMatcher
+from envgraph.match.views._kept import KeptViews
 
 LONG: Final = 100_000
 """Rows that are listed in the time that it takes to make a view: 10 ms, see `benchmarks/bench_questions.py`."""
@@ -23,17 +24,19 @@ class Loops:
     given up when that loop ends: whatever is rolled back meanwhile was done after it was made.
 
     Args:
-        matcher: makes the views; asked patterns are counted by it.
+        kept: makes the views.
+        demand: counts the matches of patterns.
 
     Attributes:
         depth: how many loops run.
         due: whether there is something for `turn` to do.
     """
 
-    __slots__ = ("_done", "_listed", "_matcher", "_owner", "_wanted", "depth", "due")
+    __slots__ = ("_demand", "_done", "_kept", "_listed", "_owner", "_wanted", "depth", "due")
 
-    def __init__(self, matcher: ViewMatcher) -> None:
-        self._matcher = matcher
+    def __init__(self, kept: KeptViews, demand: CompiledMatcher) -> None:
+        self._kept = kept
+        self._demand = demand
         self._listed: dict[str, int] = {}
         self._wanted: dict[str, None] = {}
         self._done: set[str] = set()
@@ -49,7 +52,7 @@ class Loops:
         """A round of the innermost loop begins: what it lists is watched, if an outer loop has no views yet."""
         if self._owner in (0, self.depth):
             self.due = False
-            if self._matcher.watch_briefly(tuple(self._wanted)):
+            if self._kept.watch_briefly(tuple(self._wanted)):
                 self._owner = self.depth
 
     def end(self) -> None:
@@ -60,7 +63,7 @@ class Loops:
         """No more than `depth` loops run: the others have ended, or an exception has left them."""
         if self._owner > depth:
             self._owner = 0
-            self._matcher.give_up()
+            self._kept.give_up()
             self.due = depth > 0
         self.depth = depth
         if not depth:
@@ -74,10 +77,20 @@ class Loops:
         seen = self._listed[pattern] = self._listed.get(pattern, 0) + rows
         if seen > LONG and pattern not in self._done:
             self._done.add(pattern)
-            if self._matcher.worth_watching(pattern, SPREAD * len(self._matcher.model)):
+            if self._worth_watching(pattern):
                 self._wanted[pattern] = None
                 self.due = True
 
     def sought(self, pattern: str) -> None:
         """The first match of a pattern has been looked for: among all objects, as far as anybody knows."""
-        self.listed(pattern, len(self._matcher.model))
+        self.listed(pattern, len(self._kept.model))
+
+    def _worth_watching(self, pattern: str) -> bool:
+        """Whether a view of a pattern is not too large, and made of nothing larger."""
+        demand, library = self._demand, self._demand.library
+        if library.get(pattern).strategy == "search" or library.inputs(pattern):
+            return False
+        if demand.calls.searches(pattern):
+            return False
+        free = (FREE,) * len(library.parameter_types(pattern))
+        return demand.count(pattern, free) <= SPREAD * len(self._kept.model)

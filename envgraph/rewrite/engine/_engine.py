@@ -87,7 +87,7 @@ class Engine:
         self.library = Library(model.metamodel)
         self.matcher: Matcher = (ViewMatcher if matcher == "compiled" else NaiveMatcher)(model, self.library)
         if isinstance(self.matcher, ViewMatcher):
-            self.matcher.user = ref(self)
+            self.matcher.kept.user = ref(self)
         self.catalog = Catalog(model, self.library, self.matcher)
         self.events = Events(self.catalog, self)
         self.history = EngineHistory(model, self.events)

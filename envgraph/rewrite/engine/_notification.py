@@ -85,7 +85,7 @@ class Events:
         """
         if not isinstance(subscription, Subscription):
             raise InvalidArgument(f"{subscription!r} is nothing that `listen` gave")
-        self._catalog.views.unlisten(subscription)
+        self._catalog.views.listeners.remove(subscription)
 
     def settle(self) -> None:
         """Tell listeners now what has changed since they were last told, and let event rules fire what is pending.
@@ -95,7 +95,7 @@ class Events:
             Exception: what the job of an event rule has raised.
         """
         if isinstance(self._catalog.matcher, ViewMatcher):
-            self._catalog.matcher.deliver()
+            self._catalog.matcher.listeners.deliver()
         self.run()
 
     @property
@@ -174,7 +174,7 @@ class Events:
         for rule in () if self._conflicts is None else self._conflicts.rules:
             if any(owner(name) in names for name in rule.calls):
                 yield f"event rule `{rule.name}`"
-        heard = matcher.listened if isinstance(matcher, ViewMatcher) else ()
+        heard = matcher.listeners.patterns if isinstance(matcher, ViewMatcher) else ()
         yield from (f"a listener of `{name}`" for name in heard if owner(name) in names)
 
     def holding(self) -> AbstractContextManager[None] | None:
@@ -182,7 +182,7 @@ class Events:
         if self._conflicts is not None:
             return self._conflicts.held()
         matcher = self._catalog.matcher
-        if isinstance(matcher, ViewMatcher) and matcher.heard:
+        if isinstance(matcher, ViewMatcher) and matcher.listeners:
             return self._telling(matcher)
         return None
 
@@ -191,7 +191,7 @@ class Events:
         """Listeners are told at the end: by the model if there was a transaction, but many rules need none."""
         yield
         if not self._model.in_transaction:
-            matcher.deliver()
+            matcher.listeners.deliver()
 
     def muted(self) -> AbstractContextManager[None]:
         """What changes inside the block activates no event rule."""
@@ -201,6 +201,6 @@ class Events:
     def asleep(self) -> Iterator[None]:
         """Listeners and event rules do not notice the block, which leaves the model as it was."""
         matcher = self._catalog.matcher
-        views = matcher.unheard() if isinstance(matcher, ViewMatcher) else NOTHING
+        views = matcher.listeners.muted() if isinstance(matcher, ViewMatcher) else NOTHING
         with views, NOTHING if self._conflicts is None else self._conflicts.asleep():
             yield

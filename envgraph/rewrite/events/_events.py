@@ -294,7 +294,7 @@ class ConflictSet:
         """Forget a rule; once is enough."""
         if rule.subscription is None:
             return
-        self._matcher.unlisten(rule.subscription)
+        self._matcher.listeners.remove(rule.subscription)
         rule.subscription = None
         del self._rules[rule]
         if not self._rules:
@@ -332,7 +332,7 @@ class ConflictSet:
             EvaluationError: more firings than the engine's step limit.
             Exception: what a job has raised.
         """
-        if self._firing or self._held or self._matcher.telling or self.engine.model.in_transaction:
+        if self._firing or self._held or self._matcher.listeners.telling or self.engine.model.in_transaction:
             return
         self._firing = True
         try:
@@ -344,7 +344,7 @@ class ConflictSet:
         limit = self.engine.step_limit
         last: list[str] = []
         for fired in count():
-            self._matcher.deliver()
+            self._matcher.listeners.deliver()
             if fired == limit and any(True for _ in self.pending()):
                 names = ", ".join(f"`{name}`" for name in dict.fromkeys(last))
                 message = f"event rules do not come to rest: {limit} firings, the last ones of {names}"

@@ -66,8 +66,8 @@ def queries(name: str) -> Library:
 
 def value_views(views: ViewMatcher) -> list[str]:
     """Attributes whose values are a view."""
-    assert views._network is not None
-    return [name.removesuffix("/values") for name in views._network.operators if name.endswith("/values")]
+    assert views.kept.network is not None
+    return [name.removesuffix("/values") for name in views.kept.network.operators if name.endswith("/values")]
 
 
 @pytest.mark.parametrize("name", [name for name in PATTERNS if name != "grown"])

@@ -75,5 +75,5 @@ def test_numbers_of_what_is_reached_follow_the_links(query: str, before: object,
 def test_a_question_about_one_start_keeps_no_pairs(query: str) -> None:
     matcher = ViewMatcher(grid(), library())
     matcher.watch(query)
-    closures = [each for each in matcher._network.operators.values() if isinstance(each, ClosureOperator)]
+    closures = [each for each in matcher.kept.network.operators.values() if isinstance(each, ClosureOperator)]
     assert [each.size() for each in closures] == [SIDE * SIDE]

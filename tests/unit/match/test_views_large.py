@@ -28,7 +28,7 @@ def test_a_chain_of_constraints_is_kept_current(length: int, kind: type) -> None
         model.link(one, following, other)
     matcher = ViewMatcher(model, library)
     matcher.watch("far")
-    assert type(matcher._network.operators["far"]) is kind
+    assert type(matcher.kept.network.operators["far"]) is kind
     assert set(matcher.rows("far", (FREE, FREE))) == {
         (cells[0], cells[length]),
         (cells[1], cells[length + 1]),

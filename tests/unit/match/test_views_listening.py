@@ -14,10 +14,10 @@ def test_what_was_pending_when_somebody_began_to_listen_is_no_news() -> None:
     tile.retype("BurningTile")
     told: list[tuple[list[Row], list[Row]]] = []
     matcher.listen("burningTile", lambda appeared, disappeared: told.append((appeared, disappeared)))
-    matcher.deliver()
+    matcher.listeners.deliver()
     assert told == []
     tile.retype("RoadTile")
-    matcher.deliver()
+    matcher.listeners.deliver()
     ((appeared, disappeared),) = told
     assert appeared == []
     assert [row[1] for row in disappeared] == [tile.id]

@@ -159,13 +159,13 @@ def holding_an_index(number: int) -> ViewMatcher:
     views = watching(number)
     for _ in range(3):
         views.count("circle", (FREE, 1))
-    assert list(views._views["circle"].rows.indexes) == [(1,)]
+    assert list(views.kept.views["circle"].rows.indexes) == [(1,)]
     return views
 
 
 def test_an_index_follows_changes_rollbacks_and_checkouts() -> None:
     views, dice = holding_an_index(40), Random(7)
-    model, rows = views.model, views._views["circle"].rows
+    model, rows = views.model, views.kept.views["circle"].rows
     index = rows.indexes[1,]
 
     def compare() -> None:
@@ -195,7 +195,7 @@ def test_an_index_follows_changes_rollbacks_and_checkouts() -> None:
 
 def test_an_index_does_not_outlive_an_interruption(monkeypatch: pytest.MonkeyPatch) -> None:
     views, dice = holding_an_index(20), Random(7)
-    rows = views._views["circle"].rows
+    rows = views.kept.views["circle"].rows
 
     def interrupted(index: _sets.Index, row: Row) -> None:
         raise KeyboardInterrupt
@@ -229,4 +229,4 @@ def test_questions_that_look_through_a_class_are_answered_by_the_view_whatever_i
         model.node(one).age = one % 3
         assert prepared(one) == views.rows("peers", (one, FREE))
         assert sorted(prepared(one)) == sorted(views.demand.rows("peers", (one, FREE)))
-    assert views._views["peers"].rows.indexes and not views._views["knows"].rows.indexes
+    assert views.kept.views["peers"].rows.indexes and not views.kept.views["knows"].rows.indexes

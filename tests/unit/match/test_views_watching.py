@@ -11,7 +11,7 @@ from envgraph.errors import InvalidArgument, TransactionError, TypeMismatch
 from envgraph.graph import Model
 from envgraph.match import FREE, NaiveMatcher, ViewMatcher
 from envgraph.match._matcher import Row
-from envgraph.match.views import _matcher
+from envgraph.match.views import _kept
 from envgraph.pattern import Library
 from tests.unit.match.kinds import watched
 from tests.unit.match.people import METAMODEL
@@ -48,42 +48,42 @@ def test_a_model_that_has_grown_is_planned_for_anew_and_nobody_notices() -> None
         rows.difference_update(disappeared)
 
     views.listen("two", changed)
-    small = views._network
+    small = views.kept.network
     chain(model, 900)
     assert views.count("two", FREE2) == 898
-    assert views._network is small
+    assert views.kept.network is small
     chain(model, 200)
     assert views.count("two", FREE2) == 898 + 198
-    assert views._network is not small
-    large = views._network
+    assert views.kept.network is not small
+    large = views.kept.network
     model.node(0).knows.append(model.node(5))
-    views.deliver()
+    views.listeners.deliver()
     assert rows == set(views.rows("two", FREE2))
     assert (0, 6) in rows
     chain(model, 900)
     assert views.exists("two", FREE2)
-    assert views._network is large  # not again and again
+    assert views.kept.network is large  # not again and again
     views.check_integrity()
 
 
 def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(_matcher, "LEAST", 3)
+    monkeypatch.setattr(_kept, "LEAST", 3)
     model = Model(METAMODEL)
     views = watched(model, library())
     chain(model, 3)
     savepoint = model.savepoint()
-    before, network = list(views.rows("two", FREE2)), views._network
+    before, network = list(views.rows("two", FREE2)), views.kept.network
     chain(model, 30)
     assert views.count("two", FREE2) == 29
-    assert views._network is network
+    assert views.kept.network is network
     model.rollback(savepoint)
     assert views.rows("two", FREE2) == before
     version = model.commit()
     chain(model, 30)
     assert views.count("two", FREE2) == 29
-    assert views._network is network
+    assert views.kept.network is network
     model.checkout(version, discard=True)
     assert views.rows("two", FREE2) == before
     views.check_integrity()
@@ -92,17 +92,17 @@ def test_a_model_is_not_planned_for_anew_while_there_is_a_state_to_go_back_to(
 def test_a_model_that_has_grown_is_planned_for_before_a_savepoint_and_not_after_the_rollback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(_matcher, "LEAST", 3)
+    monkeypatch.setattr(_kept, "LEAST", 3)
     model = Model(METAMODEL)
     views = watched(model, library())
     chain(model, 30)
     model.node(0).knows.clear()
     model.node(0).knows.append(model.node(1))  # last in the order of the links, first in that of the objects
-    savepoint, network = model.savepoint(), views._network
+    savepoint, network = model.savepoint(), views.kept.network
     before = list(views.rows("two", FREE2))
     model.rollback(savepoint)
     assert views.rows("two", FREE2) == before
-    assert views._network is network
+    assert views.kept.network is network
     views.check_integrity()
 
 
@@ -151,8 +151,8 @@ def test_a_pattern_with_a_listener_stays_watched() -> None:
     subscription = views.listen("two", lambda appeared, disappeared: None)
     with pytest.raises(InvalidArgument, match="somebody listens to `two`"):
         views.unwatch("two")
-    views.unlisten(subscription)
-    views.unlisten(subscription)
+    views.listeners.remove(subscription)
+    views.listeners.remove(subscription)
     views.unwatch("two")
     assert views.watched == ()
 
@@ -169,7 +169,7 @@ def test_listeners_hear_of_a_load_when_they_are_next_told_and_of_a_checkout_as_a
     with model.loading():
         chain(model, 4)
     assert told == []
-    views.deliver()
+    views.listeners.deliver()
     first = model.commit()
     with model.transaction():
         chain(model, 3)
@@ -210,7 +210,7 @@ def test_views_of_a_matcher_that_nobody_asks_any_more_are_given_up() -> None:
 
     model, user = Model(METAMODEL), User()
     first, second = watched(model, library()), ViewMatcher(model, library())
-    first.user = ref(user)
+    first.kept.user = ref(user)
     with pytest.raises(InvalidArgument, match="another engine"):
         second.watch("two")
     del user
@@ -226,13 +226,13 @@ def test_a_log_of_changes_outside_of_transactions_is_bounded() -> None:
     views, told = ViewMatcher(model, library()), list[tuple[object, object]]()
     views.listen("knows", lambda *changes: told.append(changes))
     one, two, three = map(model.node, chain(model, 3))
-    log = views._views["knows"].rows.log
+    log = views.kept.views["knows"].rows.log
     for _ in range(5_000):
         one.knows.remove(two)
         one.knows.append(two)
     one.knows.remove(two)
     assert log is not None and len(log) < 2_000
-    views.deliver()
+    views.listeners.deliver()
     assert told == [([(two.id, three.id)], [])]
 
 
@@ -272,7 +272,7 @@ def test_a_load_that_fails_or_ends_without_views_leaves_none_suspended() -> None
     views.watch("two")
     chain(model, 3)
     assert views.count("two", FREE2) == 3
-    assert len(views._views["two"].rows) == 3
+    assert len(views.kept.views["two"].rows) == 3
 
 
 def test_what_comes_and_goes_within_a_transaction_is_no_change() -> None:

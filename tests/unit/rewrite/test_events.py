@@ -600,7 +600,7 @@ def test_a_cancelled_rule_fires_no_more() -> None:
     other.cancel()
     made.model.node(2).done = True
     made.settle()
-    assert log == [] and made.model.store.followers[:] == [made.matcher]
+    assert log == [] and made.model.store.followers[:] == [made.matcher.kept]
 
 
 def test_a_block_cancels_at_its_end() -> None:

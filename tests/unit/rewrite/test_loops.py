@@ -68,8 +68,8 @@ def views(one: Engine) -> ViewMatcher:
 def assert_left(one: Engine) -> None:
     """Nothing is watched, and nothing hears of changes."""
     matcher = views(one)
-    assert one.watched == () and not matcher._views and matcher.loops.depth == 0
-    assert matcher not in one.model.store.followers
+    assert one.watched == () and not matcher.kept.views and matcher.loops.depth == 0
+    assert matcher.kept not in one.model.store.followers
     assert all(relation.added is None for relation in one.model.store.relations)
     one.check_integrity()
 
@@ -174,7 +174,7 @@ def test_an_exception_inside_a_loop_takes_everything_back(
         nonlocal calls
         calls += 1
         if calls == 5:
-            assert views(one)._views
+            assert views(one).kept.views
             raise problem
 
     one.add(*definitions("unit u { try { alap { alap { open; } mark; stop; } never; } }"))
