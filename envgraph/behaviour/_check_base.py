@@ -78,9 +78,9 @@ class Checking:
 
     def answerable(self, question: Question) -> bool:
         """Report the errors of a helper pattern; its warnings are about a pattern that nobody wrote."""
-        problems = self.library.check(question.pattern)
-        self.problems.extend(problem for problem in problems if problem.severity is Severity.ERROR)
-        return not self.library.unsound(question.pattern)
+        checked = self.library.checked(question.pattern)
+        self.problems.extend(problem for problem in checked.problems if problem.severity is Severity.ERROR)
+        return not checked.unsound
 
     def path(self, path: Expression, scope: Scope) -> StaticType | None:
         """The type of where a path leads; None if it has an error, which is reported."""

@@ -28,12 +28,22 @@ VALUES = "#values"
 
 
 class Checked(NamedTuple):
-    """New patterns as they have been looked at, and what is wrong with them."""
+    """New patterns as they have been looked at, and what is wrong with them.
+
+    Attributes:
+        problems: all errors and warnings, in the order of the text.
+        unsound: those, by qualified name, that have errors, or call one with some or something unknown.
+    """
 
     given: Sequence[Pattern]
     analysis: Analysis
     problems: tuple[Diagnostic, ...]
     unsound: frozenset[str]
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The patterns as `add` would register them, for libraries that know the same others."""
+        return tuple(self.analysis.entries[one.qualified_name] for one in self.analysis.new_patterns)
 
 
 class Library:
@@ -82,7 +92,7 @@ class Library:
 
     def check(self, *patterns: Pattern) -> list[Diagnostic]:
         """All errors and warnings that adding these patterns would bring, in the order of their text."""
-        return list(self._check(patterns).problems)
+        return list(self.checked(*patterns).problems)
 
     def add(self, *patterns: Pattern) -> None:
         """Register patterns, which may call each other and those that are registered already.
@@ -90,16 +100,12 @@ class Library:
         Raises:
             ResolutionError: at least one of them has an error; all errors together. Nothing is added.
         """
-        checked = self._check(patterns)
+        checked = self.checked(*patterns)
         if has_errors(checked.problems) or checked.unsound:
             raise ResolutionError([one for one in checked.problems if one.severity is Severity.ERROR])
         self._entries = checked.analysis.entries
         self._names = checked.analysis.names
         self._checked = None
-
-    def unsound(self, *patterns: Pattern) -> frozenset[str]:
-        """Those of new patterns, by qualified name, that have errors, or call one with some or something unknown."""
-        return self._check(patterns).unsound
 
     def with_sound(self, *patterns: Pattern) -> Library:
         """A library that has also those of the patterns that can be added; what the others are is unknown to it."""
@@ -108,16 +114,11 @@ class Library:
             one.qualified_name: one for one in reversed(patterns) if one.qualified_name not in self._entries
         }
         left = [one for one in patterns if new.get(one.qualified_name) is one]
-        while unsound := twin.unsound(*left):
+        while unsound := twin.checked(*left).unsound:
             twin.unknown |= unsound
             left = [one for one in left if one.qualified_name not in unsound]
         twin.add(*left)
         return twin
-
-    def entries(self, *patterns: Pattern) -> tuple[Entry, ...]:
-        """New patterns without errors as `add` would register them; for libraries that know the same others."""
-        analysis = self._check(patterns).analysis
-        return tuple(analysis.entries[pattern.qualified_name] for pattern in analysis.new_patterns)
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Register patterns that were checked already."""
@@ -148,7 +149,7 @@ class Library:
         """
         return tuple(dict.fromkeys(self._entry(qualified_name).calls.values()))
 
-    def _check(self, patterns: Sequence[Pattern]) -> Checked:
+    def checked(self, *patterns: Pattern) -> Checked:
         """What is known about new patterns; nothing is worked out again if they are those of the last time."""
         last = self._checked
         if (

@@ -41,7 +41,7 @@ from envgraph.rewrite.check._header import (
     check_annotations,
     check_weight,
     duplicate_parameters,
-    left_problems,
+    plain,
 )
 from envgraph.rewrite.check._lhs import LeftLowering, LoweredBlock
 from envgraph.rewrite.check._scope import RuleScope
@@ -92,9 +92,10 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     lowered = lowering.lower(_created(rule))
     patterns = tuple(lowering.patterns)
     problems += [_with_class(one, called) for one in lowering.problems]
-    problems += _left_problems(library, lowering, called, problems)
+    checked = library.checked(*patterns)
+    problems += _left_problems(checked.problems, lowering, called, problems)
     known = None
-    if not has_errors(problems) and not library.unsound(*patterns):
+    if not has_errors(problems) and not checked.unsound:
         known = copy(library)  # a library never changes what it has: a shallow copy is one of its own
         known.add(*patterns)
     scope = RuleScope(library.metamodel, problems, elsewhere=_block_names(rule.blocks))
@@ -126,11 +127,11 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
         exact=_exact_class(lowered),
         span=rule.span,
     )
-    return CheckedRule(rule, library.entries(*patterns), plan, tuple(problems))
+    return CheckedRule(rule, checked.entries, plan, tuple(problems))
 
 
 def _left_problems(
-    library: Library,
+    said: Sequence[Diagnostic],
     lowering: LeftLowering,
     called: Mapping[str, StaticType | None],
     told: Sequence[Diagnostic],
@@ -141,8 +142,9 @@ def _left_problems(
     def echoes(problem: Diagnostic) -> bool:
         return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
 
-    said = left_problems(library, *lowering.patterns)
-    found = [one for one in said if one.severity is Severity.ERROR or (one.code in _LINTS and one.span)]
+    found = [
+        plain(one) for one in said if one.severity is Severity.ERROR or (one.code in _LINTS and one.span)
+    ]
     fresh = [_with_class(one, called) for one in found if not echoes(one)]
     return fresh if fresh or has_errors(told) else found
 

@@ -10,7 +10,7 @@ from typing import Final
 
 from envgraph.errors import Diagnostic, Note, Severity, Span, name_hint
 from envgraph.metamodel import SUPPRESS, Annotation
-from envgraph.pattern import Library, Parameter, Pattern
+from envgraph.pattern import Parameter
 
 _HIDDEN: Final = re.compile(r"(?<=`)#\d+(?=`)")
 """In a text: the name of a `_` in an arrow."""
@@ -51,11 +51,7 @@ def duplicate_parameters(parameters: Sequence[Parameter]) -> Iterable[Diagnostic
         first.setdefault(parameter.name, parameter.span)
 
 
-def left_problems(library: Library, *patterns: Pattern) -> list[Diagnostic]:
-    """What the library says about patterns, without the names of those `_` that it knows by a number."""
-    return [_plain(problem) for problem in library.check(*patterns)]
-
-
-def _plain(problem: Diagnostic) -> Diagnostic:
+def plain(problem: Diagnostic) -> Diagnostic:
+    """What a library says about a pattern, without the names of those `_` that it knows by a number."""
     hint = None if problem.hint is None else _HIDDEN.sub("_", problem.hint)
     return replace(problem, message=_HIDDEN.sub("_", problem.message), hint=hint)

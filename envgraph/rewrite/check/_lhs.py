@@ -9,7 +9,6 @@ pattern of its own, over the enclosing variables that it uses, which the enclosi
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from itertools import count
 
@@ -43,7 +42,7 @@ from envgraph.pattern import (
     terms_in,
     type_text,
 )
-from envgraph.rewrite.check._header import left_problems
+from envgraph.rewrite.check._header import plain
 from envgraph.rewrite.check._variables import (
     TypeReader,
     Types,
@@ -171,14 +170,13 @@ class LeftLowering:
         pattern = Pattern(
             f"{self.rule.name}#types", declared, (Body(constraints),), package=self.rule.package
         )
-        wrong = left_problems(self.library, pattern)
-        if self.library.unsound(pattern):
+        checked = self.library.checked(pattern)
+        if checked.unsound:
             # A block that says of what class an object is would say so too late: it differs from the others already.
-            self.problems += [problem for problem in wrong if problem.code == "untyped-source"]
+            self.problems += [plain(one) for one in checked.problems if one.code == "untyped-source"]
             return types  # it is told where the whole left side is checked
-        known = copy(self.library)
-        known.add(pattern)
-        found = known.parameter_types(pattern.qualified_name)
+        (entry,) = checked.entries
+        found = entry.types
         return {**types, **{name: types[name] or type_ for name, type_ in zip(names, found, strict=True)}}
 
     # --- bodies

@@ -59,7 +59,7 @@ from envgraph.rewrite.check._header import (
     check_annotations,
     check_weight,
     duplicate_parameters,
-    left_problems,
+    plain,
 )
 from envgraph.rewrite.check._variables import is_named, mentioned
 
@@ -441,12 +441,12 @@ class _Checker:
             return
         relation = condition.relation if isinstance(condition, Negation) else condition
         lowered = self._pattern(relation, isinstance(condition, Negation), scope, step.span)
-        problems = [p for p in left_problems(self.library, lowered.pattern) if p.severity is Severity.ERROR]
-        self.result.problems.extend(problems)
-        if self.library.unsound(lowered.pattern):
+        checked = self.library.checked(lowered.pattern)
+        self.result.problems += [plain(p) for p in checked.problems if p.severity is Severity.ERROR]
+        if checked.unsound:
             self.result.complete = False
         else:
-            self.result.entries += self.library.entries(lowered.pattern)
+            self.result.entries += checked.entries
         self.result.conditions[id(step), place] = lowered
 
     def _unknown(self, condition: Constraint, scope: Scope) -> Iterator[Variable]:

@@ -13,7 +13,7 @@ from envgraph.rewrite._names import Directory, Signature, Taken
 from envgraph.rewrite._plan import RulePlan
 from envgraph.rewrite.check._check import CheckedRule, examine
 from envgraph.rewrite.check._endless import endless
-from envgraph.rewrite.check._header import left_problems
+from envgraph.rewrite.check._header import plain
 from envgraph.rewrite.check._unit_check import CheckedUnit, check_unit, unit_signature
 
 if TYPE_CHECKING:  # loaded with the first derivation
@@ -57,13 +57,11 @@ class Registration:
         self.units: list[CheckedUnit] = []
         self.groups: dict[str, tuple[str, ...]] = {}
         self._rules: list[CheckedRule] = []
-        found = [*undeclared, *left_problems(library, *written), *self._duplicates(library, directory)]
-        self._unsound = library.unsound(*written)
-        library = library.with_sound(*written)
+        self.library = library
+        self._unsound = frozenset[str]()
+        found = [*undeclared, *self._admit(written), *self._duplicates(library, directory)]
         # Nobody wrote the others: warnings about them help nobody.
-        found += [p for p in left_problems(library, *made) if p.severity is Severity.ERROR]
-        self._unsound |= library.unsound(*made)
-        self.library = library.with_sound(*made)
+        found += [p for p in self._admit(made) if p.severity is Severity.ERROR]
         found += self._check(self.library)
         if not has_errors(found):
             found += endless(self.units)
@@ -110,6 +108,15 @@ class Registration:
             if not (name in taken or name in found or has_errors(problems)):
                 found[name] = derived(derivation, library.metamodel)
         return found
+
+    def _admit(self, patterns: Sequence[Pattern]) -> list[Diagnostic]:
+        """Go on with a library that has those of the patterns that are sound; returns what is wrong with them."""
+        if not patterns:
+            return []
+        checked = self.library.checked(*patterns)
+        self._unsound |= checked.unsound
+        self.library = self.library.with_sound(*patterns)
+        return [plain(one) for one in checked.problems]
 
     def _duplicates(self, library: Library, directory: Directory) -> Iterator[Diagnostic]:
         first: dict[str, Span | None] = {pattern.qualified_name: pattern.span for pattern in self._patterns}
