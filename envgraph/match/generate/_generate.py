@@ -10,10 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import takewhile
-from typing import Final
 
 from envgraph import code
 from envgraph.code import dataclass
+from envgraph.match.generate._bindings import Bindings
+from envgraph.match.generate._distinct_sets import END, DistinctSets
+from envgraph.match.generate._relations import Relations
 from envgraph.match.generate._sinks import (
     COUNT,
     EXISTENCE,
@@ -24,34 +26,25 @@ from envgraph.match.generate._sinks import (
     empty,
     gathering,
     keeping,
-    length,
     row,
     sieved_sink,
-    value,
     view_sink,
     visiting,
 )
 from envgraph.match.generate._symbols import (
-    Backward,
     Bounded,
     Builtin,
-    Classes,
-    ClassTable,
     Closed,
     ClosureQuestion,
-    Forward,
-    Members,
     Mode,
     Recursive,
     Source,
     Tallied,
     Valued,
     Values,
-    View,
 )
 from envgraph.match.generate._write import Module, local
-from envgraph.match.plan._distinct import OUTSIDE, Distinct, distinct_places
-from envgraph.match.plan._options import call_key
+from envgraph.match.plan._distinct import Distinct, distinct_places
 from envgraph.match.plan._plan import BodyPlan, Kind, Plan, Step, ViewKey
 from envgraph.match.plan._planner import Planner, determined
 from envgraph.match.plan._sharing import (
@@ -65,7 +58,7 @@ from envgraph.match.plan._sharing import (
     plans_of_ends,
     shared_searches,
 )
-from envgraph.metamodel import Attribute, Reference
+from envgraph.metamodel import Reference
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
@@ -83,9 +76,6 @@ from envgraph.pattern import (
     variables,
 )
 from envgraph.pattern import Expression as Term
-
-_END: Final = 0
-"""Stands for the place behind the last step, among identities of steps."""
 
 
 def view_source(planner: Planner, key: ViewKey, mode: Mode) -> Source:
@@ -225,11 +215,11 @@ class Translation:
         conjunction: the body.
         block: where the code goes; it is left as deep as it was.
         given: the values at the bound positions.
+        relations: what asks relations, and knows what has a value; made if None.
 
     Attributes:
         around: variables whose values come from a loop around the plan.
         indexes: whether a loop may be over fewer objects than its step says, because of the tests that follow.
-        outside: the sets that have to be made before that loop.
     """
 
     around: tuple[int, ...] = ()
@@ -242,19 +232,17 @@ class Translation:
         conjunction: Conjunction,
         block: code.Block,
         given: Mapping[int, code.Expression],
+        relations: Relations | None = None,
     ) -> None:
         self._planner = planner
-        self._metamodel = planner.library.metamodel
         self._module = module
         self._conjunction = conjunction
-        self._constants = dict(conjunction.constants)
         self._block = block
-        self._names: dict[int, code.Expression] = {}
-        self._seen: dict[int, code.Local] = {}
         self._given = given
-        self._sieves: dict[int, tuple[int, tuple[int, ...]]] | None = None
-        self._passed: dict[int, code.Local] = {}
-        self.outside: list[code.Local] = []
+        self._relations = relations or Relations(planner, module, Bindings(conjunction, module))
+        self._bindings = self._relations.bindings
+        self._distinct = DistinctSets(module, block, self._bindings)
+        self._seen: dict[int, code.Local] = {}
 
     bounded: Bounded | None = None
     """Sees to it that there are not too many matches."""
@@ -273,52 +261,44 @@ class Translation:
         place = block.place
         for position, given in self._given.items():
             variable = self._conjunction.parameters[position]
-            if variable in self._names or variable in self._constants:
-                block.test(code.equal(self._source(variable), given))
+            if variable in self._bindings.names or variable in self._bindings.constants:
+                block.test(code.equal(self._bindings.source(variable), given))
             else:
-                self._names[variable] = given
+                self._bindings.names[variable] = given
         joined = self._join(plan) if sink is EXISTENCE else None
         if joined is None:
             self._steps(plan.steps, sink)
         else:
             block.test(joined)
-            block.add(*sink.each(self._source))
+            block.add(*sink.each(self._bindings.source))
         block.back_to(place)
 
-    def _source(self, variable: int) -> code.Expression:
-        """What stands for a variable that has a value."""
-        if variable not in self._names:
-            self._names[variable] = self._module.literal(self._constants[variable])
-        return self._names[variable]
-
-    def _local(self, variable: int, prefix: str = "v") -> code.Local:
-        """The local variable for a variable, or for what it is taken from."""
-        return local(prefix, variable, self._conjunction.types[variable] if prefix == "v" else None)
-
-    def _known(self, variable: int) -> bool:
-        return variable in self._names or variable in self._constants
+    @property
+    def outside(self) -> list[code.Local]:
+        """The sets that have to be made before the loop around the plan."""
+        return self._distinct.outside
 
     # --- steps
 
     def _steps(self, steps: Sequence[Step], sink: Sink) -> None:
         shared = shared_searches(steps, sink) if self._shares else {}
         self._begin_searches(-1, steps, shared)
-        self._place_sieves(steps, sink)
+        self._place_distinct(steps, sink)
         found: set[int] = set()
         for number, step in enumerate(steps):
             if id(step) in found:
                 continue
-            self._sieve(id(step))
+            self._distinct.test(id(step))
             if self._block.full and step.kind in (Kind.LOOP, Kind.BIND):
                 self._continue(steps[number:], sink)
                 return
-            self._begin_sieves(id(step))
+            self._distinct.begin(id(step))
             self._guard(step, steps[number + 1 :], sink)
             if (
                 step.kind is Kind.LOOP
                 and self._shares
                 and self.indexes
-                and (tests := self._tests_of_values(step, steps[number + 1 :]))
+                and (tests := _tests_of_values(self._bindings, step, steps[number + 1 :]))
             ):
                 self._loop_by_value(step, tests)
                 found.update(map(id, tests))
@@ -330,56 +310,36 @@ class Translation:
                 self._bind(step, inline=False)
             else:
                 self._block.test(self._test(step))
-            self._block.come_from(Reached(step, dict(self._names)))
+            self._block.come_from(Reached(step, dict(self._bindings.names)))
             self._begin_searches(number, steps, shared)
-        self._sieve(_END)
-        self._block.add(*sink.each(self._source))
+        self._distinct.test(END)
+        self._block.add(*sink.each(self._bindings.source))
 
     def _guard(self, step: Step, following: Sequence[Step], sink: Sink) -> None:
         """Before a loop that nothing connects with the loops around it: there must not be too many matches."""
         if self.bounded is None or step.kind is not Kind.LOOP or not (self._block.loops or self._continues):
             return
-        connected = any(self._known(variable) for variable in variables(step.goal))
-        if not connected and not self._tests_of_values(step, following):
+        connected = any(self._bindings.known(variable) for variable in variables(step.goal))
+        if not connected and not _tests_of_values(self._bindings, step, following):
             self._block.add(code.Do(code.call(self._module.name(self.bounded), self._size(sink))))
 
     def _size(self, sink: Sink) -> code.Expression:
         """Hook: the number of matches that there are."""
         return sink.size
 
-    def _place_sieves(self, steps: Sequence[Step], sink: Sink) -> None:
+    def _place_distinct(self, steps: Sequence[Step], sink: Sink) -> None:
         """Find out where partial matches may be alike, but for the rest of a plan for which that is known."""
-        if self._sieves is not None:
+        if self._distinct.placed:
             return
         found: dict[int, Distinct] = {}
         if self._shares and sink.repeatable:
             of = partial(determined, sizes=self._planner.sizes)
-            found = distinct_places(steps, sink.variables, {*self._names, *self._constants}, of, self.around)
-        places = {number: id(step) for number, step in enumerate(steps)}
-        self._sieves = {
-            places.get(number, _END): (places.get(each.first, OUTSIDE), each.key)
-            for number, each in found.items()
-            if number < len(steps) or sink.sieved
-        }
-        self._begin_sieves(OUTSIDE)
-
-    def _begin_sieves(self, place: int) -> None:
-        """Before what stands at a place, the sets that are empty there."""
-        for here, (first, _) in (self._sieves or {}).items():
-            if first == place:
-                seen = self._passed[here] = code.Local(self._module.fresh("d"))
-                if place == OUTSIDE:
-                    self.outside.append(seen)
-                else:
-                    self._block.add(code.Assign(seen, empty("set")))
-
-    def _sieve(self, place: int) -> None:
-        """Before what stands at a place, leave out what has been there."""
-        _, key = (self._sieves or {}).pop(place, (0, ()))
-        if key:
-            seen, values = self._passed.pop(place), value(key, self._source)
-            self._block.test(code.Operation("not in", (values, seen)))
-            self._block.add(code.Do(code.method(seen, "add", values)))
+            found = distinct_places(
+                steps, sink.variables, {*self._bindings.names, *self._bindings.constants}, of, self.around
+            )
+        self._distinct.place(
+            steps, {number: each for number, each in found.items() if number < len(steps) or sink.sieved}
+        )
 
     def _begin_searches(self, number: int, steps: Sequence[Step], shared: Mapping[int, int]) -> None:
         """Before the searches whose results do not depend on what the steps after this one find."""
@@ -423,26 +383,26 @@ class Translation:
         shared: list[code.Local] = list(sink.shared) if continuation else []
         inputs = self._inputs(steps, sink)
         inner = self._fork(code.Block(), continuation)
-        inner._names.update((v, inner._local(v)) for v in inputs)
+        inner._bindings.names.update((v, inner._bindings.local(v)) for v in inputs)
         inner._joins, inner.indexes = self._joins, self.indexes
         inner._continues = continuation
         inner.bounded = self.bounded if continuation else None
         head = () if shared else sink.head
         tail = () if shared and not sink.relay else sink.tail
         if continuation:
-            inner._sieves, inner._passed = dict(self._sieves or {}), dict(self._passed)
-            shared += self._passed.values()
+            inner._distinct = self._distinct.rest(inner._block, inner._bindings)
+            shared += self._distinct.passed.values()
         shared += self._carried
         inner._steps(steps, sink)
         body = (*head, *inner._block.body(), *tail)
-        parameters = [*shared, *(inner._local(v) for v in inputs)]
+        parameters = [*shared, *(inner._bindings.local(v) for v in inputs)]
         name = self._module.function(self._module.fresh(prefix), parameters, body)
-        return name, [*shared, *(self._source(v) for v in inputs)]
+        return name, [*shared, *(self._bindings.source(v) for v in inputs)]
 
     def _inputs(self, steps: Sequence[Step], sink: Sink) -> list[int]:
         """The variables with a value that some steps and a sink read; constants are known everywhere."""
         read = {*sink.variables, *(v for step in steps for v in mentioned(step))}
-        return sorted(v for v in read if v in self._names and v not in self._constants)
+        return sorted(v for v in read if v in self._bindings.names and v not in self._bindings.constants)
 
     # --- loops
 
@@ -450,19 +410,22 @@ class Translation:
         goal = step.goal
         match goal:
             case InstanceAtom(cls, variable, exact):
-                self._each([variable], self._extent(cls, exact))
+                self._each([variable], self._relations.extent(cls, exact))
             case LinkAtom():
-                self._each(step.binds, self._ends(goal))
+                self._each(step.binds, self._relations.ends(goal))
             case ClosureAtom(_, _, source, target):
-                ends = [v for v in (source, target) if not self._known(v)]
+                ends = [v for v in (source, target) if not self._bindings.known(v)]
                 seen = self._seen.get(id(step))
-                self._each(ends, self._closure(goal) if seen is None else self._spread(goal, seen))
+                self._each(
+                    ends,
+                    self._relations.closure(goal) if seen is None else self._relations.spread(goal, seen),
+                )
             case CallAtom() if self._planner.calls.recursive(goal.pattern):
-                columns = [None if self._known(v) else v for v in goal.arguments]
-                self._each(columns, self._rows(goal), tuples=True)
+                columns = [None if self._bindings.known(v) else v for v in goal.arguments]
+                self._each(columns, self._relations.rows(goal), tuples=True)
             case CallAtom():
                 wanted = [v for v in goal.arguments if v in step.binds]
-                self._each(wanted, self._view(goal, step.binds, Mode.VALUES))
+                self._each(wanted, self._relations.view(goal, step.binds, Mode.VALUES))
             case _:
                 raise AssertionError(goal)
 
@@ -471,7 +434,7 @@ class Translation:
         names: list[code.Local] = []
         again: list[code.Expression] = []
         for variable in targets:
-            name = code.Local("_") if variable is None else self._local(variable)
+            name = code.Local("_") if variable is None else self._bindings.local(variable)
             if name in names and variable is not None:
                 first, name = name, local("w", len(names))
                 again.append(code.equal(name, first))
@@ -479,29 +442,15 @@ class Translation:
         self._block.loop(names[0] if len(names) == 1 and not tuples else code.Tuple(tuple(names)), iterable)
         for test in again:
             self._block.test(test)
-        self._names.update((v, self._local(v)) for v in targets if v is not None)
-
-    def _tests_of_values(self, step: Step, following: Sequence[Step]) -> list[Step]:
-        """The tests of attributes of an object that is looped over, for values that are known and change."""
-        if not isinstance(step.goal, InstanceAtom):
-            return []
-        tests: dict[int, Step] = {}
-        for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
-            goal = each.goal
-            if not isinstance(goal, AttributeAtom) or each.kind is not Kind.TEST:
-                continue
-            if goal.object == step.goal.variable and self._known(goal.value):
-                tests.setdefault(goal.attribute.index, each)
-        values = [each.goal.value for each in tests.values() if isinstance(each.goal, AttributeAtom)]
-        return [] if self._constants.keys() >= set(values) else list(tests.values())
+        self._bindings.names.update((v, self._bindings.local(v)) for v in targets if v is not None)
 
     def _loop_by_value(self, step: Step, tests: Sequence[Step]) -> None:
         """Loop over the objects with the values that tests ask for."""
         goal = step.goal
         assert isinstance(goal, InstanceAtom)
         pairs = {t.goal.attribute.index: t.goal.value for t in tests if isinstance(t.goal, AttributeAtom)}
-        valued = Valued(tuple(self._indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
-        values = [self._source(pairs[attribute]) for attribute in sorted(pairs)]
+        valued = Valued(tuple(self._relations.indices(goal.cls, goal.exact)), tuple(sorted(pairs)))
+        values = [self._bindings.source(pairs[attribute]) for attribute in sorted(pairs)]
         self._each([goal.variable], code.call(self._module.name(valued), *values))
 
     def _others(self, step: Step, following: Sequence[Step]) -> list[code.Expression]:
@@ -521,8 +470,8 @@ class Translation:
                 and goal.source != goal.target
             ):
                 other = goal.source if goal.target == end else goal.target
-                if end in (goal.source, goal.target) and self._known(other):
-                    found.append(self._ends(goal))
+                if end in (goal.source, goal.target) and self._bindings.known(other):
+                    found.append(self._relations.ends(goal))
         return found
 
     def _loop_common(self, step: Step, others: Sequence[code.Expression]) -> None:
@@ -530,7 +479,7 @@ class Translation:
         goal = step.goal
         assert isinstance(goal, LinkAtom)
         ends = code.Local(self._module.fresh("e"))
-        kind = code.Member(code.Let(ends, self._ends(goal)), "__class__")
+        kind = code.Member(code.Let(ends, self._relations.ends(goal)), "__class__")
         short = code.Operation("is", (kind, code.Name("tuple")))  # the others are crowded
         common = code.call(self._module.name(Builtin("common")), ends, *others)
         self._each(step.binds, code.Choice(short, ends, common))
@@ -540,25 +489,25 @@ class Translation:
     def _bind(self, step: Step, inline: bool) -> None:
         """Give a variable its one value; `inline` keeps everything in one expression."""
         (variable,) = step.binds
-        found: code.Expression = self._local(variable)
+        found: code.Expression = self._bindings.local(variable)
         assert isinstance(found, code.Local)
         if isinstance(step.goal, LinkAtom):
-            ends = self._local(variable, "t")
-            self._block.test(code.Let(ends, self._ends(step.goal)))
+            ends = self._bindings.local(variable, "t")
+            self._block.test(code.Let(ends, self._relations.ends(step.goal)))
             if inline:
                 found = code.Index(ends, code.Constant(0))
             else:
                 self._block.add(code.Assign(code.Tuple((found,)), ends))
         else:
             self._block.test(code.some(code.Let(found, self._value(step))))
-        self._names[variable] = found
+        self._bindings.names[variable] = found
 
     def _value(self, step: Step) -> code.Expression:
         """A value that the goal computes; None if there is none."""
         goal = step.goal
         match goal:
             case AttributeAtom(attribute, owner, _):
-                return code.Index(self._module.name(Values(attribute.index)), self._source(owner))
+                return code.Index(self._module.name(Values(attribute.index)), self._bindings.source(owner))
             case Valuation(expression, reads, _):
                 return self._expression(expression, reads)
             case AggregateAtom():
@@ -566,67 +515,34 @@ class Translation:
         raise AssertionError(goal)
 
     def _expression(self, expression: Term, reads: tuple[tuple[str, int], ...]) -> code.Expression:
-        names = {name: self._source(variable) for name, variable in reads}
+        names = {name: self._bindings.source(variable) for name, variable in reads}
         types = {name: self._conjunction.types[variable] for name, variable in reads}
         return self._module.expression(expression, names, types)
 
     def _aggregate(self, goal: AggregateAtom, plan: Plan) -> code.Expression:
         return (
             self._alike(goal, plan)
-            or (self._count(goal) if goal.function == "count" else None)
-            or (self._function("g", plan.steps, self._folding(goal)))
+            or (self._relations.count(goal.relation) if goal.function == "count" else None)
+            or (self._function("g", plan.steps, _folding(self._module, goal)))
         )
-
-    def _folding(self, goal: AggregateAtom) -> Sink:
-        if goal.function == "count":
-            return COUNT
-        assert goal.column is not None
-        column = goal.column
-        fold = self._module.name(Builtin(_FOLDS[goal.function]))
-        return gathering((column,), lambda names: names(column), code.call(fold, OUT))
 
     def _alike(self, goal: AggregateAtom, plan: Plan) -> code.Expression | None:
         """An aggregate that has the same value for all starts from which a closure reaches the same."""
         if not self._shares:
             return None
         assert isinstance(self._planner, Planner)
-        found = alike_by(self._planner, goal, frozenset(self._names) - self._constants.keys())
+        found = alike_by(self._planner, goal, self._bindings.changing)
         if found is None:
             return None
-        name, given = self._defined("g", plan.steps, self._folding(goal))
-        start = self._source(found.start)
+        name, given = self._defined("g", plan.steps, _folding(self._module, goal))
+        start = self._bindings.source(found.start)
         others = tuple(each for each in given if each != start)
         question = ClosureQuestion.ALIKE if found.forward else ClosureQuestion.ALIKE_BACK
         star = found.closure.closure is Closure.STAR
         parts = [start, name, code.Tuple(tuple(given)), code.Tuple(others)]
         if found.ends is not None:
-            parts += self._tallied(goal, found.ends)
+            parts += _tallied(self._module, self._bindings, goal, found.ends)
         return code.call(self._module.name(Closed(found.closure.step, star, question)), *parts)
-
-    def _tallied(self, goal: AggregateAtom, ends: Ends) -> list[code.Expression]:
-        """How the value of an aggregate is made of what is reached, and the values that this depends on."""
-        called = arguments(goal.relation)
-        column = None if goal.column is None else called.index(goal.column)
-        tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, goal.function, column)
-        return [self._module.name(tallied), row([called[place] for place in ends.given], self._source)]
-
-    def _count(self, goal: AggregateAtom) -> code.Expression | None:
-        """The number of tuples, where it can be had without a loop of our own."""
-        relation = goal.relation
-        called = arguments(relation)
-        free = [v for v in called if not self._known(v)]
-        if not free or len(set(free)) != len(free):
-            return None
-        match relation:
-            case InstanceAtom(cls, _, exact):
-                return code.joined("+", [length(name) for name in self._members(cls, exact)], 0)
-            case LinkAtom() if len(free) == 1:
-                return length(self._ends(relation))
-            case CallAtom(pattern) if self._planner.calls.recursive(pattern):
-                return length(self._rows(relation))
-            case CallAtom():
-                return self._view(relation, free, Mode.COUNT)
-        return None
 
     # --- tests
 
@@ -638,22 +554,22 @@ class Translation:
             case Absence():
                 return code.joined("and", [code.inverse(self._existence(plan)) for plan in step.inner], True)
             case InstanceAtom():
-                return self._is_instance(goal)
+                return self._relations.is_instance(goal)
             case AttributeAtom() | Valuation() | AggregateAtom():
                 result = goal.value if isinstance(goal, AttributeAtom) else goal.result
-                return code.equal(self._value(step), self._source(result))
+                return code.equal(self._value(step), self._bindings.source(result))
             case LinkAtom():
-                return self._is_linked(goal)
+                return self._relations.is_linked(goal)
             case CallAtom(pattern) if self._planner.calls.recursive(pattern):
-                return self._rows(goal)
+                return self._relations.rows(goal)
             case CallAtom():
-                return self._view(goal, (), Mode.EXISTS)
+                return self._relations.view(goal, (), Mode.EXISTS)
             case ClosureAtom(relation, _, source, target):
-                if self._known(source) and self._known(target):
-                    return self._closure(goal)
+                if self._bindings.known(source) and self._bindings.known(target):
+                    return self._relations.closure(goal)
                 return self._test(replace(step, goal=CallAtom(relation, (source, target))))
             case UnequalAtom(left, right):
-                return code.Operation("!=", (self._source(left), self._source(right)))
+                return code.Operation("!=", (self._bindings.source(left), self._bindings.source(right)))
             case Condition(expression, reads):
                 return self._expression(expression, reads)
         raise AssertionError(goal)
@@ -663,7 +579,7 @@ class Translation:
         if any(step.kind is Kind.LOOP for step in plan.steps):
             return self._join(plan) or self._function("g", plan.steps, EXISTENCE)
         inner = Translation(self._planner, self._module, self._conjunction, code.Block(), {})
-        inner._names = dict(self._names)
+        inner._bindings.names = dict(self._bindings.names)
         for step in plan.steps:
             if step.kind is Kind.BIND:
                 inner._bind(step, inline=True)
@@ -676,7 +592,7 @@ class Translation:
         if not (self._shares and self._joins):
             return None
         assert isinstance(self._planner, Planner)
-        known = frozenset(self._names) - self._constants.keys()
+        known = self._bindings.changing
         join = join_of(self._planner, self._conjunction, plan, known)
         if join is None:
             return None
@@ -706,94 +622,43 @@ class Translation:
                 join.closure.step, star, ClosureQuestion.JOIN if from_source else ClosureQuestion.JOIN_BACK
             )
         )
-        parts = [self._source(join.near)]
+        parts = [self._bindings.source(join.near)]
         for name, given in (whole, direct):
             parts += [name, code.Tuple(tuple(given))]
         return code.call(holds, *parts)
 
-    def _is_instance(self, goal: InstanceAtom) -> code.Expression:
-        if not self._known(goal.variable):
-            return code.joined("or", self._members(goal.cls, goal.exact), False)
-        cls = code.Index(self._module.name(Classes()), self._source(goal.variable))
-        indices = self._indices(goal.cls, goal.exact)
-        if len(indices) == 1:
-            return code.equal(cls, code.Constant(indices[0]))
-        return code.Index(self._module.name(ClassTable(goal.cls)), cls) if indices else code.Constant(False)
 
-    def _is_linked(self, goal: LinkAtom) -> code.Expression:
-        if not (self._known(goal.source) and self._known(goal.target)):
-            return self._ends(goal)
-        source, target = self._source(goal.source), self._source(goal.target)
-        sizes = self._planner.sizes
-        reference = goal.reference
-        if isinstance(reference, Reference) and sizes.backward(reference) < sizes.forward(reference):
-            backward = self._module.name(Backward(reference.index))  # the fewer
-            return code.Operation("in", (source, code.Index(backward, target)))
-        return code.Operation(
-            "in", (target, code.Index(self._module.name(forward_column(reference)), source))
-        )
-
-    # --- relations
-
-    def _indices(self, cls: str, exact: bool) -> list[int]:
-        """Indices of the concrete classes whose objects are instances of a class."""
-        names = (cls,) if exact else self._metamodel.concrete(cls)
-        return [index for index, each in enumerate(self._metamodel.class_list) if each.name in names]
-
-    def _members(self, cls: str, exact: bool) -> list[code.Expression]:
-        """The extents that hold the objects of a class."""
-        return [self._module.name(Members(index)) for index in self._indices(cls, exact)]
-
-    def _extent(self, cls: str, exact: bool) -> code.Expression:
-        members = self._members(cls, exact)
-        if len(members) == 1:
-            return members[0]
-        return code.call(self._module.name(Builtin("chain")), *members) if members else code.Tuple(())
-
-    def _ends(self, goal: LinkAtom) -> code.Expression:
-        """What stands at the other end of the links of the one object, or the value, that is known."""
-        reference = goal.reference
-        if self._known(goal.source):
-            return code.Index(self._module.name(forward_column(reference)), self._source(goal.source))
-        if isinstance(reference, Attribute):
-            valued = Valued(tuple(self._indices(reference.owner, False)), (reference.index,))
-            return code.call(self._module.name(valued), self._source(goal.target))
-        return code.Index(self._module.name(Backward(reference.index)), self._source(goal.target))
-
-    def _view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> code.Expression:
-        known = frozenset(v for v in goal.arguments if self._known(v))
-        return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
-
-    def _rows(self, goal: CallAtom) -> code.Expression:
-        bound = tuple(position for position, v in enumerate(goal.arguments) if self._known(v))
-        return self._call(self._module.name(Recursive(goal.pattern, bound)), goal)
-
-    def _call(self, function: code.Name, goal: CallAtom) -> code.Expression:
-        return code.call(function, *[self._source(v) for v in goal.arguments if self._known(v)])
-
-    def _closure(self, goal: ClosureAtom) -> code.Expression:
-        return self._reach(goal, _QUESTIONS[self._known(goal.source), self._known(goal.target)])
-
-    def _spread(self, goal: ClosureAtom, seen: code.Local) -> code.Expression:
-        """What other searches in the same place have not found; `seen` holds what they have."""
-        question = ClosureQuestion.SPREAD if self._known(goal.source) else ClosureQuestion.SPREAD_BACK
-        return self._reach(goal, question, seen)
-
-    def _reach(self, goal: ClosureAtom, question: ClosureQuestion, *more: code.Expression) -> code.Expression:
-        inputs = [self._source(v) for v in (goal.source, goal.target) if self._known(v)]
-        name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
-        return code.call(name, *inputs, *more)
+def _tests_of_values(bindings: Bindings, step: Step, following: Sequence[Step]) -> list[Step]:
+    """The tests of attributes of an object that is looped over, for values that are known and change."""
+    if not isinstance(step.goal, InstanceAtom):
+        return []
+    tests: dict[int, Step] = {}
+    for each in takewhile(lambda s: s.kind is not Kind.LOOP, following):
+        goal = each.goal
+        if not isinstance(goal, AttributeAtom) or each.kind is not Kind.TEST:
+            continue
+        if goal.object == step.goal.variable and bindings.known(goal.value):
+            tests.setdefault(goal.attribute.index, each)
+    values = [each.goal.value for each in tests.values() if isinstance(each.goal, AttributeAtom)]
+    return [] if bindings.constants.keys() >= set(values) else list(tests.values())
 
 
-def forward_column(feature: Reference | Attribute) -> Forward | Values:
-    """The column of targets, or of many values."""
-    return Values(feature.index) if isinstance(feature, Attribute) else Forward(feature.index)
+def _folding(module: Module, goal: AggregateAtom) -> Sink:
+    """What makes the value of an aggregate of its rows."""
+    if goal.function == "count":
+        return COUNT
+    assert goal.column is not None
+    column = goal.column
+    fold = module.name(Builtin(_FOLDS[goal.function]))
+    return gathering((column,), lambda names: names(column), code.call(fold, OUT))
+
+
+def _tallied(module: Module, bindings: Bindings, goal: AggregateAtom, ends: Ends) -> list[code.Expression]:
+    """How the value of an aggregate is made of what is reached, and the values that this depends on."""
+    called = arguments(goal.relation)
+    column = None if goal.column is None else called.index(goal.column)
+    tallied = Tallied(ends.pattern, ends.start, ends.given, ends.wanted, goal.function, column)
+    return [module.name(tallied), row([called[place] for place in ends.given], bindings.source)]
 
 
 _FOLDS = {"sum": "total", "avg": "mean", "min": "least", "max": "most"}
-_QUESTIONS = {
-    (True, True): ClosureQuestion.HOLDS,
-    (True, False): ClosureQuestion.FORWARD,
-    (False, True): ClosureQuestion.BACKWARD,
-    (False, False): ClosureQuestion.PAIRS,
-}

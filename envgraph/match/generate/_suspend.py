@@ -93,14 +93,17 @@ class Suspending(Translation):
             super()._steps(steps, sink)
             return
         before, step, rest = steps[:number], steps[number], steps[number + 1 :]
-        known = {*self._names, *chain.from_iterable(s.binds for s in before)} - self._constants.keys()
+        known = {
+            *self._bindings.names,
+            *chain.from_iterable(s.binds for s in before),
+        } - self._bindings.constants.keys()
         super()._steps(before, self._suspension(step, rest, sink, known))
 
     def _suspension(self, step: Step, rest: Sequence[Step], sink: Sink, known: set[int]) -> Sink:
         """Waits for the rows of a call; `known` are the variables that have values there, without constants."""
         goal = step.goal
         assert isinstance(goal, CallAtom)
-        bound = tuple(p for p, v in enumerate(goal.arguments) if v in known or v in self._constants)
+        bound = tuple(p for p, v in enumerate(goal.arguments) if v in known or v in self._bindings.constants)
         given = tuple(goal.arguments[position] for position in bound)
         free = tuple(v for p, v in enumerate(goal.arguments) if p not in bound)
         calls = self._module.name(Recursive(goal.pattern, bound))
@@ -123,7 +126,7 @@ class Suspending(Translation):
         """Whether a body begins with the very call that is evaluated."""
         assert isinstance(step.goal, CallAtom)
         heads = tuple(self._conjunction.parameters[position] for position in self.key.bound)
-        plain = len(set(heads)) == len(heads) and self._constants.keys().isdisjoint(heads)
+        plain = len(set(heads)) == len(heads) and self._bindings.constants.keys().isdisjoint(heads)
         same = step.goal.pattern == self.key.pattern and bound == self.key.bound and given == heads
         return plain and same and any(each is step for each in self.first)
 
@@ -133,14 +136,14 @@ class Suspending(Translation):
         """The function that goes on with a row of `width` values, which are those of the columns."""
         block = Block()
         inner = self._fork(block, continuation=True)
-        inner._names = {v: self._local(v) for v in inputs}
+        inner._bindings.names = {v: self._bindings.local(v) for v in inputs}
         inner._joins = self._joins
         parameters = [local("w", number) for number in range(width)]
         for number, variable in enumerate(columns):
-            if variable in inner._names:
-                block.test(equal(parameters[number], self._local(variable)))
+            if variable in inner._bindings.names:
+                block.test(equal(parameters[number], self._bindings.local(variable)))
             else:
-                inner._names[variable] = parameters[number] = self._local(variable)
+                inner._bindings.names[variable] = parameters[number] = self._bindings.local(variable)
         inner._steps(rest, sink)
-        known = [_TABLE, *(self._local(v) for v in inputs)]
+        known = [_TABLE, *(self._bindings.local(v) for v in inputs)]
         return self._module.function(self._module.fresh("h"), [*known, *parameters], block.body())

@@ -13,7 +13,9 @@ from typing import Final
 
 from envgraph import code
 from envgraph.code import dataclass
-from envgraph.match.generate._generate import Translation, forward_column
+from envgraph.match.generate._bindings import Bindings
+from envgraph.match.generate._generate import Translation
+from envgraph.match.generate._relations import Relations, forward_column
 from envgraph.match.generate._sinks import EXISTENCE, OUT, Sink, gathering, length, row, value
 from envgraph.match.generate._symbols import Backward, Bounded, Held, Source, Values
 from envgraph.match.generate._write import Module, local
@@ -297,6 +299,33 @@ def changed(module: Module, delta: Delta, adding: bool, row_: code.Expression) -
     return code.Do(code.call(module.name(Held(SINKS[adding], delta.name)), row_))
 
 
+class ViewRelations(Relations):
+    """As `Relations`, but what views hold is read from them."""
+
+    def __init__(self, planner: ViewPlanner, module: Module, bindings: Bindings) -> None:
+        super().__init__(planner, module, bindings)  # type: ignore[arg-type]
+        self._held = planner.held
+
+    def has(self, goal: CallAtom) -> code.Expression:
+        """Whether a view has a row, all of which is known."""
+        rows = self._module.name(Held("position", goal.pattern))
+        return code.Operation("in", (row(goal.arguments, self.bindings.source), rows))
+
+    def closure(self, goal: ClosureAtom) -> code.Expression:
+        forward, _, _ = self._held.reached(goal.step)
+        table = self._module.name(Held("reach", goal.step))
+        start, other = (goal.source, goal.target) if forward else (goal.target, goal.source)
+        if self.bindings.known(start):
+            found = code.call(table, self.bindings.source(start), code.tuple_of())
+            return (
+                code.Operation("in", (self.bindings.source(other), found))
+                if self.bindings.known(other)
+                else found
+            )
+        pairs = self._module.name(Held("starts" if self.bindings.known(other) else "pairs", goal.step))
+        return code.call(pairs, *([self.bindings.source(other)] if self.bindings.known(other) else []))
+
+
 class DeltaTranslation(Translation):
     """Turns the plan of a body into code, with the relation of a changed tuple seen as each place has to.
 
@@ -318,11 +347,11 @@ class DeltaTranslation(Translation):
         delta: Delta,
         tuple_: Sequence[code.Local],
     ) -> None:
-        super().__init__(planner, module, delta.conjunction, block, {})  # type: ignore[arg-type]
-        self._held = planner.held
+        relations = ViewRelations(planner, module, Bindings(delta.conjunction, module, renumbered=True))
+        super().__init__(planner, module, delta.conjunction, block, {}, relations)  # type: ignore[arg-type]
+        self._views = relations
         self._delta = delta
         self._tuple = self._carried = list(tuple_)
-        self._numbers: dict[int, int] = {}
         goals = delta.conjunction.goals
         self._later = {id(goals[each.goal]): each for each in delta.later}
 
@@ -340,12 +369,12 @@ class DeltaTranslation(Translation):
         for variable, each in [*named, *given.items()]:
             if variable is None:
                 continue
-            if self._known(variable):
-                block.test(code.equal(self._source(variable), each))
+            if self._bindings.known(variable):
+                block.test(code.equal(self._bindings.source(variable), each))
             elif isinstance(each, code.Local):
-                self._names[variable] = each
+                self._bindings.names[variable] = each
             else:
-                self._names[variable] = kept = self._local(variable)
+                self._bindings.names[variable] = kept = self._bindings.local(variable)
                 block.add(code.Assign(kept, each))
         self._steps(plan.steps, sink)
         block.back_to(place)
@@ -361,11 +390,6 @@ class DeltaTranslation(Translation):
     def _fork(self, block: code.Block, continuation: bool) -> Translation:
         return DeltaTranslation(self._planner, self._module, block, self._delta, self._tuple)  # type: ignore[arg-type]
 
-    def _local(self, variable: int, prefix: str = "v") -> code.Local:
-        """As in `Translation`, but numbered as they get values, so that code that does the same is equal."""
-        number = self._numbers.setdefault(variable, len(self._numbers))
-        return local(prefix, number, self._conjunction.types[variable] if prefix == "v" else None)
-
     # --- the relation without the tuple
 
     def _here(self, columns: Sequence[int | None]) -> code.Expression:
@@ -377,7 +401,9 @@ class DeltaTranslation(Translation):
         return straight if straight == crossed else code.Operation("or", (straight, crossed))
 
     def _agrees(self, columns: Sequence[int | None], tuple_: Sequence[code.Local]) -> code.Expression:
-        asked = ((self._source(v), each) for v, each in zip(columns, tuple_, strict=True) if v is not None)
+        asked = (
+            (self._bindings.source(v), each) for v, each in zip(columns, tuple_, strict=True) if v is not None
+        )
         return code.joined("and", [code.equal(own, each) for own, each in asked if own != each], True)
 
     def _loop(self, step: Step) -> None:
@@ -407,11 +433,13 @@ class DeltaTranslation(Translation):
         match goal:
             case Absence():
                 return self._absent(goal, place)
-            case LinkAtom() if not (self._known(goal.source) and self._known(goal.target)):
-                return self._ends(goal) if place is None else _more(self._number_without(goal, place))
+            case LinkAtom() if not (self._bindings.known(goal.source) and self._bindings.known(goal.target)):
+                return (
+                    self._relations.ends(goal) if place is None else _more(self._number_without(goal, place))
+                )
             case CallAtom():
-                found = self._has(goal)
-            case AttributeAtom() if not self._known(goal.value):
+                found = self._views.has(goal)
+            case AttributeAtom() if not self._bindings.known(goal.value):
                 found = code.some(self._value(step))
             case _:
                 found = super()._test(step)
@@ -423,14 +451,14 @@ class DeltaTranslation(Translation):
     def _number_without(self, goal: LinkAtom, place: Occurrence) -> code.Expression:
         here = self._here(place.columns)
         return code.Operation(
-            "-", (length(self._ends(goal)), code.Constant(1) if here == code.TRUE else here)
+            "-", (length(self._relations.ends(goal)), code.Constant(1) if here == code.TRUE else here)
         )
 
     def _absent(self, goal: Absence, place: Occurrence | None) -> code.Expression:
         relation = negated(goal)
         if isinstance(relation, LinkAtom) and free_inside(goal):
             if place is None:
-                return code.inverse(self._ends(relation))
+                return code.inverse(self._relations.ends(relation))
             return code.equal(self._number_without(relation, place), code.Constant(0))
         found = code.inverse(self._holds(relation))
         if place is None:
@@ -442,16 +470,20 @@ class DeltaTranslation(Translation):
         """Whether a relation has a tuple."""
         match relation:
             case InstanceAtom():
-                return self._is_instance(relation)
+                return self._relations.is_instance(relation)
             case AttributeAtom(attribute, owner, held):
-                found = code.Index(self._module.name(Values(attribute.index)), self._source(owner))
-                return code.equal(found, self._source(held)) if self._known(held) else code.some(found)
+                found = code.Index(self._module.name(Values(attribute.index)), self._bindings.source(owner))
+                return (
+                    code.equal(found, self._bindings.source(held))
+                    if self._bindings.known(held)
+                    else code.some(found)
+                )
             case LinkAtom():
-                return self._is_linked(relation)
+                return self._relations.is_linked(relation)
             case CallAtom():
-                return self._has(relation)
+                return self._views.has(relation)
             case ClosureAtom():
-                return self._closure(relation)
+                return self._relations.closure(relation)
 
     def alone(self, occurrence: Occurrence, names: Sequence[code.Local]) -> None:
         """What follows is for a tuple that is the only one of its group, if there are groups."""
@@ -472,18 +504,13 @@ class DeltaTranslation(Translation):
 
     # --- views
 
-    def _has(self, goal: CallAtom) -> code.Expression:
-        """Whether a view has a row, all of which is known."""
-        rows = self._module.name(Held("position", goal.pattern))
-        return code.Operation("in", (row(goal.arguments, self._source), rows))
-
     def _loop_view(self, goal: CallAtom) -> None:
-        given = tuple(p for p, v in enumerate(goal.arguments) if self._known(v))
+        given = tuple(p for p, v in enumerate(goal.arguments) if self._bindings.known(v))
         iterable: code.Expression
         if given:
             table = self._module.name(Held("group", goal.pattern, given))
             iterable = code.call(
-                table, value([goal.arguments[p] for p in given], self._source), code.tuple_of()
+                table, value([goal.arguments[p] for p in given], self._bindings.source), code.tuple_of()
             )
         else:
             iterable = self._module.name(Held("rows", goal.pattern))
@@ -497,22 +524,10 @@ class DeltaTranslation(Translation):
         if isinstance(goal.relation, LinkAtom):
             place = self._later.get(id(goal))
             if place is None:
-                return length(self._ends(goal.relation))
+                return length(self._relations.ends(goal.relation))
             return self._number_without(goal.relation, place)
         table = self._module.name(Held("fold", fold_of(goal)))
-        return code.call(table, row(group_of(goal), self._source))
-
-    # --- closures
-
-    def _closure(self, goal: ClosureAtom) -> code.Expression:
-        forward, _, _ = self._held.reached(goal.step)
-        table = self._module.name(Held("reach", goal.step))
-        start, other = (goal.source, goal.target) if forward else (goal.target, goal.source)
-        if self._known(start):
-            found = code.call(table, self._source(start), code.tuple_of())
-            return code.Operation("in", (self._source(other), found)) if self._known(other) else found
-        pairs = self._module.name(Held("starts" if self._known(other) else "pairs", goal.step))
-        return code.call(pairs, *([self._source(other)] if self._known(other) else []))
+        return code.call(table, row(group_of(goal), self._bindings.source))
 
 
 def _more(number: code.Expression) -> code.Operation:

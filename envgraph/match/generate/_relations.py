@@ -1,0 +1,156 @@
+"""What asks one relation, in generated code: the objects of a class, links, rows of patterns, closures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from envgraph import code
+from envgraph.match.generate._bindings import Bindings
+from envgraph.match.generate._sinks import length
+from envgraph.match.generate._symbols import (
+    Backward,
+    Builtin,
+    Classes,
+    ClassTable,
+    Closed,
+    ClosureQuestion,
+    Forward,
+    Members,
+    Mode,
+    Recursive,
+    Valued,
+    Values,
+    View,
+)
+from envgraph.match.generate._write import Module
+from envgraph.match.plan._options import call_key
+from envgraph.match.plan._planner import Planner
+from envgraph.metamodel import Attribute, Reference
+from envgraph.pattern import CallAtom, Closure, ClosureAtom, InstanceAtom, LinkAtom, RelationAtom, arguments
+
+
+class Relations:
+    """Expressions for the tuples of relations that agree with what is known.
+
+    Args:
+        planner: tells what called patterns are.
+        module: receives symbols.
+        bindings: what is known.
+    """
+
+    def __init__(self, planner: Planner, module: Module, bindings: Bindings) -> None:
+        self._planner = planner
+        self._metamodel = planner.library.metamodel
+        self._module = module
+        self.bindings = bindings
+
+    def indices(self, cls: str, exact: bool) -> list[int]:
+        """Indices of the concrete classes whose objects are instances of a class."""
+        names = (cls,) if exact else self._metamodel.concrete(cls)
+        return [index for index, each in enumerate(self._metamodel.class_list) if each.name in names]
+
+    def members(self, cls: str, exact: bool) -> list[code.Expression]:
+        """The extents that hold the objects of a class."""
+        return [self._module.name(Members(index)) for index in self.indices(cls, exact)]
+
+    def extent(self, cls: str, exact: bool) -> code.Expression:
+        """The objects of a class."""
+        members = self.members(cls, exact)
+        if len(members) == 1:
+            return members[0]
+        return code.call(self._module.name(Builtin("chain")), *members) if members else code.Tuple(())
+
+    def is_instance(self, goal: InstanceAtom) -> code.Expression:
+        """Whether an object is of a class; of one that is not known, whether there is any."""
+        if not self.bindings.known(goal.variable):
+            return code.joined("or", self.members(goal.cls, goal.exact), False)
+        cls = code.Index(self._module.name(Classes()), self.bindings.source(goal.variable))
+        indices = self.indices(goal.cls, goal.exact)
+        if len(indices) == 1:
+            return code.equal(cls, code.Constant(indices[0]))
+        return code.Index(self._module.name(ClassTable(goal.cls)), cls) if indices else code.Constant(False)
+
+    def ends(self, goal: LinkAtom) -> code.Expression:
+        """What stands at the other end of the links of the one object, or the value, that is known."""
+        reference = goal.reference
+        if self.bindings.known(goal.source):
+            return code.Index(self._module.name(forward_column(reference)), self.bindings.source(goal.source))
+        if isinstance(reference, Attribute):
+            valued = Valued(tuple(self.indices(reference.owner, False)), (reference.index,))
+            return code.call(self._module.name(valued), self.bindings.source(goal.target))
+        return code.Index(self._module.name(Backward(reference.index)), self.bindings.source(goal.target))
+
+    def is_linked(self, goal: LinkAtom) -> code.Expression:
+        """Whether two objects are linked; if one is not known, the ends of the links of the other."""
+        if not (self.bindings.known(goal.source) and self.bindings.known(goal.target)):
+            return self.ends(goal)
+        source, target = self.bindings.source(goal.source), self.bindings.source(goal.target)
+        sizes = self._planner.sizes
+        reference = goal.reference
+        if isinstance(reference, Reference) and sizes.backward(reference) < sizes.forward(reference):
+            backward = self._module.name(Backward(reference.index))  # the fewer
+            return code.Operation("in", (source, code.Index(backward, target)))
+        return code.Operation(
+            "in", (target, code.Index(self._module.name(forward_column(reference)), source))
+        )
+
+    def view(self, goal: CallAtom, wanted: Sequence[int], mode: Mode) -> code.Expression:
+        """What a question about a called pattern gives."""
+        known = frozenset(v for v in goal.arguments if self.bindings.known(v))
+        return self._call(self._module.name(View(call_key(goal, known, wanted), mode)), goal)
+
+    def rows(self, goal: CallAtom) -> code.Expression:
+        """The rows of a recursive pattern."""
+        bound = tuple(position for position, v in enumerate(goal.arguments) if self.bindings.known(v))
+        return self._call(self._module.name(Recursive(goal.pattern, bound)), goal)
+
+    def count(self, relation: RelationAtom) -> code.Expression | None:
+        """The number of tuples that agree with what is known, where it can be had without a loop of our own."""
+        called = arguments(relation)
+        free = [v for v in called if not self.bindings.known(v)]
+        if not free or len(set(free)) != len(free):
+            return None
+        match relation:
+            case InstanceAtom(cls, _, exact):
+                return code.joined("+", [length(name) for name in self.members(cls, exact)], 0)
+            case LinkAtom() if len(free) == 1:
+                return length(self.ends(relation))
+            case CallAtom(pattern) if self._planner.calls.recursive(pattern):
+                return length(self.rows(relation))
+            case CallAtom():
+                return self.view(relation, free, Mode.COUNT)
+        return None
+
+    def _call(self, function: code.Name, goal: CallAtom) -> code.Expression:
+        return code.call(
+            function, *[self.bindings.source(v) for v in goal.arguments if self.bindings.known(v)]
+        )
+
+    def closure(self, goal: ClosureAtom) -> code.Expression:
+        """What is reached from the end that is known; whether one end is reached from the other; or all pairs."""
+        return self._reach(
+            goal, _QUESTIONS[self.bindings.known(goal.source), self.bindings.known(goal.target)]
+        )
+
+    def spread(self, goal: ClosureAtom, seen: code.Local) -> code.Expression:
+        """What other searches in the same place have not found; `seen` holds what they have."""
+        question = ClosureQuestion.SPREAD if self.bindings.known(goal.source) else ClosureQuestion.SPREAD_BACK
+        return self._reach(goal, question, seen)
+
+    def _reach(self, goal: ClosureAtom, question: ClosureQuestion, *more: code.Expression) -> code.Expression:
+        inputs = [self.bindings.source(v) for v in (goal.source, goal.target) if self.bindings.known(v)]
+        name = self._module.name(Closed(goal.step, goal.closure is Closure.STAR, question))
+        return code.call(name, *inputs, *more)
+
+
+def forward_column(feature: Reference | Attribute) -> Forward | Values:
+    """The column of targets, or of many values."""
+    return Values(feature.index) if isinstance(feature, Attribute) else Forward(feature.index)
+
+
+_QUESTIONS = {
+    (True, True): ClosureQuestion.HOLDS,
+    (True, False): ClosureQuestion.FORWARD,
+    (False, True): ClosureQuestion.BACKWARD,
+    (False, False): ClosureQuestion.PAIRS,
+}
