@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+from lark.lexer import TerminalDef
 from lark.parsers.lalr_analysis import Shift
 
 from envgraph.code import dataclass
@@ -95,13 +96,15 @@ class Grammar:
 
 def build(name: str, path: Path, recovery: tuple[str, ...] = ()) -> Grammar:
     """Reads a grammar file; a conflict in it is an exception."""
-    found = tables(path)
-    core = LexicalCore(found.terminals)
+    data = tables(path)
+    (start,), (end,) = (data["table"][one].values() for one in ("start_states", "end_states"))
+    terminals = [TerminalDef.deserialize(data["memo"][str(one["@"])], {}) for one in data["terminals"]]
+    core = LexicalCore(terminals)
     spelling = {terminal: f"`{word}`" for word, terminal in (*core.keywords.items(), *core.signs.items())}
-    for terminal in (*(t.name for t in found.terminals), END):
-        if terminal not in found.ignored:
+    for terminal in (*(t.name for t in terminals), END):
+        if terminal not in data["ignored"]:
             spelling.setdefault(terminal, _NAMES.get(terminal, terminal.lower()))
-    return Grammar(name, core, found.states, found.start, found.end, recovery, spelling)
+    return Grammar(name, core, States(data), start, end, recovery, spelling)
 
 
 @cache

@@ -81,25 +81,6 @@ class States(dict[int, Row]):
         return Reduction(size, intern(str(rule.origin.name)), None if same else make)
 
 
-class Tables:
-    """What a parser needs of a grammar.
-
-    Attributes:
-        states: what to do in each state.
-        start: the state in which a parser begins.
-        end: the one in which a whole text has been read.
-        terminals: of the grammar.
-        ignored: names of terminals that stand anywhere.
-    """
-
-    def __init__(self, data: dict[str, Any]) -> None:
-        (self.start,), (self.end,) = (data["table"][one].values() for one in ("start_states", "end_states"))
-        self.states = States(data)
-        parts = (data["memo"][str(one["@"])] for one in data["terminals"])
-        self.terminals: list[TerminalDef] = [TerminalDef.deserialize(part, {}) for part in parts]
-        self.ignored: list[str] = data["ignored"]
-
-
 class _NoLexer(Lexer):
     """Stands for the lexer that Lark asks for; to build tables none is needed."""
 
@@ -110,20 +91,20 @@ class _NoLexer(Lexer):
         return iter(())
 
 
-def tables(path: Path) -> Tables:
-    """The tables of a grammar file; a conflict in it is an exception when they are built."""
+def tables(path: Path) -> Any:
+    """The tables of a grammar file, as Lark serialises them; a conflict in it is an exception when they are built."""
     directory, key = cache_directory(), _key(path)
     kept = directory / f"grammar-{path.stem}.json" if directory else None
     if kept is not None:
         with suppress(OSError, ValueError):  # not there, or no text
             head, _, text = kept.read_text("utf-8").partition("\n")
             if head == _hash(key, text):
-                return Tables(json.loads(text))
+                return json.loads(text)
     text = json.dumps(_built(path))
     if kept is not None:
         with suppress(OSError):
             replace_file(kept, f"{_hash(key, text)}\n{text}")
-    return Tables(json.loads(text))
+    return json.loads(text)
 
 
 def _key(path: Path) -> str:

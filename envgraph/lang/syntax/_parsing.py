@@ -75,16 +75,11 @@ class Parsed:
 
 def parse(language: str, source: Source) -> Parsed:
     """The tree of a text in one of the five languages, and all its errors."""
-    return parse_with(grammar(language), source)
-
-
-def parse_with(grammar: Grammar, source: Source) -> Parsed:
-    """As `parse`, with a grammar at hand."""
-    return parse_tokens(grammar, source)[0]
+    return parse_tokens(grammar(language), source)[0]
 
 
 def parse_tokens(grammar: Grammar, source: Source) -> tuple[Parsed, list[Lexeme]]:
-    """As `parse_with`, with all lexemes as the tree has them: where `<-` was two signs, it is two lexemes."""
+    """As `parse`, with all lexemes as the tree has them: where `<-` was two signs, it is two lexemes."""
     scan = grammar.core.scan(source)
     if any(problem.code == "nested-too-deeply" for problem in scan.diagnostics):
         return _nothing(source, scan.diagnostics), scan.lexemes

@@ -11,7 +11,7 @@ from envgraph.errors import Source
 from envgraph.files import CACHE_VARIABLE
 from envgraph.lang import data_path
 from envgraph.lang.syntax._grammar import RECOVERY, Grammar, build, grammar
-from envgraph.lang.syntax._parsing import Parsed, annotation_of, parse_with, span_of, tokens, trees
+from envgraph.lang.syntax._parsing import Parsed, annotation_of, parse_tokens, span_of, tokens, trees
 from envgraph.metamodel import Annotation
 
 GRAMMAR = """
@@ -38,7 +38,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Grammar:
 
 
 def parsed(small: Grammar, text: str) -> Parsed:
-    return parse_with(small, Source("t", text))
+    return parse_tokens(small, Source("t", text))[0]
 
 
 def values(small: Grammar, text: str) -> list[str]:
