@@ -148,6 +148,13 @@ class Entry:
         """What callers know."""
         return Signature(self.pattern, self.types, self.inputs)
 
+    @property
+    def known_types(self) -> tuple[StaticType, ...]:
+        """The types of a pattern without errors: each is known."""
+        types = tuple(type_ for type_ in self.types if type_ is not None)
+        assert len(types) == len(self.types)
+        return types
+
 
 @dataclass(slots=True)
 class Analysis:

@@ -200,7 +200,7 @@ class Library:
         Raises:
             InvalidArgument: there is no such pattern.
         """
-        return _known(self._entry(qualified_name))
+        return self._entry(qualified_name).known_types
 
     def inputs(self, qualified_name: str) -> tuple[int, ...]:
         """Positions of the `in` parameters that nothing enumerates: whoever asks has to bind them.
@@ -257,7 +257,7 @@ class Library:
         return LoweredPattern(
             pattern.qualified_name,
             tuple(parameter.name for parameter in pattern.parameters),
-            _known(entry),
+            entry.known_types,
             tuple(body for body in bodies if body is not None),
             entry.inputs,
         )
@@ -310,9 +310,3 @@ class Library:
             pattern = Pattern(str(path), parameters, (Body((constraint,)),), PATHS, private=True)
             self._generated[name] = self._made(pattern, path.source, path.target)
         return name
-
-
-def _known(entry: Entry) -> tuple[StaticType, ...]:
-    types = tuple(type_ for type_ in entry.types if type_ is not None)
-    assert len(types) == len(entry.types)
-    return types

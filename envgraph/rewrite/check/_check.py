@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from itertools import chain, combinations, zip_longest
 from typing import Final
@@ -90,28 +89,26 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
     called = _called_types(rule, library)
     lowering = LeftLowering(rule, library, _unknown(rule, called, library.metamodel))
     lowered = lowering.lower(_created(rule))
-    patterns = tuple(lowering.patterns)
     problems += [_with_class(one, called) for one in lowering.problems]
-    checked = library.checked(*patterns)
+    checked = library.checked(*lowering.patterns)
     problems += _left_problems(checked.problems, lowering, called, problems)
     known = None
     if not has_errors(problems) and not checked.unsound:
-        known = copy(library)  # a library never changes what it has: a shallow copy is one of its own
-        known.add(*patterns)
+        known = {entry.pattern.qualified_name: entry for entry in checked.entries}
     scope = RuleScope(library.metamodel, problems, elsewhere=_block_names(rule.blocks))
     for parameter in rule.parameters:
         if parameter.type:
             scope.declared[parameter.name] = {parameter.type}
     changes = changes_of(rule, lowered, scope, _types_of(lowered, known))
     body = plan_of(changes, lambda block: _types_of(block, known))
-    positions = known.inputs(lowered.pattern.qualified_name) if known else ()
-    inputs = tuple(lowered.own[position] for position in positions)
+    left = known[lowered.pattern.qualified_name] if known else None
+    inputs = tuple(lowered.own[position] for position in left.inputs) if left else ()
     outputs = _outputs(rule, changes.scope, inputs)
     _check_homomorphic(rule, changes.scope, problems)
-    if known is not None and not has_errors(problems):
+    if left is not None and not has_errors(problems):
         problems += _check_effect(rule, lowered, body)
         problems += used_once(rule)
-    if has_errors(problems) or known is None:
+    if has_errors(problems) or left is None:
         return CheckedRule(rule, (), None, tuple(problems))
     plan = RulePlan(
         name=rule.qualified_name,
@@ -119,7 +116,7 @@ def examine(rule: Rule, library: Library) -> CheckedRule:
         priority=rule.priority,
         parameters=tuple(parameter.name for parameter in rule.parameters),
         variables=lowered.own,
-        types=known.parameter_types(lowered.pattern.qualified_name),
+        types=left.known_types,
         inputs=inputs,
         outputs=outputs,
         lossy=rule.semantics == "spo",
@@ -208,11 +205,11 @@ def _depth(rule: Rule) -> int:
     return levels
 
 
-def _types_of(block: LoweredBlock, known: Library | None) -> Mapping[str, StaticType | None]:
+def _types_of(block: LoweredBlock, known: Mapping[str, Entry] | None) -> Mapping[str, StaticType | None]:
     """Types of the variables in scope: what the library found where it found no error, else what arrows tell."""
     if known is None:
         return block.types
-    found = known.parameter_types(block.pattern.qualified_name)
+    found = known[block.pattern.qualified_name].types
     return {**block.types, **dict(zip((*block.inherited, *block.own), found, strict=True))}
 
 
