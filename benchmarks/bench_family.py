@@ -21,7 +21,7 @@ from time import perf_counter, process_time
 from typing import Any
 from unittest.mock import patch
 
-from envgraph.graph import Model, _history
+from envgraph.graph import Model, _versions
 from envgraph.rewrite import Engine
 from envgraph.search import Evolution, Problem, RunStore, SimulatedAnnealing, generate
 
@@ -104,8 +104,8 @@ def _counted(walked: list[int]) -> Iterator[None]:
         walked.append(len(journal) // 4)
         invert(journal, inverse)
 
-    invert = _history.invert
-    with patch.object(_history, "invert", counted):
+    invert = _versions.invert
+    with patch.object(_versions, "invert", counted):
         yield
 
 

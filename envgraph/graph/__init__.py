@@ -19,7 +19,7 @@ from envgraph.errors import later, shorten
 from envgraph.graph import _copying  # noqa: F401, how models are copied
 from envgraph.graph._conformance import Violation, check_conformance
 from envgraph.graph._facts import ClassFact, Fact, LinkFact, Listener, ValueFact
-from envgraph.graph._history import Savepoint, Shelf, Version
+from envgraph.graph._history import Savepoint, Shelf
 from envgraph.graph._interrupts import deferred, guarded
 from envgraph.graph._isomorphism import Shapes
 from envgraph.graph._journal import EXCHANGE, IN, OUT, SET, Exchangeable, IndexedSet
@@ -27,6 +27,7 @@ from envgraph.graph._model import Model
 from envgraph.graph._node import Node, Targets, ValueList
 from envgraph.graph._picture import PictureOptions
 from envgraph.graph._store import Relation, Store
+from envgraph.graph._versions import Version
 
 if TYPE_CHECKING:
     from envgraph.graph.interchange._json import (

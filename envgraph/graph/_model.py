@@ -13,7 +13,7 @@ from envgraph.graph import _refusals as refusals
 from envgraph.graph._canonical import canonical_hash
 from envgraph.graph._facts import Listener
 from envgraph.graph._hashing import condense
-from envgraph.graph._history import History, Savepoint, Shelf, Version
+from envgraph.graph._history import History, Savepoint, Shelf
 from envgraph.graph._incidence import Link, contained_tree, dangling_links, links_at, links_of
 from envgraph.graph._integrity import check_store
 from envgraph.graph._interrupts import guard, guarded, unguard
@@ -21,6 +21,7 @@ from envgraph.graph._layout import Layout
 from envgraph.graph._node import Node, assign_features
 from envgraph.graph._picture import PictureOptions, model_picture
 from envgraph.graph._store import Relation, Store
+from envgraph.graph._versions import Version
 from envgraph.metamodel import Attribute, Metamodel, Reference, Value, Values, accepts
 
 Semantics = Literal["dpo", "spo"]

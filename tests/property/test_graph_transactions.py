@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from envgraph.errors import TransactionError
-from envgraph.graph import Model, Savepoint, Version, _history, _integrity, _store
+from envgraph.graph import Model, Savepoint, Version, _integrity, _store, _versions
 from tests.profile import examples
 from tests.property.snapshots import Shadow, snapshot
 from tests.property.strategies import EDITS, edit, metamodels
@@ -123,7 +123,7 @@ class EagerTransactions(Transactions):
     @initialize()
     def be_eager(self) -> None:
         self.patch = pytest.MonkeyPatch()
-        self.patch.setattr(_history, "_LONG", 0)
+        self.patch.setattr(_versions, "_LONG", 0)
         self.patch.setattr(_store, "CROWD", 2)
         self.patch.setattr(_integrity, "CROWD", 2)
 

@@ -11,7 +11,7 @@ from itertools import count
 import pytest
 from hypothesis import settings
 
-from envgraph.graph import Model, Savepoint, Shelf, Version, _history, _integrity, _store
+from envgraph.graph import Model, Savepoint, Shelf, Version, _integrity, _store, _versions
 from envgraph.match import FREE, NaiveMatcher
 from envgraph.match.views import _group_aggregates as _folds
 from envgraph.match.views import _sets
@@ -80,7 +80,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few elements are many: so small models have everything."""
     for module in (_store, _integrity, _sets):
         monkeypatch.setattr(module, "CROWD", 2)
-    monkeypatch.setattr(_history, "_LONG", 8)
+    monkeypatch.setattr(_versions, "_LONG", 8)
     monkeypatch.setattr(_folds, "LARGE", 0)
 
 

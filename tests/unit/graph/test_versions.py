@@ -6,7 +6,7 @@ import pytest
 
 from envgraph.errors import InvalidArgument, TransactionError
 from envgraph.graph import Version
-from envgraph.graph._history import Vertex
+from envgraph.graph._versions import Vertex
 from tests.property.snapshots import snapshot
 from tests.unit.graph.domain import forest
 
@@ -19,7 +19,7 @@ def burn(model, name):
 
 def vertices(model):
     """Every vertex of the model's version tree."""
-    top = model._history._current
+    top = model._history.versions.current
     while top.parent is not None:
         top = top.parent
     found = [top]
