@@ -196,7 +196,7 @@ class Program:
                 return at_most(self.library.get(pattern.partition("/")[0]), searched)
             case View(key, mode):
                 function = self.function(key, mode)
-                many = self.calls.paths(key.pattern) > MOST_PATHS
+                many = self.calls.of(key.pattern).paths > MOST_PATHS
                 return self._remembering(function) if many else function
             case Recursive(pattern, bound):
                 within = self.calls.component(pattern) == inside

@@ -289,7 +289,7 @@ class Recursion:
         """
         calls = self._plannable(pattern, tuple(range(size)))
         narrower = self._narrower(pattern, size)
-        made_of_rows = not self._graph.linear(pattern)
+        made_of_rows = not self._graph.of(pattern).linear
 
         def holds(*row: Any) -> list[Row]:
             self._look()

@@ -174,7 +174,7 @@ def reach_source(planner: Planner, step: str, forward: bool, question: ClosureQu
         ends = (code.Local("_"), other) if forward else (other, code.Local("_"))
         block.loop(code.Tuple(ends), code.call(module.name(Recursive(step, (near,))), node))
         block.add(*frame.each(lambda _: other))
-    elif planner.calls.searches(step):
+    elif planner.calls.of(step).searches:
         follow = module.name(
             Closed(step, False, ClosureQuestion.STEP if forward else ClosureQuestion.STEP_BACK)
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from envgraph.match._components import components
 from envgraph.match.passes._calls import CallGraph
 from envgraph.pattern import Conjunction, Library
 
@@ -24,9 +25,10 @@ class Bodies:
         """One conjunction for each body of a pattern."""
         if pattern not in self._done:
             # Bottom up, so that a long chain of calls needs no deep stack.
-            for name in self._calls.bottom_up(pattern):
-                if name not in self._done:
-                    self._done[name] = tuple(map(self._rewritten, self.library.lowered(name).bodies))
+            for names, _ in components([pattern], lambda n: [] if n in self._done else self._calls.called(n)):
+                for name in names:
+                    if name not in self._done:
+                        self._done[name] = tuple(map(self._rewritten, self.library.lowered(name).bodies))
         return self._done[pattern]
 
     def called(self, pattern: str) -> tuple[Conjunction, ...] | None:

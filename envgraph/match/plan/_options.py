@@ -226,7 +226,7 @@ class Options:
 
     def _opaque(self, pattern: str) -> bool:
         """Whether no estimate is made: it would depend on which of a cycle is asked first, or take a deep stack."""
-        return self._views.calls.recursive(pattern) or self._views.calls.height(pattern) > DEEPEST
+        return self._views.calls.recursive(pattern) or self._views.calls.of(pattern).height > DEEPEST
 
     def _closure_cost(self, goal: ClosureAtom, bound: Bound) -> float:
         """Work of following the steps from a bound end, or from every source; twice that of a question of both."""

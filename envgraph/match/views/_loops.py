@@ -90,7 +90,7 @@ class Loops:
         demand, library = self._demand, self._demand.library
         if library.get(pattern).strategy == "search" or library.inputs(pattern):
             return False
-        if demand.calls.searches(pattern):
+        if demand.calls.of(pattern).searches:
             return False
         free = (FREE,) * len(library.parameter_types(pattern))
         return demand.count(pattern, free) <= SPREAD * len(self._kept.model)

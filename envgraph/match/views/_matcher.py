@@ -86,7 +86,7 @@ class ViewMatcher:
         """
         calls = self.demand.calls
         possible = (name for name in patterns if not self.library.inputs(name))
-        self._wanted.update((name, None) for name in possible if calls.nesting(name) <= MOST_NESTED)
+        self._wanted.update((name, None) for name in possible if calls.of(name).nesting <= MOST_NESTED)
 
     def _watch_wanted(self) -> None:
         if self.model.idle and self.kept.rival() is None:

@@ -42,12 +42,12 @@ class PartialLookup:
 
     def worthwhile(self, pattern: str, view: Rows, positions: Positions) -> bool:
         """Whether rows come from the view with values at some positions (ascending); else a search is about as fast."""
-        held = (positions, None) in view.groups and self._demand.calls.searches(pattern)
+        held = (positions, None) in view.groups and self._demand.calls.of(pattern).searches
         return held or self._cost(pattern, positions) >= EXPENSIVE
 
     def possible(self, pattern: str, positions: Positions) -> bool:
         """Whether it may be `worthwhile` for some view."""
-        return self._cost(pattern, positions) >= EXPENSIVE or self._demand.calls.searches(pattern)
+        return self._cost(pattern, positions) >= EXPENSIVE or self._demand.calls.of(pattern).searches
 
     def rows(self, pattern: str, view: Rows, positions: Positions, wanted: Any) -> Sequence[Row]:
         """The rows in order; not to be changed, nor kept.
