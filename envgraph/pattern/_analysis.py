@@ -172,6 +172,8 @@ class Analysis:
     names: Names = field(init=False)
     entries: dict[str, Entry] = field(init=False)
     _new: dict[str, Pattern] = field(init=False)
+    _short: tuple[str, ...] = field(init=False)
+    """The new patterns whose bodies are looked into: none is too long."""
     _types: dict[tuple[str, int], tuple[Sequence[object], BodyTypes]] = field(
         default_factory=dict, init=False
     )
@@ -186,6 +188,7 @@ class Analysis:
         self.entries = dict(self.known)
         for name, pattern in self._new.items():
             self.entries[name] = Entry(pattern, self._resolved(pattern), self._declared(pattern))
+        self._short = tuple(n for n, new in self._new.items() if not any(map(too_long, new.bodies)))
         self._solve_types()
         self._spell_out()
         self._solve_inputs()
@@ -248,11 +251,11 @@ class Analysis:
 
     def _keep_types(self) -> None:
         """What was inferred stays with the patterns, and knows no more of others than their final signatures."""
-        for name, pattern in self._new.items():
-            if not any(map(too_long, pattern.bodies)):
-                bodies = tuple(self.body_types(pattern, body) for body in pattern.bodies)
-                self.entries[name] = replace(self.entries[name], bodies=bodies)
-        for name in self._new:
+        for name in self._short:
+            pattern = self._new[name]
+            bodies = tuple(self.body_types(pattern, body) for body in pattern.bodies)
+            self.entries[name] = replace(self.entries[name], bodies=bodies)
+        for name in self._short:
             entry = self.entries[name]
             callees = {call: self.entries[called].signature for call, called in entry.calls.items()}
             for types in entry.bodies:
@@ -260,15 +263,16 @@ class Analysis:
 
     def _solve_types(self) -> None:
         """Undeclared types, from the bodies; recursive patterns take several rounds, in which types only grow."""
-        pending = [p for p in self._new.values() if any(parameter.type is None for parameter in p.parameters)]
-        pending = [pattern for pattern in pending if not any(map(too_long, pattern.bodies))]
+        pending = [
+            name for name in self._short if any(one.type is None for one in self._new[name].parameters)
+        ]
         for _ in range(len(pending) * (len(self.metamodel.class_list) + 1) + 1):
             changed = False
-            for pattern in pending:
-                entry = self.entries[pattern.qualified_name]
-                types = tuple(self._inferred(pattern, entry))
+            for name in pending:
+                entry = self.entries[name]
+                types = tuple(self._inferred(self._new[name], entry))
                 if types != entry.types:
-                    self.entries[pattern.qualified_name] = replace(entry, types=types)
+                    self.entries[name] = replace(entry, types=types)
                     changed = True
             if not changed:
                 break
@@ -285,12 +289,12 @@ class Analysis:
 
     def _spell_out(self) -> None:
         """`text.length` becomes the call that it is, `length(text)`, where types tell that it is no feature."""
-        for name, pattern in self._new.items():
-            if not any(map(too_long, pattern.bodies)):
-                bodies = tuple(self._spelled_out(pattern, body) for body in pattern.bodies)
-                if any(new is not old for new, old in zip(bodies, pattern.bodies, strict=True)):
-                    self._new[name] = replace(pattern, bodies=bodies)
-                    self.entries[name] = replace(self.entries[name], pattern=self._new[name], written=pattern)
+        for name in self._short:
+            pattern = self._new[name]
+            bodies = tuple(self._spelled_out(pattern, body) for body in pattern.bodies)
+            if any(new is not old for new, old in zip(bodies, pattern.bodies, strict=True)):
+                self._new[name] = replace(pattern, bodies=bodies)
+                self.entries[name] = replace(self.entries[name], pattern=self._new[name], written=pattern)
 
     def _spelled_out(self, pattern: Pattern, body: Body) -> Body:
         if not any(_may_be_method(each) for each, _ in expressions(body)):
@@ -306,29 +310,24 @@ class Analysis:
 
     def _solve_inputs(self) -> None:
         """The `in` parameters of data types that some body cannot enumerate; the fewest that explain each other."""
-        pending = [
-            p for p in self._new.values() if any(self._may_be_input(parameter) for parameter in p.parameters)
-        ]
-        pending = [pattern for pattern in pending if not any(map(too_long, pattern.bodies))]
-        for pattern in pending:
-            every = tuple(
-                i for i, parameter in enumerate(pattern.parameters) if self._may_be_input(parameter)
+        pending: list[str] = []
+        for name in self._short:
+            places = enumerate(self._new[name].parameters)
+            given = tuple(
+                i for i, p in places if p.direction == "in" and p.type not in self.metamodel.classes
             )
-            entry = self.entries[pattern.qualified_name]
-            self.entries[pattern.qualified_name] = replace(entry, inputs=every)
+            if given:
+                self.entries[name] = replace(self.entries[name], inputs=given)
+                pending.append(name)
         changed = bool(pending)
         while changed:
             changed = False
-            for pattern in pending:
-                entry = self.entries[pattern.qualified_name]
-                inputs = tuple(i for i in entry.inputs if not self._enumerable(pattern, i))
+            for name in pending:
+                entry = self.entries[name]
+                inputs = tuple(i for i in entry.inputs if not self._enumerable(self._new[name], i))
                 if inputs != entry.inputs:
-                    self.entries[pattern.qualified_name] = replace(entry, inputs=inputs)
+                    self.entries[name] = replace(entry, inputs=inputs)
                     changed = True
-
-    def _may_be_input(self, parameter: object) -> bool:
-        type_ = getattr(parameter, "type", None)
-        return getattr(parameter, "direction", None) == "in" and type_ not in self.metamodel.classes
 
     def _enumerable(self, pattern: Pattern, position: int) -> bool:
         name = pattern.parameters[position].name
