@@ -69,6 +69,7 @@ def show(name: str, measure: Callable[[], tuple[float, int]]) -> float:
 def mutate(problem: Problem) -> tuple[float, int]:
     """Seconds, and how many mutations were valid."""
     engine, rng, valid = problem.engine, default_rng(1), 0
+    assert problem.valid()  # as a search begins; what is kept current is from here on
     gc.collect()
     started = process_time()
     for _ in range(MUTATIONS):

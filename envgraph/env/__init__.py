@@ -37,7 +37,7 @@ from envgraph.behaviour import (
 from envgraph.env._agents import absent_agents
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
-from envgraph.env._keys import KeyIndex, distinct_keys, indexed_classes
+from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._reaching import can_end
 from envgraph.env._simulator import Outcome, Simulator
 from envgraph.env._table_file import read_explored, write_explored
@@ -101,7 +101,6 @@ __all__ = [
     "can_end",
     "check_behaviour",
     "check_render_mode",
-    "distinct_keys",
     "enumerate_states",
     "environment_spec",
     "explore",

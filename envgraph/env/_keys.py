@@ -171,19 +171,6 @@ def key_attributes(metamodel: Metamodel, cls: str) -> tuple[Attribute, ...]:
     return tuple(f for name in metamodel.key(cls) if isinstance(f := features[name], Attribute))
 
 
-def distinct_keys(model: Model, cls: str) -> bool:
-    """Whether each object of a class has a key, and no two the same: whether `KeyIndex.of` has nothing to raise.
-
-    A search asks it of each of its models, so nothing is sorted.
-    """
-    extent = model.extent(cls)
-    columns = [model.store.values[attribute.index] for attribute in key_attributes(model.metamodel, cls)]
-    values = [[column[node] for node in extent] for column in columns]
-    return not values or (
-        not any(None in one for one in values) and len(set(zip(*values, strict=True))) == len(extent)
-    )
-
-
 def _keys(model: Model, cls: str) -> dict[int, Key]:
     read = key_reader(model, cls)
     return {node: read(node) for node in model.extent(cls)}

@@ -4,7 +4,7 @@ from envgraph.errors import shorten
 from envgraph.pattern._analysis import Entry, UnknownNames
 from envgraph.pattern._bodies import children, navigations, terms_in, terms_of, variables_in, with_children
 from envgraph.pattern._compile import CompiledExpression, compile_expression
-from envgraph.pattern._conformance import conformance_patterns
+from envgraph.pattern._conformance import conformance_patterns, key_patterns
 from envgraph.pattern._evaluate import Reader, evaluate, holds, value_of
 from envgraph.pattern._expressions import check_expression, is_method
 from envgraph.pattern._failure import explained
@@ -203,6 +203,7 @@ __all__ = [
     "is_implied",
     "is_method",
     "is_relation",
+    "key_patterns",
     "mentioned",
     "navigations",
     "outputs",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from envgraph.metamodel import Annotation, Attribute, Class, Feature, Metamodel
 from envgraph.pattern._queries import (
@@ -14,6 +14,7 @@ from envgraph.pattern._queries import (
     Parameter,
     PathConstraint,
     Pattern,
+    TypeConstraint,
 )
 from envgraph.pattern._terms import Binary, Constant, Variable
 
@@ -34,6 +35,29 @@ def conformance_patterns(metamodel: Metamodel) -> tuple[Pattern, ...]:
         for feature in cls.features
         if feature.lower > 0
     )
+
+
+def key_patterns(metamodel: Metamodel, classes: Iterable[str]) -> tuple[Pattern, ...]:
+    """Patterns that match where two objects of a class have one key, or one lacks its own; they have no parameters.
+
+    They are kept current: few changes touch keys, and then nothing has to be looked at. That of class `C`, which has a
+    key, is `conformance.C`.
+    """
+    return tuple(
+        Pattern(cls, (), tuple(_wrong_keys(cls, key)), _PACKAGE, strategy="incremental")
+        for cls in classes
+        if (key := metamodel.key(cls))
+    )
+
+
+def _wrong_keys(cls: str, key: Sequence[str]) -> Iterator[Body]:
+    one, other = Variable("one"), Variable("other")
+    for name in key:
+        missing = Negation(PathConstraint(cls, (name,), one, Variable("_")))
+        yield Body((TypeConstraint(cls, one), missing))
+    values = {name: Variable(f"{name}_") for name in key}
+    same = (PathConstraint(cls, (name,), each, values[name]) for name in key for each in (one, other))
+    yield Body((*same, Comparison("!=", one, other)))
 
 
 def _pattern(cls: Class, feature: Feature) -> Pattern:

@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TypeVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, Tabular, absent_agents, can_end, distinct_keys, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Tabular, absent_agents, can_end, indexed_classes
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,
@@ -34,7 +34,7 @@ from envgraph.lang import (
     load_workspace,
 )
 from envgraph.metamodel import Metamodel
-from envgraph.pattern import conformance_patterns
+from envgraph.pattern import conformance_patterns, key_patterns
 from envgraph.rewrite import Engine
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure
@@ -81,13 +81,17 @@ class Reachable:
 
 @dataclass(frozen=True, slots=True)
 class DistinctKeys:
-    """No two objects that the environment counts through have one key, and none lacks its key."""
+    """No two objects of a class that the environment counts through have one key, and none lacks its key.
 
-    classes: tuple[str, ...]
+    Attributes:
+        pattern: see `key_patterns`.
+    """
+
+    pattern: str
 
     def holds(self, engine: Engine) -> bool:
         """Whether the keys tell all objects apart."""
-        return all(distinct_keys(engine.model, cls) for cls in self.classes)
+        return not engine.matcher.exists(self.pattern, ())
 
     def __str__(self) -> str:
         return "each object has a key of its own"
@@ -349,16 +353,18 @@ class Domain:
         """Conformance first, then as in the file; what enumerates states comes last."""
         spec = self.spec.constraints
         conformance = conformance_patterns(self.metamodel)
+        behaviour = self.behaviour
+        counted = indexed_classes(behaviour, self.metamodel) if behaviour else ()
+        keys = key_patterns(self.metamodel, counted)
         known = set(engine.patterns)
-        engine.add(*(pattern for pattern in conformance if pattern.qualified_name not in known))
+        engine.add(*(pattern for pattern in (*conformance, *keys) if pattern.qualified_name not in known))
         constraints: list[Constraint] = [Forbid(pattern.qualified_name) for pattern in conformance]
         constraints += [Require(str(name)) for name in spec.require]
         constraints += [Forbid(str(name)) for name in spec.forbid]
         constraints += [Forbid(name) for name in self._violations() if name not in set(map(str, spec.forbid))]
         constraints += [CountWithin(str(name), *bounds) for name, bounds in spec.count]
-        behaviour = self.behaviour
+        constraints += [DistinctKeys(pattern.qualified_name) for pattern in keys]
         if behaviour is not None:
-            constraints.append(DistinctKeys(indexed_classes(behaviour, self.metamodel)))
             plan = next((one for one in measures if isinstance(one, ShortestPlan)), None)
             constraints += [Reachable(str(outcome), behaviour, plan) for outcome in spec.reachable]
         return tuple(constraints)

@@ -112,6 +112,7 @@ class Evolution:
         self._settings = settings
         self._seed = seed
         self._store = store
+        problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
         self._origin = problem.engine.commit()
         self._next_id = store.next_id()
         self._started = time.monotonic()

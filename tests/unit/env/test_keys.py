@@ -6,10 +6,12 @@ import json
 
 import pytest
 
-from envgraph.env import KeyIndex, distinct_keys, indexed_classes
+from envgraph.env import KeyIndex, indexed_classes
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import Model
 from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
+from envgraph.pattern import key_patterns
+from envgraph.rewrite import Engine
 from tests.unit.env import forest
 from tests.unit.env.coins import loaded
 
@@ -32,6 +34,24 @@ def boxes(*keys: tuple[str, int], loose: int = 0) -> Model:
     for _ in range(loose):
         model.create("Loose")
     return model
+
+
+def remove_number(model: Model) -> None:
+    """Of the first box."""
+    attribute = model.metamodel.feature("Box", "number")
+    assert isinstance(attribute, Attribute)
+    model.set_value(0, attribute, None)
+
+
+def distinct(engine: Engine) -> list[str]:
+    """The classes whose objects have keys of their own, as a search asks for it."""
+    return [name for name in ("Box", "Crate") if not engine.exists(f"conformance.{name}")]
+
+
+def with_keys(model: Model) -> Engine:
+    engine = Engine(model)
+    engine.add(*key_patterns(model.metamodel, ["Box", "Crate", "Loose"]))
+    return engine
 
 
 def test_keys_sort_by_their_attributes_in_order_and_enums_by_their_literals() -> None:
@@ -73,17 +93,15 @@ def test_two_objects_with_one_key_are_an_error() -> None:
     model = boxes(("small", 1), ("small", 1))
     with pytest.raises(EvaluationError, match="the same key"):
         KeyIndex.of(model, ["Box"])
-    assert not distinct_keys(model, "Box") and distinct_keys(model, "Crate")
+    assert distinct(with_keys(model)) == ["Crate"]
 
 
 def test_an_object_without_a_value_in_its_key_is_an_error() -> None:
     model = boxes(("small", 1))
-    attribute = model.metamodel.feature("Box", "number")
-    assert isinstance(attribute, Attribute)
-    model.set_value(0, attribute, None)
+    remove_number(model)
     with pytest.raises(EvaluationError, match="no `number`, which is part of its key"):
         KeyIndex.of(model, ["Box"])
-    assert not distinct_keys(model, "Box") and distinct_keys(model, "Crate")
+    assert distinct(with_keys(model)) == ["Crate"]
 
 
 def test_objects_and_classes_that_are_not_in_the_index() -> None:
@@ -94,9 +112,23 @@ def test_objects_and_classes_that_are_not_in_the_index() -> None:
         index.size("Loose")
 
 
-def test_keys_that_tell_objects_apart_are_distinct() -> None:
+def test_whether_keys_are_distinct_is_kept_current() -> None:
     model = boxes(("small", 1), ("small", 2), ("large", 1), loose=2)
-    assert all(distinct_keys(model, cls) for cls in ("Box", "Crate", "Loose"))
+    engine = with_keys(model)
+    assert distinct(engine) == ["Box", "Crate"]
+    assert engine.watched == ("conformance.Box", "conformance.Crate")
+    savepoint = model.savepoint()
+    model.create("Crate", size="large", number=1)
+    assert distinct(engine) == ["Crate"]
+    model.create("Crate", size="large", number=1)
+    assert distinct(engine) == []
+    model.rollback(savepoint)
+    assert distinct(engine) == ["Box", "Crate"]
+    savepoint = model.savepoint()
+    remove_number(model)
+    assert distinct(engine) == ["Crate"]
+    model.rollback(savepoint)
+    assert distinct(engine) == ["Box", "Crate"]
 
 
 def test_json_and_back() -> None:
