@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from hashlib import blake2b
+from typing import TYPE_CHECKING
 
 from envgraph.graph._hashing import value_code
 from envgraph.graph._store import Ends, Relation, Store
 
+if TYPE_CHECKING:
+    from envgraph.graph._model import Model
 
-def canonical_hash(store: Store) -> int:
-    """64 bits by colour refinement (Weisfeiler and Leman 1968).
+
+def canonical_hash(model: Model) -> int:
+    """A 64-bit hash that isomorphic models share, whatever their ids and orders; computed anew on each call.
+
+    By colour refinement (Weisfeiler and Leman 1968): models that differ may share it too if they are so regular that it
+    cannot tell them apart. Names of objects do not count.
 
     A node's first colour is its class and values; each round adds the colours of its neighbours, by reference and
     direction, until a round tells no more nodes apart. The hash is that of all colours, sorted.
     """
+    store = model.store
     relations = [relation for relation in store.relations if not relation.flipped]
     colours = {node: _digest(_own(store, node)) for node in store.nodes()}
     while True:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Attribute, Reference, Value
+
+if TYPE_CHECKING:
+    from envgraph.graph._model import Model
 
 
 class ClassFact(NamedTuple):
@@ -51,3 +55,21 @@ class Listener(Protocol):
 
     def restored(self) -> None:
         """The model is in an earlier or another state: a rollback, a checkout, or a load has ended."""
+
+
+def subscribe(model: Model, listener: Listener) -> None:
+    """Tell a listener of every change from now on, after those that are there already."""
+    model.store.listeners.append(listener)
+
+
+def unsubscribe(model: Model, listener: Listener) -> None:
+    """Stop telling a listener.
+
+    Raises:
+        InvalidArgument: it is not subscribed.
+    """
+    for index, other in enumerate(model.store.listeners):
+        if other is listener:
+            del model.store.listeners[index]
+            return
+    raise InvalidArgument("the listener is not subscribed")

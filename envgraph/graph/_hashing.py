@@ -15,8 +15,12 @@ from __future__ import annotations
 
 import struct
 from hashlib import blake2b, shake_128
+from typing import TYPE_CHECKING
 
 from envgraph.metamodel import Attribute, Class, Reference, Value, Values
+
+if TYPE_CHECKING:
+    from envgraph.graph._model import Model
 
 BLOCK = 1024
 """Numbers of nodes are drawn in blocks of this size."""
@@ -64,8 +68,10 @@ def value_code(attribute: Attribute, value: Value | Values) -> int:
     return code(f"value {attribute} {value!r}")
 
 
-def condense(total: int) -> int:
-    """The 64-bit hash for an exact sum."""
-    return int.from_bytes(
-        blake2b(total.to_bytes(40, "little", signed=True), digest_size=8).digest(), "little"
-    )
+def state_hash(model: Model) -> int:
+    """A 64-bit hash of all facts by identity: (node, class), (node, attribute, value), (source, reference, target).
+
+    Kept incrementally, and the same in every process. Names of objects and the order of links do not count.
+    """
+    total = model.store.total.to_bytes(40, "little", signed=True)
+    return int.from_bytes(blake2b(total, digest_size=8).digest(), "little")

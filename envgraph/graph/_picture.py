@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from envgraph.draw import (
     LAYOUTS,
@@ -66,7 +66,7 @@ class PictureOptions(TypedDict, total=False):
     position: tuple[str, str]
 
 
-def model_picture(
+def picture(
     model: Model,
     *,
     classes: Iterable[str] | None = None,
@@ -80,7 +80,7 @@ def model_picture(
     layout: str | None = None,
     position: tuple[str, str] | None = None,
 ) -> Picture:
-    """A picture of objects and links; see `PictureOptions`.
+    """A picture of the present state; `PictureOptions` says what can be asked for.
 
     Raises:
         InvalidArgument: an unknown name or layout, a limit or distance below 0, a node of another model.
@@ -117,6 +117,21 @@ def model_picture(
         else "no objects",
         layout,
     )
+
+
+def to_dot(model: Model, **options: Unpack[PictureOptions]) -> str:
+    """The picture as DOT, the text that Graphviz draws: the same state gives the same text."""
+    return model.picture(**options).to_dot()
+
+
+def to_svg(model: Model, **options: Unpack[PictureOptions]) -> str:
+    """The picture as an `<svg>` element: drawn by Graphviz, without it by us; see `Picture.to_svg`."""
+    return model.picture(**options).to_svg()
+
+
+def as_svg(model: Model) -> str | None:
+    """The picture, for notebooks."""
+    return model.picture()._repr_svg_()
 
 
 def _widest_fan(edges: Iterable[PictureEdge]) -> int:

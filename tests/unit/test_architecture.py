@@ -45,11 +45,9 @@ def test_no_module_imports_one_that_imports_it() -> None:
 MOST_METHODS = 30
 """More are a sign of a second idea, which gets an object or functions of its own."""
 
-LARGER = {"Model": 78}
-"""Those that are larger, and how much; they are not to grow."""
-
 
 def test_classes_have_few_methods() -> None:
+    """Properties and private ones included; what a class takes from a module or a part counts where it is written."""
     found = {}
     for path in sorted((ROOT / "envgraph").rglob("*.py")):
         for each in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -57,4 +55,4 @@ def test_classes_have_few_methods() -> None:
                 methods = {inner.name for inner in each.body if isinstance(inner, ast.FunctionDef)}
                 if len(methods) > MOST_METHODS:
                     found[each.name] = len(methods)
-    assert found == LARGER
+    assert found == {}

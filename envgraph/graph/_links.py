@@ -1,0 +1,188 @@
+"""Links of a model are written, and containers change with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from envgraph.errors import InvalidArgument
+from envgraph.graph import _refusals as refusals
+from envgraph.graph._store import Relation
+from envgraph.graph._transactions import all_or_nothing
+from envgraph.metamodel import Reference
+
+if TYPE_CHECKING:
+    from envgraph.graph._model import Model
+
+
+def link(model: Model, source: int, reference: Reference, target: int) -> bool:
+    """Add a link, and so its opposite; False if it was there already.
+
+    An object moves out of its old container when it is linked into another.
+
+    Raises:
+        TypeMismatch: an end is not of the class that the reference demands.
+        RuleError: the reference, or its opposite at the target, is "full"; the link would be a cycle of
+            "containment".
+    """
+    relation = model.store.relations[reference.index]
+    classes = model.store.classes
+    if not (relation.source_ok[classes[source]] and relation.target_ok[classes[target]]):
+        raise refusals.wrong_link(model, source, reference, target)
+    if relation.contained:
+        assert relation.opposite is not None
+        return model.link(target, relation.opposite, source)
+    ends = relation.forward[source]
+    if target in ends:
+        return False
+    if len(ends) >= relation.upper:
+        raise refusals.full(model, source, reference)
+    if relation.containment:
+        return _house(model, relation, source, target)
+    if len(relation.backward[target]) >= relation.opposite_upper:
+        assert relation.opposite is not None
+        raise refusals.full(model, target, relation.opposite)
+    model.store.connect(relation, source, target)
+    return True
+
+
+def add_target(model: Model, source: int, reference: Reference, target: int) -> bool:
+    """As `link`, but where the opposite of a single target is taken, the object that holds it lets go.
+
+    Raises:
+        TypeMismatch, RuleError: as `link`.
+    """
+    relation = model.store.relations[reference.index]
+    if relation.opposite is None or relation.opposite_upper != 1 or target in relation.forward[source]:
+        return model.link(source, reference, target)
+    model.set_target(target, relation.opposite, source)
+    return True
+
+
+def _house(model: Model, relation: Relation, container: int, node: int) -> bool:
+    """Put an object into a container that is not inside it, after taking it out of another."""
+    above: int | None = container
+    while above is not None:
+        if above == node:
+            raise refusals.inside(model, node, container)
+        found = model.container(above)
+        above = found and found[0]
+    old = model.container(node)
+    try:
+        if old:
+            model.store.disconnect(model.store.relations[old[1].index], old[0], node)
+        model.store.connect(relation, container, node)
+    except BaseException:
+        model.store.interrupted.append((link, (model, container, relation.reference, node)))
+        model.store.interrupted.repair()
+        raise
+    return True
+
+
+def unlink(model: Model, source: int, reference: Reference, target: int) -> bool:
+    """Remove a link, and so its opposite; False if there is none."""
+    relation = model.store.relations[reference.index]
+    if target not in relation.forward[source]:
+        return False
+    model.store.disconnect(relation, source, target)
+    return True
+
+
+def set_target(model: Model, source: int, reference: Reference, target: int | None) -> None:
+    """Make `target` the only target; None clears the reference.
+
+    Unlike `link` this replaces: the old target goes, and where the opposite of a single reference is taken,
+    the object that holds it lets go.
+
+    Raises:
+        TypeMismatch: an end is not of the class that the reference demands.
+        RuleError: a cycle of "containment", or a full many-valued opposite; then nothing has changed.
+    """
+    relation = model.store.relations[reference.index]
+    if not relation.plain:
+        model.set_targets(source, reference, () if target is None else (target,))
+        return
+    classes = model.store.classes
+    if not (relation.source_ok[classes[source]] and (target is None or relation.target_ok[classes[target]])):
+        raise refusals.wrong_link(model, source, reference, target)
+    old = relation.forward[source]
+    if old and old[0] == target:
+        return
+    try:
+        if old:
+            relation.disconnect(source, old[0])
+        if target is not None:
+            if relation.opposite_upper == 1:
+                holders = relation.backward[target]
+                if holders:
+                    relation.disconnect(holders[0], target)
+            relation.connect(source, target)
+    except BaseException:
+        model.store.interrupted.append((set_target, (model, source, reference, target)))
+        model.store.interrupted.repair()
+        raise
+
+
+def set_targets(model: Model, source: int, reference: Reference, targets: Sequence[int]) -> None:
+    """Make these the targets, in this order, as `set_target` does for one.
+
+    Raises:
+        InvalidArgument: a target is named twice.
+    """
+    relation = model.store.relations[reference.index]
+    classes = model.store.classes
+    if not relation.source_ok[classes[source]]:
+        raise refusals.wrong_link(model, source, reference, None)
+    for target in targets:
+        if not relation.target_ok[classes[target]]:
+            raise refusals.wrong_link(model, source, reference, target)
+    old = relation.forward[source]
+    if len(old) == len(targets) and tuple(old) == tuple(targets):
+        return
+    if not targets:  # nothing can be refused, so nothing has to be taken back
+        try:
+            _clear(model, relation, source)
+        except BaseException:
+            model.store.interrupted.append((_clear, (model, relation, source)))
+            model.store.interrupted.repair()
+            raise
+        return
+    if len(targets) > relation.upper:
+        raise refusals.full(model, source, reference)
+    if len(targets) > 1 and len(set(targets)) < len(targets):
+        raise InvalidArgument(f"the targets of `{reference}` are different objects")
+    with all_or_nothing(model):
+        _replace(model, relation, source, targets)
+
+
+def _clear(model: Model, relation: Relation, source: int) -> None:
+    for target in tuple(relation.forward[source]):
+        relation.disconnect(source, target)
+
+
+def _replace(model: Model, relation: Relation, source: int, targets: Sequence[int]) -> None:
+    disconnect = model.store.disconnect
+    old = tuple(relation.forward[source])
+    wanted = set(targets)
+    kept = [target for target in old if target in wanted]
+    # Fewer changes if those that stay come first in the new order; else the order needs all of them anew.
+    in_place = kept == list(targets[: len(kept)])
+    for target in old:
+        if not in_place or target not in wanted:
+            disconnect(relation, source, target)
+    if relation.opposite_upper == 1:
+        for target in targets:
+            holders = relation.backward[target]
+            if holders and holders[0] != source:
+                disconnect(relation, holders[0], target)
+    for target in targets:
+        model.link(source, relation.reference, target)
+
+
+def container(model: Model, node: int) -> tuple[int, Reference] | None:
+    """The object that contains this one, and by which reference; None for a root."""
+    for relation in model._layout.containers[model.store.classes[node]]:
+        holders = relation.backward[node]
+        if holders:
+            return holders[0], relation.reference
+    return None
