@@ -20,6 +20,7 @@ unless they have one of their own, and `origin_of` finds that of the line that h
 """
 
 from envgraph.code._block import Block
+from envgraph.code._compile import define as define_text
 from envgraph.code._counters import with_counters
 from envgraph.code._lines import define, origin_of
 from envgraph.code._printer import ATOM, Printed, expression_text, printed
@@ -110,6 +111,7 @@ __all__ = [
     "chained",
     "dataclass",
     "define",
+    "define_text",
     "equal",
     "expression_text",
     "inverse",

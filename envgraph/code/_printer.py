@@ -39,13 +39,20 @@ INDENT: Final = "    "
 MOST_COLUMNS: Final = 100
 """Longer conditions are broken into lines, since people read generated code too."""
 
-_CHOICE, _OR, _AND, _NOT, _COMPARISON, _SUM, _PRODUCT, _MINUS, ATOM = range(9)
+_CHOICE, _OR, _AND, _NOT, _COMPARISON, _BIT_OR, _BIT_XOR, _BIT_AND, _SHIFT, _SUM, _PRODUCT, _MINUS, ATOM = (
+    range(13)
+)
 """How tightly operators hold their operands."""
 _LEVELS: Final = {
     **{
         "or": _OR,
         "and": _AND,
         "not": _NOT,
+        "|": _BIT_OR,
+        "^": _BIT_XOR,
+        "&": _BIT_AND,
+        "<<": _SHIFT,
+        ">>": _SHIFT,
         "+": _SUM,
         "-": _SUM,
         "*": _PRODUCT,

@@ -34,7 +34,7 @@ class Local:
 class Constant:
     """A number, a truth value, or None. Texts and the like are values of the namespace."""
 
-    value: int | bool | None
+    value: int | float | bool | None
 
     def __eq__(self, other: object) -> bool:
         """As for other nodes; 1 and True are different."""

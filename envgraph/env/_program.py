@@ -106,9 +106,9 @@ class Program:
             block, self.bound[agent[0].variable] = agent
             own = {**shared, block.variable: block.cls}
         self._objects: dict[str, KeyedObjects] = {}
-        effects = _together(block.effects, own, behaviour.effects, shared)
-        actions = _together(block.actions, own, behaviour.actions, shared)
-        seen = _together(block.observations, own, behaviour.observations, shared)
+        effects = together(block.effects, own, behaviour.effects, shared)
+        actions = together(block.actions, own, behaviour.actions, shared)
+        seen = together(block.observations, own, behaviour.observations, shared)
         self.actions = [one for action, types in actions for one in self._actions(action, types, effects)]
         self.effects = [self._effect(effect, types) for effect, types in effects]
         self._asked = effects
@@ -123,7 +123,7 @@ class Program:
         branches = self._alternatives(action.branches)
         types = {**types, **{name: domain.cls for name, domain in action.parameters if domain.cls}}
         reward, else_reward = self._reward(action.reward, types), self._reward(action.else_reward, types)
-        before = sum(1 for effect, _ in effects if _stands_before(effect, action))
+        before = sum(1 for effect, _ in effects if stands_before(effect, action))
         domains = [self._values(domain) for _, domain in action.parameters]
         for values in product(*domains):
             shown = ", ".join(text for text, _ in values)
@@ -239,19 +239,7 @@ class Program:
         return self._added(lambda name: condition_question(name, condition, types))
 
     def _added(self, make: Callable[[str], Question]) -> Question:
-        """A helper pattern under a name that is free, or under which the same pattern stands already."""
-        library = self.engine.library
-        known = set(library.names())
-        number = 0
-        while True:
-            question = make(f"{self._name}#{number}")
-            name = question.pattern.qualified_name
-            if name not in known:
-                self.engine.add(question.pattern)
-                return question
-            if library.get(name) == question.pattern:
-                return question
-            number += 1
+        return added(self.engine, self._name, make)
 
     def _matches(self, question: Question) -> tuple[Callable[[], list[Row]], Callable[[Row], bool]]:
         name, count = question.pattern.qualified_name, len(question.bound)
@@ -366,6 +354,22 @@ class Program:
         return count
 
 
+def added(engine: Engine, behaviour: str, make: Callable[[str], Question]) -> Question:
+    """A helper pattern under a name that is free, or under which the same pattern stands already."""
+    library = engine.library
+    known = set(library.names())
+    number = 0
+    while True:
+        question = make(f"{behaviour}#{number}")
+        name = question.pattern.qualified_name
+        if name not in known:
+            engine.add(question.pattern)
+            return question
+        if library.get(name) == question.pattern:
+            return question
+        number += 1
+
+
 def _item(objects: KeyedObjects, position: int) -> Callable[[], Value | None]:
     return lambda: objects.get(position)
 
@@ -397,7 +401,7 @@ def _unvalued(
     return EvaluationError(f"{what} has no value: {found.message}", found.span, found.hint)
 
 
-def _together(
+def together(
     own: Sequence[Clause], own_types: Types, shared: Sequence[Clause], shared_types: Types
 ) -> list[tuple[Clause, Types]]:
     """Clauses with the names that they know, in the order of the text; an agent's own first where there is no text."""
@@ -408,7 +412,7 @@ def _together(
     return [both[place] for place in sorted(range(len(both)), key=starts.__getitem__)]
 
 
-def _stands_before(effect: Effect, action: Action) -> bool:
+def stands_before(effect: Effect, action: Action) -> bool:
     if effect.span is None or action.span is None or effect.span.source is not action.span.source:
         return False
     return effect.span.start < action.span.start

@@ -109,8 +109,17 @@ class Simulator:
         """
         if self._start is None:
             raise InvalidArgument("no episode has begun: call `reset` first")
-        reward, terminated = self._step(self._action(action), Draw(rng.random()))
+        return self.act(action, rng.random())
+
+    def act(self, action: int, uniform: float) -> Outcome:
+        """`step` in the present state of the model, whether or not an episode has begun, with a number from [0, 1)."""
+        reward, terminated = self._step(self._action(action), Draw(uniform))
         return Outcome(reward, terminated, self.observe())
+
+    def begin(self, uniform: float) -> int:
+        """`reset` from the present state of the model, with a number from [0, 1)."""
+        self._begin(Draw(uniform))
+        return self.observe()
 
     def close(self) -> None:
         """Go back to the initial state and release the model."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 
 from envgraph.match._components import components
 from envgraph.match.passes._calls import CallGraph
@@ -13,12 +13,21 @@ class Bodies:
     """The bodies of the patterns of a library as a pipeline leaves them, each worked out once.
 
     Invariant: when a pass looks at a body, those of the patterns that it calls are there, recursive ones excepted.
+
+    Args:
+        library: the patterns.
+        calls: which of them call which.
+        passes: the pipeline.
+        kept: patterns whose calls stay calls.
     """
 
-    def __init__(self, library: Library, calls: CallGraph, passes: Sequence[Pass]) -> None:
+    def __init__(
+        self, library: Library, calls: CallGraph, passes: Sequence[Pass], kept: Container[str] = ()
+    ) -> None:
         self.library = library
         self._calls = calls
         self._passes = passes
+        self._kept = kept
         self._done: dict[str, tuple[Conjunction, ...]] = {}
 
     def of(self, pattern: str) -> tuple[Conjunction, ...]:
@@ -32,8 +41,8 @@ class Bodies:
         return self._done[pattern]
 
     def called(self, pattern: str) -> tuple[Conjunction, ...] | None:
-        """The bodies that may stand in place of a call; None for a recursive pattern."""
-        return None if self._calls.recursive(pattern) else self.of(pattern)
+        """The bodies that may stand in place of a call; None for a recursive pattern, and where the call stays."""
+        return None if pattern in self._kept or self._calls.recursive(pattern) else self.of(pattern)
 
     def _rewritten(self, body: Conjunction) -> Conjunction:
         for rewrite in self._passes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from math import fsum
 
 from envgraph.match.passes import ON_DEMAND, Bodies, expanded
@@ -31,13 +31,20 @@ class Planner:
         library: the patterns.
         calls: which of them call which.
         sizes: what estimates go by; else what the metamodel suggests.
+        kept: patterns whose calls stay calls.
     """
 
-    def __init__(self, library: Library, calls: CallGraph, sizes: Sizes | None = None) -> None:
+    def __init__(
+        self,
+        library: Library,
+        calls: CallGraph,
+        sizes: Sizes | None = None,
+        kept: Container[str] = (),
+    ) -> None:
         self.library = library
         self.calls = calls
         self.sizes = sizes or Sizes(library.metamodel)
-        self._bodies = Bodies(library, calls, ON_DEMAND)
+        self._bodies = Bodies(library, calls, ON_DEMAND, kept)
         self._views: dict[ViewKey, ViewPlan | Unplannable] = {}
 
     def view(self, key: ViewKey) -> ViewPlan:

@@ -1,0 +1,192 @@
+"""Many environments side by side: their states, and one call for a step of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from math import prod
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env._simulator import Simulator
+from envgraph.env.compiled._kernels import CAPACITY, FAILED, OVERFLOW
+from envgraph.env.compiled._program import Program, streams
+from envgraph.env.compiled._twin import Twin
+from envgraph.errors import EvaluationError
+
+NO_NUMBERS: Final = np.zeros(0)
+_SHOWN: Final = {FAILED: "something had no value", OVERFLOW: f"a question has more than {CAPACITY} matches"}
+
+
+class Batch:
+    """The states of environments, each over a member of a family.
+
+    Args:
+        program: the compiled behaviour.
+        members: number of the member of each environment.
+
+    Attributes:
+        states, float_states: int64 and float64 [n, ..]; a row is all that an environment is, but for `steps`.
+        steps: int64 [n], since the episode began.
+        over: bool [n], whether the episode has ended or was truncated.
+        observation: int64 [n]; components: int64 [n, ..].
+        reward: float64 [n]; ended: int64 [n], 0, 1 for success, 2 for failure; cut: bool [n], whether it was truncated.
+    """
+
+    def __init__(self, program: Program, members: Sequence[int] | NDArray[Any]) -> None:
+        self.program = program
+        arrays, self._reset, self._step = (
+            program.arrays,
+            program.kernels["reset_all"],
+            program.kernels["step_all"],
+        )
+        self.members = np.asarray(members, dtype=np.int64)
+        n = len(self.members)
+        self.states = np.zeros((n, arrays.states.shape[1]), dtype=np.int64)
+        self.float_states = np.zeros((n, arrays.float_states.shape[1]))
+        self.steps = np.zeros(n, dtype=np.int64)
+        self.over = np.zeros(n, dtype=np.bool_)
+        self.observation = np.zeros(n, dtype=np.int64)
+        self.components = np.zeros((n, len(program.observation_shape)), dtype=np.int64)
+        self.reward = np.zeros(n)
+        self.ended = np.zeros(n, dtype=np.int64)
+        self.cut = np.zeros(n, dtype=np.bool_)
+        self._drawn = np.zeros(n)
+        rows = CAPACITY * program.levels
+        space = (
+            np.zeros((rows, program.width), dtype=np.int64),
+            np.zeros((rows, program.width)),
+        )
+        tables = arrays.tables if program.native else arrays.tables.astype(np.int64)
+        draw = np.zeros(1)
+        self._world = (
+            tables,
+            arrays.floats,
+            arrays.offsets,
+            self.states,
+            self.float_states,
+            *space,
+            draw,
+            self.members,
+            arrays.states,
+            arrays.float_states,
+        )
+        kept = 2 if program.may_fail else 0
+        self._before = (
+            np.zeros((kept, self.states.shape[1]), dtype=np.int64),
+            np.zeros((kept, self.float_states.shape[1])),
+        )
+        self._streams = np.zeros((n, 4), dtype=np.uint64)
+        self._twins: dict[int, Twin] = {}
+
+    def seed(self, generators: Sequence[np.random.Generator]) -> None:
+        """Draw from now on as these generators would, one for each environment; they stay as they are."""
+        self._streams[:] = streams(generators)
+
+    def reset(self, which: NDArray[np.bool_], uniforms: NDArray[np.float64] = NO_NUMBERS) -> None:
+        """Begin episodes.
+
+        Args:
+            which: bool [n], the environments that begin anew.
+            uniforms: a number from [0, 1) for each environment; without them each draws from its own stream.
+
+        Raises:
+            RuleError, EvaluationError: as the live engine does.
+        """
+        failed = self._reset(
+            *self._world,
+            self._streams,
+            uniforms,
+            which,
+            self.components,
+            self.steps,
+            self.over,
+            self.observation,
+            self._drawn,
+        )
+        if failed >= 0:
+            self._raise(failed, None)
+
+    def step(
+        self,
+        actions: NDArray[np.int64],
+        *,
+        again: bool,
+        limit: int = 0,
+        uniforms: NDArray[np.float64] = NO_NUMBERS,
+        starts: NDArray[np.float64] = NO_NUMBERS,
+    ) -> None:
+        """One step of each environment.
+
+        Args:
+            actions: int64 [n], each in range.
+            again: whether those that are over begin anew instead.
+            limit: steps after which an episode is truncated; 0 for none.
+            uniforms, starts: numbers from [0, 1) for steps and for beginnings; see `reset`.
+
+        Raises:
+            RuleError, EvaluationError: as the live engine does.
+        """
+        failed = self._step(
+            *self._world,
+            self._streams,
+            uniforms,
+            starts,
+            actions,
+            again,
+            limit,
+            self.components,
+            self.steps,
+            self.over,
+            self.observation,
+            self.reward,
+            self.ended,
+            self.cut,
+            self._drawn,
+            *self._before,
+        )
+        if failed >= 0:
+            self._raise(failed, int(actions[failed]))
+
+    def _raise(self, row: int, action: int | None) -> None:
+        """Do on the live engine what went wrong, for the message.
+
+        Raises:
+            RuleError, EvaluationError: always.
+        """
+        error, arrays = int(self.states[row, 0]), self.program.arrays
+        self.over[row] = True
+        member = int(self.members[row])
+        if error != OVERFLOW:
+            twin = self._twin(member)
+            begun = action is None or self.steps[row] == 0
+            before = arrays.states[member] if begun else self._before[0][1]
+            floats = arrays.float_states[member] if begun else self._before[1][1]
+            with twin.at(before, floats) as simulator:
+                _again(simulator, None if begun else action, float(self._drawn[row]))
+        raise EvaluationError(_SHOWN.get(error, "a rule cannot be applied"))
+
+    @contextmanager
+    def model_of(self, row: int) -> Iterator[Simulator]:
+        """Meanwhile a live engine is in the state of an environment: for pictures, and for a close look."""
+        with self._twin(int(self.members[row])).at(self.states[row], self.float_states[row]) as simulator:
+            yield simulator
+
+    def _twin(self, member: int) -> Twin:
+        if member not in self._twins:
+            self._twins[member] = self.program.twin(member)
+        return self._twins[member]
+
+    @property
+    def n_observations(self) -> int:
+        """How many observations there are."""
+        return prod(self.program.observation_shape)
+
+
+def _again(simulator: Simulator, action: int | None, uniform: float) -> None:
+    if action is None:
+        simulator.begin(uniform)
+    else:
+        simulator.act(action, uniform)

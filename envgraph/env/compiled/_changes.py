@@ -1,0 +1,274 @@
+"""What the rules of a behaviour may change; everything else is data of a member of the family."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from envgraph.behaviour import Agent, Behaviour, EachStep, RuleCall
+from envgraph.code import dataclass
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.match.plan import CallGraph
+from envgraph.metamodel import Attribute, Metamodel, Reference
+from envgraph.pattern import (
+    Absence,
+    AggregateAtom,
+    AttributeAtom,
+    Goal,
+    InstanceAtom,
+    Library,
+    LinkAtom,
+)
+from envgraph.rewrite import Engine
+from envgraph.rewrite.plans import (
+    BlockPlan,
+    ChangeTargets,
+    Increase,
+    RulePlan,
+    SetTargets,
+    SetValue,
+    SetValues,
+)
+
+
+def calls_of(behaviour: Behaviour) -> Iterator[RuleCall]:
+    """Every call of a rule that a behaviour makes."""
+    yield from (reset.apply for reset in behaviour.resets)
+    owners: tuple[Behaviour | Agent, ...] = (behaviour, *behaviour.agents)
+    for owner in owners:
+        for action in owner.actions:
+            yield from (branch.call for branch in action.branches)
+        for effect in owner.effects:
+            if isinstance(effect, EachStep):
+                yield from (branch.call for branch in effect.apply)
+            elif effect.apply is not None:
+                yield effect.apply
+
+
+def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
+    """The plan of the rule that is called.
+
+    Raises:
+        NotCompiled: it is a unit, a rule written in Python, or one with constructs that are not compiled.
+    """
+    assert call.rule is not None
+    if engine.signature(call.rule).kind != "rule":
+        raise NotCompiled(f"the unit `{call.rule}`", call.span)
+    plan: RulePlan | None = getattr(engine.prepare(call.rule), "plan", None)
+    if plan is None:
+        raise NotCompiled(f"the rule `{call.rule}`, which is written in Python", call.span)
+    _check(plan, call)
+    return plan
+
+
+def _check(plan: RulePlan, call: RuleCall) -> None:
+    body = plan.body
+    refused = {
+        "blocks inside a rule": body.nested,
+        "objects that a rule creates": body.creates,
+        "objects that a rule merges": body.absorbs,
+        "variables of a rule that may stand for one object, where it changes several": (
+            body.coinciding and body.operations > 1
+        ),
+    }
+    for construct, there in refused.items():
+        if there:
+            raise NotCompiled(f"{construct} (`{plan.name}`)", body.span or call.span)
+    for change in body.sets:
+        if isinstance(change, SetValues | ChangeTargets) or _many_valued(change):
+            raise NotCompiled(f"many values that a rule sets (`{plan.name}`)", change.span)
+
+
+def _many_valued(change: SetValue | Increase | SetTargets | SetValues | ChangeTargets) -> bool:
+    """Whether a change is one of a feature with many values."""
+    feature = change.reference if isinstance(change, SetTargets | ChangeTargets) else change.attribute
+    return feature.many
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What some rules may change.
+
+    Attributes:
+        attributes, references: indices of the features.
+        written: indices of the attributes that rules set; the others that change only go with their objects.
+        groups: concrete classes, by the sets of them among which the class of an object changes, or from which
+            objects are deleted.
+        deleted: those whose objects may be deleted.
+    """
+
+    metamodel: Metamodel
+    attributes: frozenset[int]
+    written: frozenset[int]
+    references: frozenset[int]
+    groups: tuple[tuple[str, ...], ...]
+    deleted: frozenset[str]
+
+    @classmethod
+    def of(cls, plans: Iterable[RulePlan], metamodel: Metamodel) -> Changes:
+        """What rules may change.
+
+        Raises:
+            NotCompiled: a change that is not compiled.
+        """
+        found = _Found(metamodel)
+        for plan in plans:
+            found.add(plan.body)
+        return found.result()
+
+    def fixed_class(self, name: str, exact: bool = False) -> bool:
+        """Whether always the same objects are of a class."""
+        members = {name} if exact else {*self.metamodel.concrete(name)}
+        return all(
+            members.isdisjoint(group) or (members.issuperset(group) and self.deleted.isdisjoint(group))
+            for group in self.groups
+        )
+
+    def fixed_feature(self, feature: Attribute | Reference) -> bool:
+        """Whether a feature has always the same values."""
+        known = self.attributes if isinstance(feature, Attribute) else self.references
+        return feature.index not in known
+
+    def group_of(self, cls: str) -> tuple[str, ...] | None:
+        """The group that a concrete class belongs to, if it belongs to one."""
+        return next((group for group in self.groups if cls in group), None)
+
+
+class _Found:
+    """Collects changes."""
+
+    def __init__(self, metamodel: Metamodel) -> None:
+        self.metamodel = metamodel
+        self.attributes: set[int] = set()
+        self.written: set[int] = set()
+        self.references: set[int] = set()
+        self.deleted: set[str] = set()
+        self._groups: list[set[str]] = []
+
+    def add(self, body: BlockPlan) -> None:
+        for reference in (*(one.reference for one in body.unlinks), *(one.reference for one in body.links)):
+            self._reference(reference)
+        for move in body.moves:
+            self._enters(body.classes[move.node], move.reference)
+        for change in body.sets:
+            match change:
+                case SetTargets(_, reference):
+                    self._reference(reference)
+                    self._set_containment(reference)
+                case SetValue(_, attribute) | Increase(_, attribute):
+                    self.written.add(attribute.index)
+                case _:
+                    raise AssertionError(change)
+        for delete in body.deletes:
+            self._delete(body.classes[delete.node], body)
+        for retype in body.retypes:
+            self._retype(body.classes[retype.node], retype.cls, body)
+
+    def _reference(self, reference: Reference) -> None:
+        opposite = self.metamodel.opposite(reference)
+        self.references.update({reference.index} if opposite is None else {reference.index, opposite.index})
+        if reference.containment or (opposite is not None and opposite.containment):
+            content = reference.target if reference.containment else reference.owner
+            self._enters(content, reference)
+
+    def _set_containment(self, reference: Reference) -> None:
+        opposite = self.metamodel.opposite(reference)
+        if reference.containment or (opposite is not None and opposite.containment):
+            raise NotCompiled(f"containers that are set (`{reference}`); `move` is compiled")
+
+    def _enters(self, content: str | None, entered: Reference) -> None:
+        """An object enters a container: it leaves another."""
+        assert content is not None
+        for reference in self.metamodel.references:
+            if reference.containment and self.metamodel.overlap(content, reference.target):
+                opposite = self.metamodel.opposite(reference)
+                self.references.add(reference.index)
+                self.references.update(() if opposite is None else (opposite.index,))
+
+    def _delete(self, cls: str | None, body: BlockPlan) -> None:
+        assert cls is not None
+        concrete = self.metamodel.concrete(cls)
+        self._group(concrete)
+        self.deleted.update(concrete)
+        for one in concrete:
+            for feature in self.metamodel.features(one).values():
+                if isinstance(feature, Attribute):
+                    self.attributes.add(feature.index)
+                elif feature.containment:
+                    raise NotCompiled(f"containers that a rule deletes (`{one}`)", body.span)
+        for reference in self.metamodel.references:
+            if any(
+                self.metamodel.is_a(one, end)
+                for one in concrete
+                for end in (reference.owner, reference.target)
+            ):
+                self.references.add(reference.index)
+
+    def _retype(self, cls: str | None, new: str, body: BlockPlan) -> None:
+        assert cls is not None
+        old = self.metamodel.concrete(cls)
+        features = self.metamodel.features(new)
+        for one in old:
+            if self.metamodel.features(one) != features:
+                raise NotCompiled(
+                    f"a retyping that changes what an object has (`{one}` to `{new}`)", body.span
+                )
+        for reference in self.metamodel.references:
+            for one in old:
+                if self.metamodel.is_a(one, reference.target) != self.metamodel.is_a(new, reference.target):
+                    message = f"a retyping after which links are not allowed any more (`{one}` to `{new}`)"
+                    raise NotCompiled(message, body.span)
+        self._group([*old, new])
+
+    def _group(self, classes: Iterable[str]) -> None:
+        merged = {*classes}
+        for group in [group for group in self._groups if not merged.isdisjoint(group)]:
+            merged |= group
+            self._groups.remove(group)
+        self._groups.append(merged)
+
+    def result(self) -> Changes:
+        order = [cls.name for cls in self.metamodel.class_list]
+        groups = sorted(tuple(sorted(group, key=order.index)) for group in self._groups)
+        return Changes(
+            self.metamodel,
+            frozenset(self.attributes | self.written),
+            frozenset(self.written),
+            frozenset(self.references),
+            tuple(groups),
+            frozenset(self.deleted),
+        )
+
+
+class StaticPatterns:
+    """Which patterns always have the same matches."""
+
+    def __init__(self, changes: Changes, library: Library, calls: CallGraph) -> None:
+        self._changes = changes
+        self._library = library
+        self._calls = calls
+        self._own: dict[str, bool] = {}
+
+    def __contains__(self, pattern: object) -> bool:
+        assert isinstance(pattern, str)
+        return all(map(self._of_itself, self._calls.bottom_up(pattern)))
+
+    def _of_itself(self, pattern: str) -> bool:
+        if pattern not in self._own:
+            lowered = self._library.lowered(pattern)
+            goals = [goal for body in lowered.bodies for goal in body.goals]
+            self._own[pattern] = not lowered.inputs and all(map(self.goal, goals))
+        return self._own[pattern]
+
+    def goal(self, goal: Goal) -> bool:
+        """Whether a goal asks nothing that changes, but for what patterns it calls."""
+        match goal:
+            case InstanceAtom(cls, _, exact):
+                return self._changes.fixed_class(cls, exact)
+            case AttributeAtom(feature) | LinkAtom(feature):
+                return self._changes.fixed_feature(feature)
+            case AggregateAtom(_, relation):
+                return self.goal(relation)
+            case Absence(alternatives):
+                return all(self.goal(inner) for alternative in alternatives for inner in alternative)
+            case _:
+                return True

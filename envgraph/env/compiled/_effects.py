@@ -1,0 +1,426 @@
+"""What a rule does to a state, as assignments to its cells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from envgraph import code
+from envgraph.env.compiled._facts import Facts, Stored, call
+from envgraph.env.compiled._layout import cell, failed, plus
+from envgraph.env.compiled._member import MOST_INT, NO_INT, absent
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._tables import WORD, ClassSet
+from envgraph.env.compiled._terms import Term, Terms, as_float, named
+from envgraph.metamodel import Attribute, Reference, Scalar
+from envgraph.pattern import ObjectType, StaticType
+from envgraph.rewrite.plans import (
+    BlockPlan,
+    ChangeClass,
+    Compute,
+    Delete,
+    Increase,
+    Link,
+    Rehome,
+    RulePlan,
+    SetTargets,
+    SetValue,
+    Unlink,
+)
+
+REFUSED = code.Name("REFUSED")
+MISSING = code.Constant(-1)
+
+
+class Effects:
+    """Writes what a rule does.
+
+    Args:
+        facts: reads the model.
+        plan: of the rule.
+        slots: variables for the slots of the match.
+        leave: what the function returns where the rule is refused.
+    """
+
+    def __init__(
+        self, facts: Facts, plan: RulePlan, slots: Sequence[code.Expression], leave: code.Return
+    ) -> None:
+        self._facts = facts
+        self._plan = plan
+        self._body: BlockPlan = plan.body
+        self._slots: dict[int, code.Expression] = dict(enumerate(slots))
+        self._types: dict[int, StaticType | None] = {}
+        self._leave = leave
+        self._statements: list[code.Statement] = []
+
+    def write(self) -> code.Body:
+        """All changes, in order; a refusal sets the error of the state."""
+        body = self._body
+        for unlink in body.unlinks:
+            if unlink.required:
+                self._unless(self._linked(unlink.source, unlink.reference, unlink.target))
+        for compute in body.computed:
+            self._compute(compute)
+        for unlink in body.unlinks:
+            self._unlink(unlink)
+        for move in body.moves:
+            self._leave_containers(move)
+        for delete in body.deletes:
+            self._delete(delete)
+        for retype in body.retypes:
+            self._retype(retype)
+        for move in body.moves:
+            self._link(move)
+        for link in body.links:
+            self._link(link)
+        for change in body.sets:
+            match change:
+                case SetValue():
+                    self._set(change)
+                case Increase():
+                    self._increase(change)
+                case SetTargets():
+                    self._set_target(change)
+                case _:
+                    raise AssertionError(change)
+        return tuple(self._statements)
+
+    def slot(self, number: int) -> code.Expression:
+        """The value of a slot, after `write`."""
+        return self._slots[number]
+
+    def type_of(self, number: int) -> StaticType | None:
+        """The type of a computed slot."""
+        return self._types[number]
+
+    # --- statements
+
+    def _add(self, *statements: code.Statement) -> None:
+        self._statements += statements
+
+    def _unless(self, test: code.Expression) -> None:
+        """The rule is refused unless something holds."""
+        self._add(code.If(code.inverse(test), (failed(REFUSED), self._leave)))
+
+    def _sure(self, slot: int, cls: str) -> bool:
+        own = self._body.classes[slot] if slot < len(self._body.classes) else None
+        return own is not None and self._facts.metamodel.is_a(own, cls)
+
+    # --- values
+
+    def _compute(self, compute: Compute) -> None:
+        names = {}
+        for name, slot, type_ in compute.scope:
+            sure = self._body.classes[slot] if slot < len(self._body.classes) else None
+            names[name] = named(self._slots[slot], type_, sure)
+        terms = Terms(self._facts, names)
+        term = terms.write(compute.expression)
+        self._add(*terms.steps)
+        for test in term.valid if not compute.needed else term.tests:
+            self._unless(test)
+        self._types[compute.slot] = term.type
+        local = self._facts.local(term.type or ObjectType(""))
+        value = term.number
+        if not compute.needed and term.present:
+            there = code.joined("and", term.present, True)
+            value = code.Choice(there, value, absent(term.type or ObjectType("")))
+        self._add(code.Assign(local, value))
+        self._slots[compute.slot] = local
+
+    def _fitting(self, slot: int, attribute: Attribute) -> code.Expression:
+        """The value of a slot as one of an attribute."""
+        type_, value = self._types.get(slot, attribute.type), self._slots[slot]
+        if attribute.type is Scalar.FLOAT and type_ is not Scalar.FLOAT:
+            return as_float(Term(value, Scalar.INT))
+        return value
+
+    def _check_int(self, value: code.Expression, attribute: Attribute) -> None:
+        if attribute.type is Scalar.INT:
+            low = code.Operation(">", (value, code.Constant(NO_INT)))
+            high = code.Operation("<=", (value, code.Constant(MOST_INT)))
+            self._unless(code.Operation("and", (low, high)))
+
+    def _cell(self, slot: int, attribute: Attribute) -> code.Index:
+        node = self._slots[slot]
+        place, guard = self._facts.attribute_cell(attribute, node, sure=self._sure(slot, attribute.owner))
+        for test in guard:
+            self._unless(test)
+        return place
+
+    def _set(self, change: SetValue) -> None:
+        attribute = change.attribute
+        if change.value is None:
+            self._add(code.Assign(self._cell(change.object, attribute), absent(attribute.type)))
+            return
+        value = self._fitting(change.value, attribute)
+        self._check_int(value, attribute)
+        self._add(code.Assign(self._cell(change.object, attribute), value))
+
+    def _increase(self, change: Increase) -> None:
+        attribute = change.attribute
+        place = self._cell(change.object, attribute)
+        self._unless(self._facts.present(place, attribute.type))
+        made = code.Operation(change.operator[0], (place, self._fitting(change.value, attribute)))
+        local = self._facts.local(attribute.type)
+        self._add(code.Assign(local, made))
+        if attribute.type is Scalar.FLOAT:
+            self._unless(code.Operation("<", (code.call("abs", local), code.Name("INFINITY"))))
+        self._check_int(local, attribute)
+        self._add(code.Assign(place, local))
+
+    # --- links
+
+    def _ends(
+        self, source: int, reference: Reference, target: int
+    ) -> tuple[Stored, code.Index, code.Expression, list[code.Expression]]:
+        """The cell that keeps a link, the other end, and what has to hold for there to be that cell."""
+        stored, same = self._facts.stored(reference)
+        at_source = stored.at_source is same
+        holder, other = (source, target) if at_source else (target, source)
+        end = reference.owner if at_source else reference.target
+        place, guard = self._facts.link_cell(stored, self._slots[holder], sure=self._sure(holder, end))
+        return stored, place, self._slots[other], guard
+
+    def _linked(self, source: int, reference: Reference, target: int) -> code.Expression:
+        if self._facts.changes.fixed_feature(reference):
+            raise AssertionError(reference)
+        _, place, other, guard = self._ends(source, reference, target)
+        return code.joined("and", [*guard, code.equal(place, other)], True)
+
+    def _unlink(self, unlink: Unlink) -> None:
+        _, place, _, _ = self._ends(unlink.source, unlink.reference, unlink.target)
+        test = self._linked(unlink.source, unlink.reference, unlink.target)
+        self._add(code.If(test, (code.Assign(place, MISSING),)))
+
+    def _leave_containers(self, move: Rehome) -> None:
+        """An object leaves its container, unless that is where it is to go."""
+        cls = self._body.classes[move.node]
+        assert cls is not None
+        metamodel, node = self._facts.metamodel, self._slots[move.node]
+        for reference in metamodel.references:
+            if not (reference.containment and metamodel.overlap(cls, reference.target)):
+                continue
+            stays = None
+            if reference == move.reference:
+                stays = code.Operation(
+                    "!=", (self._held_cell(reference, node, cls), self._slots[move.container])
+                )
+            self._let_go(reference, node, cls, stays)
+
+    def _held_cell(self, reference: Reference, node: code.Expression, cls: str) -> code.Expression:
+        """Code for the container of an object by a reference."""
+        sure = self._facts.metamodel.is_a(cls, reference.target)
+        found = self._facts.other_end(reference, node, forward=False, sure=sure)
+        assert found is not None
+        return found
+
+    def _let_go(
+        self, reference: Reference, node: code.Expression, cls: str, test: code.Expression | None
+    ) -> None:
+        """The container of an object by a reference is no more, if a test holds."""
+        stored, same = self._facts.stored(reference)
+        if stored.at_source is same:
+            holder = self._facts.local(ObjectType(""))
+            self._add(code.Assign(holder, self._held_cell(reference, node, cls)))
+            place, _ = self._facts.link_cell(stored, holder, sure=True)
+            there: list[code.Expression] = [code.Operation(">=", (holder, code.Constant(0)))]
+        else:
+            sure = self._facts.metamodel.is_a(cls, reference.target)
+            place, there = self._facts.link_cell(stored, node, sure=sure)
+        tests = [*there, *([] if test is None else [test])]
+        cleared = code.Assign(place, MISSING)
+        self._add(code.If(code.joined("and", tests, True), (cleared,)) if tests else cleared)
+
+    def _link(self, link: Link | Rehome) -> None:
+        """Adds a link, unless it is there; both ends need room."""
+        if isinstance(link, Rehome):
+            source, reference, target = link.container, link.reference, link.node
+            self._check_contents(reference.target)
+        else:
+            source, reference, target = link.source, link.reference, link.target
+        before = self._statements
+        self._statements = []
+        self._check_room(reference, self._slots[source], source, forward=True)
+        self._check_room(reference, self._slots[target], target, forward=False)
+        _, place, other, guard = self._ends(source, reference, target)
+        for test in guard:
+            self._unless(test)
+        made = (*self._statements, code.Assign(place, other))
+        self._statements = before
+        there = code.Operation(">=", (self._slots[target], code.Constant(0)))
+        missing_ = code.inverse(self._linked(source, reference, target))
+        test = code.Operation("and", (there, missing_)) if target in self._types else missing_
+        self._add(code.If(test, made))
+
+    def _check_contents(self, cls: str) -> None:
+        """An object that moves contains nothing that it could move into."""
+        metamodel = self._facts.metamodel
+        for one in metamodel.concrete(cls):
+            for feature in metamodel.features(one).values():
+                if isinstance(feature, Reference) and feature.containment:
+                    raise NotCompiled(f"containers that a rule moves (`{one}`)", self._body.span)
+
+    def _check_room(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
+        """The rule is refused unless an object may have one more target, or one more source."""
+        opposite = self._facts.metamodel.opposite(reference)
+        upper = reference.upper
+        if not forward:
+            upper = 1 if reference.containment else None if opposite is None else opposite.upper
+        if upper is None:
+            return
+        sure = self._sure(slot, reference.owner if forward else reference.target)
+        one = self._facts.other_end(reference, node, forward=forward, sure=sure) if upper == 1 else None
+        if one is not None:
+            self._unless(code.Operation("<", (one, code.Constant(0))))
+        else:
+            stored, _ = self._facts.stored(reference)
+            self._unless(code.Operation("<", (call(self._holders(stored), node), code.Constant(upper))))
+
+    def _holders(self, stored: Stored) -> str:
+        """The function that counts the objects whose cell has another."""
+        module, facts = self._facts.module, self._facts
+        name = module.named(("holders", stored))
+        if name is None:
+            block, wanted, number = code.Block(), module.fresh("v", "object"), code.Local("n", "int")
+            facts.holding(block, stored, wanted)
+            block.add(code.Assign(number, code.Constant(1), "+="))
+            body = (code.Assign(number, code.Constant(0)), *block.body(), code.Return(number))
+            with module.writing():
+                name = module.keep(("holders", stored), module.add("holders", (wanted,), body))
+        return name
+
+    def _set_target(self, change: SetTargets) -> None:
+        """The one target of an object; where the opposite of a single one is taken, its holder lets go."""
+        facts, reference = self._facts, change.reference
+        opposite = facts.metamodel.opposite(reference)
+        stored, same = facts.stored(reference)
+        source = self._slots[change.object]
+        target = self._slots[change.values[0]] if change.values else MISSING
+        at_source = stored.at_source is same
+        before, self._statements = self._statements, []
+        if at_source:
+            sure = self._sure(change.object, reference.owner)
+            place, guard = facts.link_cell(stored, source, sure=sure)
+            for test in guard:
+                self._unless(test)
+            old: code.Expression = place
+            there = code.Operation(">=", (target, code.Constant(0)))
+            if opposite is not None and opposite.upper == 1:
+                holder = facts.local(ObjectType(""))
+                held = facts.other_end(reference, target, forward=False, sure=False)
+                assert held is not None
+                self._add(code.Assign(holder, code.Choice(there, held, MISSING)))
+                other, _ = facts.link_cell(stored, holder, sure=True)
+                self._add(
+                    code.If(code.Operation(">=", (holder, code.Constant(0))), (code.Assign(other, MISSING),))
+                )
+            elif opposite is not None and opposite.upper is not None:
+                few = code.Operation(
+                    "<", (call(self._holders(stored), target), code.Constant(opposite.upper))
+                )
+                self._unless(code.Operation("or", (code.inverse(there), few)))
+            self._add(code.Assign(place, target))
+        else:
+            found = facts.other_end(reference, source, forward=True, sure=False)
+            assert found is not None
+            local = facts.local(ObjectType(""))
+            before.append(code.Assign(local, found))
+            old = local
+            held_by, _ = facts.link_cell(stored, local, sure=True)
+            self._add(
+                code.If(code.Operation(">=", (local, code.Constant(0))), (code.Assign(held_by, MISSING),))
+            )
+            place, _ = facts.link_cell(stored, target, sure=True)
+            self._add(
+                code.If(code.Operation(">=", (target, code.Constant(0))), (code.Assign(place, source),))
+            )
+        made = tuple(self._statements)
+        self._statements = before
+        self._add(code.If(code.Operation("!=", (old, target)), made))
+
+    # --- objects
+
+    def _retype(self, retype: ChangeClass) -> None:
+        group = self._facts.changes.group_of(retype.cls)
+        assert group is not None
+        place = self._leave_sets(group, retype.node)
+        word = self._word(group, retype.cls, place)
+        self._add(code.Assign(word, _bit_at(place), "|="))
+
+    def _leave_sets(self, group: tuple[str, ...], slot: int) -> code.Expression:
+        """An object is in none of the sets of its group."""
+        facts = self._facts
+        place = facts.module.fresh("p")
+        self._add(code.Assign(place, facts.place(group, self._slots[slot], sure=True)[0]))
+        for cls in group:
+            word = self._word(group, cls, place)
+            rest = code.Operation(
+                "&", (word, code.Operation("^", (code.Constant(2**WORD - 1), _bit_at(place))))
+            )
+            self._add(code.Assign(word, rest))
+        return place
+
+    def _word(self, group: tuple[str, ...], cls: str, place: code.Expression) -> code.Index:
+        offset = self._facts.layout.offset(ClassSet(group, cls))
+        return cell(plus(offset, code.Operation(">>", (place, code.Constant(5)))))
+
+    def _delete(self, delete: Delete) -> None:
+        cls = self._body.classes[delete.node]
+        assert cls is not None
+        facts, node = self._facts, self._slots[delete.node]
+        metamodel = facts.metamodel
+        for reference in metamodel.references:
+            opposite = metamodel.opposite(reference)
+            if opposite is not None and opposite.index < reference.index:
+                continue
+            if metamodel.overlap(cls, reference.owner):
+                self._drop(reference, node, cls, forward=True)
+            if metamodel.overlap(cls, reference.target):
+                self._drop(reference, node, cls, forward=False)
+        concrete = metamodel.concrete(cls)
+        attributes = {
+            f.index: f
+            for one in concrete
+            for f in metamodel.features(one).values()
+            if isinstance(f, Attribute)
+        }
+        for attribute in attributes.values():
+            place, guard = facts.attribute_cell(attribute, node, sure=metamodel.is_a(cls, attribute.owner))
+            cleared = code.Assign(place, absent(attribute.type))
+            self._add(code.If(code.joined("and", guard, True), (cleared,)) if guard else cleared)
+        group = facts.changes.group_of(concrete[0])
+        assert group is not None
+        self._leave_sets(group, delete.node)
+
+    def _drop(self, reference: Reference, node: code.Expression, cls: str, *, forward: bool) -> None:
+        """The links of an object that goes, at one end of a reference: refused where they would dangle."""
+        facts = self._facts
+        opposite = facts.metamodel.opposite(reference)
+        stored, _ = facts.stored(reference)
+        content = reference.containment if not forward else opposite is not None and opposite.containment
+        if stored.at_source is forward:
+            end = reference.owner if forward else reference.target
+            place, guard = facts.link_cell(stored, node, sure=facts.metamodel.is_a(cls, end))
+            if content or self._plan.lossy:
+                cleared = code.Assign(place, MISSING)
+                self._add(code.If(code.joined("and", guard, True), (cleared,)) if guard else cleared)
+            else:
+                free = code.Operation(
+                    "or", (code.Operation("<", (place, code.Constant(0))), code.equal(place, node))
+                )
+                self._unless(code.Choice(guard[0], free, code.TRUE) if guard else free)
+                cleared = code.Assign(place, MISSING)
+                self._add(code.If(guard[0], (cleared,)) if guard else cleared)
+            return
+        block = code.Block()
+        holder = facts.holding(block, stored, node)
+        place, _ = facts.link_cell(stored, holder, sure=True)
+        if content or self._plan.lossy:
+            block.add(code.Assign(place, MISSING))
+        else:
+            block.test(code.Operation("!=", (holder, node)))
+            block.add(failed(REFUSED), self._leave)
+        self._add(*block.body())
+
+
+def _bit_at(place: code.Expression) -> code.Expression:
+    return code.call("bit_at", place)

@@ -1,0 +1,395 @@
+"""Code that reads the model: tables where no rule changes it, the state where one does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import count
+
+from envgraph import code
+from envgraph.code import dataclass
+from envgraph.env.compiled._changes import Changes
+from envgraph.env.compiled._layout import STATE, TOP, Layout, Text, bit, cell, plus, table
+from envgraph.env.compiled._member import absent, missing
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._tables import (
+    AttributeColumn,
+    Bits,
+    ClassSet,
+    Holders,
+    HowMany,
+    Instances,
+    Keys,
+    Links,
+    Listed,
+    One,
+    Places,
+    Relation,
+    SourceColumn,
+    Starts,
+    TargetColumn,
+    Values,
+    Words,
+    classes_below,
+    keys_of,
+)
+from envgraph.match.plan import LiveSizes
+from envgraph.metamodel import Attribute, Reference, Scalar
+from envgraph.pattern import Library, StaticType
+
+SHIFT = code.Constant(5)
+"""Of a place in a set, to the number of its word."""
+
+
+class Module:
+    """The functions of a program, each after those that it calls.
+
+    Attributes:
+        functions: the functions.
+        levels: how many stretches of rows each function may use.
+        width: columns of the widest rows.
+    """
+
+    def __init__(self) -> None:
+        self.functions: list[code.Function] = []
+        self.levels: dict[str, int] = {}
+        self.width = 1
+        self._open: list[int] = []
+        self._names: dict[object, str] = {}
+        self._fresh = count()
+
+    def fresh(self, prefix: str, type_: str = "int") -> code.Local:
+        """A local variable that no other function has."""
+        return code.Local(f"{prefix}{next(self._fresh)}", type_)
+
+    def add(self, prefix: str, parameters: Sequence[code.Local], body: code.Body) -> str:
+        """Define a function; its parameters follow the state."""
+        name = f"{prefix}{len(self.functions)}"
+        self.functions.append(code.Function(name, (*STATE, *parameters), body))
+        self.levels[name] = self._open[-1]
+        return name
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Meanwhile one function is written."""
+        self._open.append(1)
+        yield
+        self._open.pop()
+
+    def uses(self, name: str, above: int) -> None:
+        """The function that is being written calls another, so many stretches above its own."""
+        self._open[-1] = max(self._open[-1], above + self.levels[name])
+
+    def named(self, key: object) -> str | None:
+        """The function for something, if it is defined."""
+        return self._names.get(key)
+
+    def keep(self, key: object, name: str) -> str:
+        """Remember the function for something."""
+        self._names[key] = name
+        return name
+
+
+def call(name: str, *arguments: code.Expression, top: code.Expression = TOP) -> code.Call:
+    """Code for a call of a function of the program, which may use the space for rows from `top` on."""
+    return code.call(name, *STATE[:-1], top, *arguments)
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """Where the links of a reference that changes are kept: one number for each object at one of its ends.
+
+    Attributes:
+        reference: of a pair of opposites the first.
+        at_source: whether that is the end where links begin.
+        classes: concrete classes of the objects at that end.
+    """
+
+    reference: Reference
+    at_source: bool
+    classes: tuple[str, ...]
+
+    @property
+    def column(self) -> TargetColumn | SourceColumn:
+        """The column."""
+        kind = TargetColumn if self.at_source else SourceColumn
+        return kind(self.reference, self.classes)
+
+
+class Facts:
+    """Writes code that reads the model.
+
+    Args:
+        module: gets functions.
+        layout: gets tables and columns.
+        changes: what rules change.
+        library: the patterns.
+        sizes: of the domain's own model.
+    """
+
+    def __init__(
+        self, module: Module, layout: Layout, changes: Changes, library: Library, sizes: LiveSizes
+    ) -> None:
+        self.module = module
+        self.layout = layout
+        self.changes = changes
+        self.library = library
+        self.metamodel = library.metamodel
+        self._sizes = sizes
+
+    # --- what no rule changes
+
+    def look_up(
+        self,
+        block: code.Block,
+        relation: Relation,
+        bound: Mapping[int, code.Expression],
+        wanted: Sequence[int] = (),
+    ) -> dict[int, code.Local]:
+        """What follows is done for each row that has the bound values; the wanted ones are in variables."""
+        keys, rest = keys_of(relation, self.library, tuple(bound))
+        place = self._place(keys, bound)
+        shown = tuple(sorted({*rest, *wanted}))
+        if not shown:
+            offset = self.layout.offset(Bits(keys))
+            word = table(plus(offset, code.Operation(">>", (place, SHIFT))))
+            block.test(bit(word, place))
+            return {}
+        types = relation.types(self.library)
+        found = {position: self.local(types[position]) for position in shown}
+        if self.layout.functional(One(keys, shown)):
+            for position, local in found.items():
+                values = Values(keys, position, shown, types[position])
+                entry = table(plus(self.layout.offset(values), place), values.is_float)
+                block.add(code.Assign(local, entry))
+            first = shown[0]
+            block.test(self.present(found[first], types[first]))
+        else:
+            starts = self.layout.offset(Starts(keys, shown))
+            begin, end, row = (self.module.fresh("i") for _ in range(3))
+            block.add(code.Assign(begin, table(plus(starts, place))))
+            block.add(code.Assign(end, table(plus(starts, place, 1))))
+            block.loop(row, code.call("range", begin, end))
+            for position, local in found.items():
+                listed = Listed(keys, shown, position, types[position] is Scalar.FLOAT)
+                entry = table(plus(self.layout.offset(listed), row), listed.is_float)
+                block.add(code.Assign(local, entry))
+        for position in rest:
+            block.test(code.equal(found[position], bound[position]))
+        return {position: found[position] for position in wanted}
+
+    def _place(self, keys: Keys, bound: Mapping[int, code.Expression]) -> code.Expression:
+        place: code.Expression | None = None
+        for position, width in zip(keys.positions, keys.widths, strict=True):
+            size = code.Constant(width) if width else self.layout.stride()
+            scaled = () if place is None else (code.Operation("*", (place, size)),)
+            place = plus(*scaled, bound[position])
+        return code.Constant(0) if place is None else place
+
+    def local(self, type_: StaticType) -> code.Local:
+        """A variable for a value."""
+        return self.module.fresh("v", "float" if type_ is Scalar.FLOAT else "int")
+
+    @staticmethod
+    def present(value: code.Expression, type_: StaticType) -> code.Expression:
+        """Code for whether a value is there."""
+        if type_ is Scalar.FLOAT:
+            return code.equal(value, value)
+        if type_ is Scalar.INT:
+            return code.Operation("!=", (value, code.Constant(missing(type_))))
+        return code.Operation(">=", (value, code.Constant(0)))
+
+    def string(self, text: str) -> code.Expression:
+        """Code for the number of a string."""
+        return self.layout.offset(Text(text))
+
+    # --- classes
+
+    def is_instance(self, node: code.Expression, cls: str, exact: bool = False) -> code.Expression:
+        """Code for whether an object is of a class."""
+        if self.changes.fixed_class(cls, exact):
+            block = code.Block()
+            self.look_up(block, Instances(cls, exact), {0: node})
+            return block.tests[0][0]
+        classes = (cls,) if exact else classes_below(self.metamodel, cls)
+        tests = []
+        for group in self.changes.groups:
+            place, guard = self.place(group, node, sure=False)
+            inside = [self.in_set(group, one, place) for one in classes if one in group]
+            if inside:
+                tests.append(code.joined("and", [*guard, code.joined("or", inside, False)], True))
+        for one in classes:
+            if self.changes.group_of(one) is None:
+                tests.append(self.is_instance(node, one, exact=True))
+        return code.joined("or", tests, False)
+
+    def alive(self, node: code.Expression, cls: str) -> code.Expression | None:
+        """Code for whether an object that was of a class has not been deleted; None if it cannot be."""
+        if not any(self.metamodel.overlap(cls, one) for one in self.changes.deleted):
+            return None
+        tests: list[code.Expression] = []
+        for group in self.changes.groups:
+            if not self.changes.deleted.isdisjoint(group):
+                place, (there,) = self.place(group, node, sure=False)
+                inside = [self.in_set(group, one, place) for one in group]
+                tests.append(code.joined("or", [code.inverse(there), *inside], True))
+        return code.joined("and", tests, True)
+
+    def in_set(self, group: tuple[str, ...], cls: str, place: code.Expression) -> code.Expression:
+        """Code for whether the object at a place of a group is of a class."""
+        offset = self.layout.offset(ClassSet(group, cls))
+        word = cell(plus(offset, code.Operation(">>", (place, SHIFT))))
+        return bit(word, place)
+
+    def place(
+        self, classes: tuple[str, ...], node: code.Expression, *, sure: bool
+    ) -> tuple[code.Expression, list[code.Expression]]:
+        """Code for the place of an object among those of some classes, and for whether it is one of them."""
+        found = table(plus(self.layout.offset(Places(classes)), node))
+        guard: list[code.Expression] = [] if sure else [code.Operation(">=", (found, code.Constant(0)))]
+        return (code.Constant(0) if self.layout.single(classes) else found), guard
+
+    def each(self, block: code.Block, classes: tuple[str, ...]) -> tuple[code.Local, code.Expression]:
+        """What follows is done for each object that is of some classes at the start: its number, and its place."""
+        node = self.module.fresh("v", "object")
+        holders = self.layout.offset(Holders(classes))
+        if self.layout.single(classes):
+            block.test(code.Operation(">", (self._count(classes), code.Constant(0))))
+            block.add(code.Assign(node, table(holders)))
+            return node, code.Constant(0)
+        place = self.module.fresh("i")
+        block.loop(place, code.call("range", self._count(classes)))
+        block.add(code.Assign(node, table(plus(holders, place))))
+        return node, place
+
+    def _count(self, classes: tuple[str, ...]) -> code.Expression:
+        return table(self.layout.offset(HowMany(classes)))
+
+    def instances(self, block: code.Block, cls: str, exact: bool = False) -> code.Local:
+        """What follows is done for each object of a class."""
+        classes = (cls,) if exact else classes_below(self.metamodel, cls)
+        if self.changes.fixed_class(cls, exact):
+            return self.each(block, classes)[0]
+        groups = {self.changes.group_of(one) for one in classes}
+        (group,) = groups if len(groups) == 1 else (None,)
+        if group is not None:
+            return self._each_in_sets(block, group, [one for one in group if one in classes])
+        wider = dict.fromkeys(each for one in classes for each in self.changes.group_of(one) or (one,))
+        node, _ = self.each(block, tuple(wider))
+        block.test(self.is_instance(node, cls, exact))
+        return node
+
+    def _each_in_sets(self, block: code.Block, group: tuple[str, ...], classes: Sequence[str]) -> code.Local:
+        word, number, low, place = (self.module.fresh(prefix) for prefix in "wnlp")
+        block.loop(number, code.call("range", table(self.layout.offset(Words(group)))))
+        words = [cell(plus(self.layout.offset(ClassSet(group, one)), number)) for one in classes]
+        block.add(code.Assign(word, code.joined("|", words, 0)))
+        block.loop(self.module.fresh("_"), code.call("range", code.call("count_bits", word)))
+        block.add(code.Assign(low, code.Operation("&", (word, code.Operation("-", (word,))))))
+        block.add(code.Assign(word, code.Operation("^", (word, low))))
+        shifted = code.Operation("*", (number, code.Constant(32)))
+        block.add(code.Assign(place, plus(shifted, code.call("lowest_bit", low))))
+        node = self.module.fresh("v", "object")
+        block.add(code.Assign(node, table(plus(self.layout.offset(Holders(group)), place))))
+        return node
+
+    # --- attributes
+
+    def value(self, attribute: Attribute, node: code.Expression, *, sure: bool) -> code.Expression:
+        """Code for the value of an object in an attribute with one; `sure` if it is of the attribute's class."""
+        if attribute.many:
+            raise NotCompiled(f"many values of `{attribute}`, one by one")
+        if self.changes.fixed_feature(attribute):
+            return self._fixed_value(attribute, attribute.type, node)
+        place, guard = self.attribute_cell(attribute, node, sure=sure)
+        if not guard:
+            return place
+        return code.Choice(guard[0], place, absent(attribute.type))
+
+    def _fixed_value(
+        self, feature: Attribute | Reference, type_: StaticType, node: code.Expression
+    ) -> code.Expression:
+        keys, _ = keys_of(Links(feature), self.library, (0,))
+        values = Values(keys, 1, (1,), type_)
+        return table(plus(self.layout.offset(values), node), values.is_float)
+
+    def attribute_cell(
+        self, attribute: Attribute, node: code.Expression, *, sure: bool
+    ) -> tuple[code.Index, list[code.Expression]]:
+        """The cell of an attribute that changes, and what has to hold before it is looked at."""
+        classes = classes_below(self.metamodel, attribute.owner)
+        column = AttributeColumn(attribute, classes)
+        place, guard = self.place(classes, node, sure=sure)
+        return cell(plus(self.layout.offset(column), place), column.is_float), guard
+
+    # --- references
+
+    def stored(self, reference: Reference) -> tuple[Stored, bool]:
+        """Where the links of a reference that changes are kept, and whether it is that reference and no opposite.
+
+        Raises:
+            NotCompiled: both of its ends may have many.
+        """
+        opposite = self.metamodel.opposite(reference)
+        if opposite is not None and (opposite.index < reference.index):
+            return self.stored(opposite)[0], False
+        at_target = reference.containment or (opposite is not None and not opposite.many)
+        source, target = self._sizes.extent(reference.owner), self._sizes.extent(reference.target)
+        if reference.many and not at_target:
+            raise NotCompiled(f"links with many at both ends that change (`{reference}`)")
+        at_source = not reference.many and (not at_target or source <= target)
+        end = reference.owner if at_source else reference.target
+        return Stored(reference, at_source, classes_below(self.metamodel, end)), True
+
+    def link_cell(
+        self, stored: Stored, node: code.Expression, *, sure: bool
+    ) -> tuple[code.Index, list[code.Expression]]:
+        """The cell of an object at the end where links are kept, and what has to hold before it is looked at."""
+        place, guard = self.place(stored.classes, node, sure=sure)
+        return cell(plus(self.layout.offset(stored.column), place)), guard
+
+    def other_end(
+        self, reference: Reference, node: code.Expression, *, forward: bool, sure: bool
+    ) -> code.Expression | None:
+        """Code for the one target of an object, or its one source, -1 for none; None if there may be several."""
+        if self.changes.fixed_feature(reference):
+            position = 0 if forward else 1
+            keys, _ = keys_of(Links(reference), self.library, (position,))
+            if not self.layout.functional(One(keys, (1 - position,))):
+                return None
+            type_ = Links(reference).types(self.library)[1 - position]
+            values = Values(keys, 1 - position, (1 - position,), type_)
+            return table(plus(self.layout.offset(values), node))
+        stored, same = self.stored(reference)
+        if stored.at_source is (forward is same):
+            place, guard = self.link_cell(stored, node, sure=sure)
+            return code.Choice(guard[0], place, code.Constant(-1)) if guard else place
+        if not self._one(reference, forward):
+            return None
+        return call(self._finder(stored), node)
+
+    def _one(self, reference: Reference, forward: bool) -> bool:
+        """Whether an object has at most one target, or source."""
+        if forward:
+            return not reference.many
+        opposite = self.metamodel.opposite(reference)
+        return reference.containment or (opposite is not None and not opposite.many)
+
+    def _finder(self, stored: Stored) -> str:
+        """The function that finds the object whose cell has another."""
+        name = self.module.named(stored)
+        if name is None:
+            block, wanted = code.Block(), self.module.fresh("v", "object")
+            node = self.holding(block, stored, wanted)
+            block.add(code.Return(node))
+            body = (*block.body(), code.Return(code.Constant(-1)))
+            with self.module.writing():
+                name = self.module.keep(stored, self.module.add("find", (wanted,), body))
+        return name
+
+    def holding(self, block: code.Block, stored: Stored, wanted: code.Expression) -> code.Local:
+        """What follows is done for each object whose cell has another."""
+        node, place = self.each(block, stored.classes)
+        held = cell(plus(self.layout.offset(stored.column), place))
+        block.test(code.equal(held, wanted))
+        return node

@@ -1,0 +1,206 @@
+"""What every program has: drawing, sorting, sets, and the loops over environments.
+
+The text of these functions becomes part of each program, which `_program` compiles, with numba where that is
+installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`.
+"""
+
+# ruff: noqa: F821
+# mypy: ignore-errors
+
+from math import inf, nan
+
+import numpy as np
+
+CAPACITY = 4096
+"""Rows of one question; more are an error."""
+BELOW = 1.0 - 2.0**-53
+NAN, INFINITY = nan, inf
+FAILED, REFUSED, OVERFLOW = 1, 2, 3
+"""What went wrong in an environment: no value, a rule that cannot be applied, more rows than there is space for."""
+U64 = np.uint64
+
+
+def pick(D, count):
+    """One of `count` alternatives; what is left of the number that was drawn decides the next choice."""
+    scaled = D[0] * count
+    place = min(int(scaled), count - 1)
+    D[0] = min(scaled - place, BELOW)
+    return place
+
+
+def choose(D, chances):
+    """One of the alternatives with these probabilities, or -1."""
+    rest = D[0]
+    start = 0.0
+    for number in range(len(chances)):
+        chance = chances[number]
+        if rest < start + chance:
+            D[0] = min(max((rest - start) / chance, 0.0), BELOW)
+            return number
+        start += chance
+    missing = 1.0 - start
+    if missing > 1e-12:
+        D[0] = min(max((rest - start) / missing, 0.0), BELOW)
+        return -1
+    D[0] = 0.0
+    return len(chances) - 1
+
+
+def uniform(R, e):
+    """NumPy's PCG64: the next double of the stream of an environment; its state is a row of `R`."""
+    lo, hi = R[e, 0], R[e, 1]
+    m_lo, m_hi = U64(4865540595714422341), U64(2549297995355413924)
+    mask, half = U64(0xFFFFFFFF), U64(32)
+    a0, a1, b0, b1 = lo & mask, lo >> half, m_lo & mask, m_lo >> half
+    p00, p01, p10, p11 = a0 * b0, a0 * b1, a1 * b0, a1 * b1
+    middle = (p00 >> half) + (p01 & mask) + (p10 & mask)
+    high = p11 + (p01 >> half) + (p10 >> half) + (middle >> half)
+    new_lo = lo * m_lo
+    new_hi = high + hi * m_lo + lo * m_hi
+    lo = new_lo + R[e, 2]
+    carry = U64(1) if lo < new_lo else U64(0)
+    hi = new_hi + R[e, 3] + carry
+    R[e, 0], R[e, 1] = lo, hi
+    mixed, turns = hi ^ lo, hi >> U64(58)
+    mixed = (mixed >> turns) | (mixed << ((U64(64) - turns) & U64(63)))
+    return (mixed >> U64(11)) * (1.0 / 9007199254740992.0)
+
+
+def bit(word, place):
+    """A bit of a word of a set."""
+    return (word >> (place & 31)) & 1
+
+
+def bit_at(place):
+    """The word with one bit."""
+    return 1 << (place & 31)
+
+
+def count_bits(word):
+    """How many bits of a word are set."""
+    word = word - ((word >> 1) & 0x55555555)
+    word = (word & 0x33333333) + ((word >> 2) & 0x33333333)
+    word = (word + (word >> 4)) & 0x0F0F0F0F
+    return ((word * 0x01010101) & 0xFFFFFFFF) >> 24
+
+
+def lowest_bit(low):
+    """The number of the only bit of a word."""
+    return count_bits(low - 1)
+
+
+def quotient(left, right):
+    """The quotient, truncated toward zero."""
+    result = left // right
+    if result < 0 and result * right != left:
+        result += 1
+    return result
+
+
+def rest(left, right):
+    """The remainder, with the sign of the left side."""
+    return left - quotient(left, right) * right
+
+
+def less(RI, RF, one, other, width, floats):
+    """Whether a row comes before another."""
+    for column in range(width):
+        if (floats >> column) & 1:
+            if RF[one, column] != RF[other, column]:
+                return RF[one, column] < RF[other, column]
+        elif RI[one, column] != RI[other, column]:
+            return RI[one, column] < RI[other, column]
+    return False
+
+
+def sort_rows(RI, RF, top, count, width, floats, repeated):
+    """Sort rows as tuples, and drop those that are repeated; returns how many there are."""
+    for number in range(top + 1, top + count):
+        place = number
+        while place > top and less(RI, RF, place, place - 1, width, floats):
+            for column in range(width):
+                RI[place, column], RI[place - 1, column] = RI[place - 1, column], RI[place, column]
+                RF[place, column], RF[place - 1, column] = RF[place - 1, column], RF[place, column]
+            place -= 1
+    if not repeated or count == 0:
+        return count
+    last = top
+    for number in range(top + 1, top + count):
+        if less(RI, RF, last, number, width, floats):
+            last += 1
+            for column in range(width):
+                RI[last, column] = RI[number, column]
+                RF[last, column] = RF[number, column]
+    return last - top + 1
+
+
+def reset_one(T, G, L, S, F, RI, RF, D, e, m, S0, F0):
+    """Put an environment into a start state, which `D` decides."""
+    for column in range(S.shape[1]):
+        S[e, column] = S0[m, column]
+    for column in range(F.shape[1]):
+        F[e, column] = F0[m, column]
+    begin(T, G, L, S, F, RI, RF, D, e, m, 0)
+
+
+def reset_all(T, G, L, S, F, RI, RF, D, M, S0, F0, R, UNIFORM, WHICH, C, STEPS, OVER, OBS, U):
+    """Begin episodes, where `WHICH` says so; the numbers drawn are given, or come from the streams `R`."""
+    failed = -1
+    for e in range(len(M)):
+        if WHICH[e]:
+            D[0] = UNIFORM[e] if len(UNIFORM) else uniform(R, e)
+            U[e] = D[0]
+            reset_one(T, G, L, S, F, RI, RF, D, e, M[e], S0, F0)
+            if S[e, 0] == 0:
+                OBS[e] = look(T, G, L, S, F, RI, RF, D, e, M[e], 0, C)
+            if S[e, 0] != 0:
+                failed = e
+            STEPS[e] = 0
+            OVER[e] = False
+    return failed
+
+
+def step_all(
+    T, G, L, S, F, RI, RF, D, M, S0, F0, R, UNIFORM, STARTS, A, AGAIN, LIMIT,
+    C, STEPS, OVER, OBS, REWARD, END, CUT, U, B, BF,
+):  # fmt: skip
+    """One step of each environment; if `AGAIN`, those whose episode is over begin anew instead.
+
+    Returns the last environment in which something went wrong; its state before is the second row of `B` and `BF`.
+    """
+    failed = -1
+    for e in range(len(M)):
+        m = M[e]
+        if AGAIN and OVER[e]:
+            D[0] = STARTS[e] if len(STARTS) else uniform(R, e)
+            U[e] = D[0]
+            reset_one(T, G, L, S, F, RI, RF, D, e, m, S0, F0)
+            STEPS[e] = 0
+            OVER[e] = False
+            REWARD[e] = 0.0
+            END[e] = 0
+            CUT[e] = False
+        else:
+            if len(B):
+                for column in range(S.shape[1]):
+                    B[0, column] = S[e, column]
+                for column in range(F.shape[1]):
+                    BF[0, column] = F[e, column]
+            D[0] = UNIFORM[e] if len(UNIFORM) else uniform(R, e)
+            U[e] = D[0]
+            REWARD[e], end = step_one(T, G, L, S, F, RI, RF, D, e, m, 0, A[e])
+            END[e] = end
+            STEPS[e] += 1
+            cut = end == 0 and LIMIT > 0 and STEPS[e] >= LIMIT
+            CUT[e] = cut
+            OVER[e] = end > 0 or cut
+        if S[e, 0] == 0:
+            OBS[e] = look(T, G, L, S, F, RI, RF, D, e, m, 0, C)
+        if S[e, 0] != 0:
+            failed = e
+            if len(B):
+                for column in range(S.shape[1]):
+                    B[1, column] = B[0, column]
+                for column in range(F.shape[1]):
+                    BF[1, column] = BF[0, column]
+    return failed

@@ -1,0 +1,220 @@
+"""Where things are: every table and every column gets a place, and the program reads it from a vector of offsets.
+
+So one program serves all families of a behaviour, and all their members.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph import code
+from envgraph.code import dataclass
+from envgraph.env.compiled._member import Cell, Member
+from envgraph.env.compiled._tables import (
+    AttributeColumn,
+    ClassSet,
+    Column,
+    One,
+    Single,
+    SourceColumn,
+    Table,
+    TargetColumn,
+)
+
+T, G = code.Local("T"), code.Local("G")
+"""What no rule changes, a row for each member: ints, and floats."""
+S, F = code.Local("S"), code.Local("F")
+"""The states, a row for each environment: ints, and floats."""
+L = code.Local("L")
+"""Offsets, and what is the same for the whole family."""
+D = code.Local("D")
+"""What is drawn from."""
+RI, RF = code.Local("RI"), code.Local("RF")
+"""Space for rows: ints, and floats."""
+ENVIRONMENT, MEMBER, TOP = code.Local("e"), code.Local("m"), code.Local("top")
+STATE: Final = (T, G, L, S, F, RI, RF, D, ENVIRONMENT, MEMBER, TOP)
+"""What each function gets."""
+
+ERROR, TURN, FIRST_COLUMN = 0, 1, 2
+"""Columns of each state: what went wrong, and whose turn it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stride:
+    """The number of objects of the largest member."""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """The number of a string, among all that a family has."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arrays:
+    """A family as data.
+
+    Attributes:
+        tables: int32 [members, ..], `T`.
+        floats: float64 [members, ..], `G`.
+        states, float_states: int64 and float64 [members, ..]: the initial states, `S` and `F`.
+        offsets: int64 [..], `L`.
+    """
+
+    tables: NDArray[np.int32]
+    floats: NDArray[np.float64]
+    states: NDArray[np.int64]
+    float_states: NDArray[np.float64]
+    offsets: NDArray[np.int64]
+
+
+Symbol: TypeAlias = "Table | Column | Stride | Constants | Text"
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Numbers that are the same for a family, under a name of their own."""
+
+    name: Hashable
+    values: tuple[int, ...]
+
+
+class Layout:
+    """The tables and columns that a program names.
+
+    Args:
+        broken: the assumptions that members do not meet.
+    """
+
+    def __init__(self, broken: Iterable[Hashable] = ()) -> None:
+        self._broken = set(broken)
+        self._numbers: dict[Symbol, int] = {Stride(): 0}
+        self._single: dict[tuple[str, ...], Single] = {}
+
+    def offset(self, symbol: Symbol) -> code.Expression:
+        """Code for where a table or column begins; of constants, within the vector of offsets."""
+        number = self._numbers.setdefault(symbol, len(self._numbers))
+        return code.Index(L, code.Constant(number))
+
+    def stride(self) -> code.Expression:
+        """Code for the number of objects of the largest member."""
+        return self.offset(Stride())
+
+    def single(self, classes: tuple[str, ...]) -> bool:
+        """Whether every member has one object at most of some classes."""
+        assumed = Single(classes)
+        if assumed in self._broken:
+            return False
+        self._single[classes] = assumed
+        return True
+
+    def functional(self, assumed: One) -> bool:
+        """Whether some values have one row at most, in every member."""
+        return assumed not in self._broken
+
+    def columns(self) -> list[tuple[Column, int]]:
+        """The columns of states, each with the place in the vector of offsets that says where it begins."""
+        kinds = AttributeColumn | TargetColumn | SourceColumn | ClassSet
+        return [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, kinds)]
+
+    @property
+    def texts(self) -> set[str]:
+        """The strings that the program names."""
+        return {symbol.text for symbol in self._numbers if isinstance(symbol, Text)}
+
+    def arrays(self, members: Iterable[Member], stride: int, strings: Mapping[str, int]) -> Arrays:
+        """The data of a family.
+
+        Args:
+            members: each is asked before the next is.
+            stride: the number of objects of the largest one.
+            strings: number of each string.
+
+        Raises:
+            Misfit: a member does not meet an assumption.
+        """
+        filled: list[dict[Symbol, Sequence[Cell]]] = []
+        for member in members:
+            for assumed in self._single.values():
+                assumed.check(member)
+            filled.append({s: _numbers(s, member, stride) for s in self._numbers if _is_array(s)})
+        offsets = np.zeros(len(self._numbers), dtype=np.int64)
+        tails: list[int] = []
+        ends = {"T": 0, "G": 0, "S": FIRST_COLUMN, "F": 0}
+        for symbol, number in self._numbers.items():
+            if isinstance(symbol, Stride):
+                offsets[number] = stride
+            elif isinstance(symbol, Text):
+                offsets[number] = strings[symbol.text]
+            elif isinstance(symbol, Constants):
+                offsets[number] = len(self._numbers) + len(tails)
+                tails += symbol.values
+            else:
+                where = _where(symbol)
+                offsets[number] = ends[where]
+                ends[where] += max(len(each[symbol]) for each in filled)
+        count = len(filled)
+        arrays: dict[str, NDArray[Any]] = {
+            "T": np.zeros((count, ends["T"]), dtype=np.int32),
+            "G": np.zeros((count, ends["G"])),
+            "S": np.zeros((count, ends["S"]), dtype=np.int64),
+            "F": np.zeros((count, ends["F"])),
+        }
+        for row, each in enumerate(filled):
+            for symbol, values in each.items():
+                start = offsets[self._numbers[symbol]]
+                arrays[_where(symbol)][row, start : start + len(values)] = values
+        whole = np.concatenate([offsets, np.array(tails, dtype=np.int64)])
+        return Arrays(arrays["T"], arrays["G"], arrays["S"], arrays["F"], whole)
+
+
+def _is_array(symbol: Symbol) -> bool:
+    return not isinstance(symbol, Stride | Constants | Text)
+
+
+def _where(symbol: Symbol) -> str:
+    assert not isinstance(symbol, Stride | Constants | Text)
+    if hasattr(symbol, "fill"):
+        return "G" if symbol.is_float else "T"
+    return "F" if symbol.is_float else "S"
+
+
+def _numbers(symbol: Symbol, member: Member, stride: int) -> Sequence[Cell]:
+    assert not isinstance(symbol, Stride | Constants | Text)
+    return symbol.fill(member, stride) if hasattr(symbol, "fill") else symbol.initial(member)
+
+
+def plus(*parts: code.Expression | int) -> code.Expression:
+    """Code for a sum."""
+    known = sum(part for part in parts if isinstance(part, int))
+    terms = [part for part in parts if not isinstance(part, int)]
+    if known or not terms:
+        terms.append(code.Constant(known))
+    return code.joined("+", terms, 0)
+
+
+def table(place: code.Expression, is_float: bool = False) -> code.Expression:
+    """Code for an entry of a table of the member."""
+    return code.Index(G if is_float else T, code.tuple_of(MEMBER, place))
+
+
+def cell(place: code.Expression | int, is_float: bool = False) -> code.Index:
+    """Code for an entry of the state."""
+    if isinstance(place, int):
+        place = code.Constant(place)
+    return code.Index(F if is_float else S, code.tuple_of(ENVIRONMENT, place))
+
+
+def bit(word: code.Expression, place: code.Expression) -> code.Expression:
+    """Code for a bit of a word, as a truth value."""
+    return code.Operation("==", (code.call("bit", word, place), code.Constant(1)))
+
+
+def failed(error: code.Expression) -> code.Assign:
+    """Code for what is done where the live engine raises an error."""
+    return code.Assign(cell(ERROR), error)

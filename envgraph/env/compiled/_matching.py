@@ -1,0 +1,511 @@
+"""Plans of the engine as loops over arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from envgraph import code
+from envgraph.code import dataclass
+from envgraph.env.compiled._changes import StaticPatterns
+from envgraph.env.compiled._facts import Facts, call
+from envgraph.env.compiled._layout import RF, RI, TOP, failed, plus
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._tables import Links, Matches, Reached, Relation
+from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
+from envgraph.match.plan import CallGraph, Kind, Plan, Planner, Step, Unplannable, ViewKey, ViewPlan, call_key
+from envgraph.metamodel import Attribute, Scalar
+from envgraph.pattern import (
+    Absence,
+    AggregateAtom,
+    AttributeAtom,
+    CallAtom,
+    Closure,
+    ClosureAtom,
+    Condition,
+    Conjunction,
+    Expression,
+    Goal,
+    InstanceAtom,
+    LinkAtom,
+    ObjectType,
+    StaticType,
+    UnequalAtom,
+    Valuation,
+    arguments,
+)
+
+CAPACITY = code.Name("CAPACITY")
+COUNT = code.Local("n", "int")
+OVERFLOW = code.Name("OVERFLOW")
+
+Found = Callable[["_Body"], None]
+"""Writes what is done with a solution."""
+
+
+@dataclass(frozen=True, slots=True)
+class RowsOf:
+    """Asks for the different values at some positions, of the matches with values at others."""
+
+    key: ViewKey
+
+
+@dataclass(frozen=True, slots=True)
+class Exists:
+    """Asks whether there is a match with values at some positions."""
+
+    key: ViewKey
+
+
+@dataclass(frozen=True, slots=True)
+class CountOf:
+    """Asks for the number of different values at some positions."""
+
+    key: ViewKey
+
+
+class Matching:
+    """Writes functions that find matches.
+
+    Args:
+        facts: reads the model.
+        planner: plans of the views.
+        static: patterns that are tables.
+        calls: which patterns call which.
+    """
+
+    def __init__(self, facts: Facts, planner: Planner, static: StaticPatterns, calls: CallGraph) -> None:
+        self.facts = facts
+        self.module = facts.module
+        self.planner = planner
+        self.static = static
+        self.calls = calls
+
+    def rows(self, key: ViewKey) -> str:
+        """The function that writes rows from `top` on, sorted, each once, and returns their number."""
+        return self._function(RowsOf(key), "rows", self._rows)
+
+    def exists(self, key: ViewKey) -> str:
+        """The function that says whether there is a match."""
+        return self._function(Exists(key), "exists", self._exists)
+
+    def count(self, key: ViewKey) -> str:
+        """The function that counts rows."""
+        return self._function(CountOf(key), "count", self._count)
+
+    def types(self, key: ViewKey) -> list[StaticType]:
+        """Types of the columns of rows."""
+        types = self.facts.library.parameter_types(key.pattern)
+        return [types[position] for position in key.outputs]
+
+    def _function(
+        self,
+        question: RowsOf | Exists | CountOf,
+        prefix: str,
+        write: Callable[[ViewKey, Sequence[code.Local]], code.Body],
+    ) -> str:
+        name = self.module.named(question)
+        if name is None:
+            key = question.key
+            if self.calls.recursive(key.pattern):
+                raise NotCompiled(f"recursion over what changes (`{key.pattern}`)")
+            types = self.facts.library.parameter_types(key.pattern)
+            given = [self.facts.local(types[position]) for position in key.bound]
+            with self.module.writing():
+                name = self.module.keep(question, self.module.add(prefix, given, write(key, given)))
+        return name
+
+    def _bodies(self, key: ViewKey, given: Sequence[code.Local], found: Found) -> code.Body:
+        block = code.Block()
+        for each in self._view(key).bodies:
+            body = _Body(self, each.conjunction, block)
+            place = block.place
+            body.begin(key, given)
+            body.steps(each.plan.steps, found)
+            block.back_to(place)
+        return block.body()
+
+    def _view(self, key: ViewKey) -> ViewPlan:
+        try:
+            return self.planner.view(key)
+        except Unplannable:
+            raise NotCompiled(f"`{key.pattern}`, asked without its inputs") from None
+
+    def _rows(self, key: ViewKey, given: Sequence[code.Local]) -> code.Body:
+        types = self.types(key)
+        self.module.width = max(self.module.width, len(types))
+
+        def write(body: _Body) -> None:
+            parameters = body.conjunction.parameters
+            row = plus(TOP, COUNT)
+            stores: list[code.Statement] = []
+            for column, position in enumerate(key.outputs):
+                space = RF if types[column] is Scalar.FLOAT else RI
+                target = code.Index(space, code.tuple_of(row, code.Constant(column)))
+                stores.append(code.Assign(target, body.source(parameters[position])))
+            room = code.Operation("<", (COUNT, CAPACITY))
+            more: code.Body = (*stores, code.Assign(COUNT, code.Constant(1), "+="))
+            body.block.add(code.If(room, more, (failed(OVERFLOW),)))
+
+        whole = self._bodies(key, given, write)
+        distinct = self._view(key).distinct
+        kinds = sum(1 << column for column, type_ in enumerate(types) if type_ is Scalar.FLOAT)
+        numbers = (len(types), kinds, 0 if distinct else 1)
+        in_order = code.call("sort_rows", RI, RF, TOP, COUNT, *map(code.Constant, numbers))
+        end = in_order if types else code.call("min", COUNT, code.Constant(1))
+        return (code.Assign(COUNT, code.Constant(0)), *whole, code.Return(end))
+
+    def _exists(self, key: ViewKey, given: Sequence[code.Local]) -> code.Body:
+        found = self._bodies(key, given, lambda body: body.block.add(code.Return(code.TRUE)))
+        return (*found, code.Return(code.FALSE))
+
+    def _count(self, key: ViewKey, given: Sequence[code.Local]) -> code.Body:
+        if not self._view(key).distinct:
+            name = self.rows(key)
+            self.module.uses(name, 1)
+            return (code.Return(call(name, *given, top=plus(TOP, CAPACITY))),)
+        return (
+            code.Assign(COUNT, code.Constant(0)),
+            *self._bodies(key, given, _counted),
+            code.Return(COUNT),
+        )
+
+
+def _counted(body: _Body) -> None:
+    body.block.add(code.Assign(COUNT, code.Constant(1), "+="))
+
+
+class _Body:
+    """Writes the steps of one plan.
+
+    Attributes:
+        block: where they go.
+    """
+
+    def __init__(self, matching: Matching, conjunction: Conjunction, block: code.Block) -> None:
+        self._matching = matching
+        self._facts = matching.facts
+        self.conjunction = conjunction
+        self.block = block
+        self._constants = dict(conjunction.constants)
+        self._names: dict[int, code.Expression] = {}
+        self._sure: dict[int, set[str]] = {}
+        self._top: code.Expression = TOP
+        self._levels = 0
+
+    def _called(self, name: str, values: Sequence[code.Expression]) -> code.Call:
+        """Code for a call of a function, which may use the space behind the rows that are read here."""
+        self._matching.module.uses(name, self._levels)
+        return call(name, *values, top=self._top)
+
+    def begin(self, key: ViewKey, given: Sequence[code.Expression]) -> None:
+        """Give variables the values at the bound positions."""
+        for position, value in zip(key.bound, given, strict=True):
+            variable = self.conjunction.parameters[position]
+            if self._known(variable):
+                self.block.test(code.equal(self.source(variable), value))
+            else:
+                self._names[variable] = value
+
+    def source(self, variable: int) -> code.Expression:
+        """Code for the number of a variable's value."""
+        if variable not in self._names:
+            value = self._constants[variable]
+            self._names[variable] = literal(self._facts, value, self.conjunction.types[variable]).number
+        return self._names[variable]
+
+    def _known(self, variable: int) -> bool:
+        return variable in self._names or variable in self._constants
+
+    def _is_sure(self, variable: int, cls: str) -> bool:
+        """Whether an object is certainly of a class, by what has been asked so far."""
+        is_a = self._facts.metamodel.is_a
+        return any(is_a(known, cls) for known in self._sure.get(variable, ()))
+
+    def _learn(self, variable: int, type_: StaticType) -> None:
+        if isinstance(type_, ObjectType):
+            self._sure.setdefault(variable, set()).add(type_.cls)
+
+    def steps(self, steps: Sequence[Step], found: Found) -> None:
+        """Write steps, and what is done with each solution."""
+        for step in steps:
+            if self.block.full:
+                raise NotCompiled("too many loops inside each other")
+            self._step(step)
+        found(self)
+
+    def _step(self, step: Step) -> None:
+        goal = step.goal
+        match step.kind:
+            case Kind.ABSENT:
+                for plan in step.inner:
+                    self.block.test(code.inverse(self._existence(plan)))
+            case Kind.EXISTS:
+                self.block.test(self._existence(step.inner[0]))
+            case _:
+                if step.kind is Kind.TEST and (free := self._free(goal)):
+                    whole = Plan((replace(step, kind=Kind.LOOP, binds=tuple(free)),), step.rows, step.cost)
+                    if not self._static(goal):
+                        self.block.test(self._existence(whole))
+                        return
+                self._solve(goal, step)
+
+    def _free(self, goal: Goal) -> list[int]:
+        if isinstance(goal, Condition | Valuation | UnequalAtom | Absence | AggregateAtom):
+            return []
+        return [v for v in dict.fromkeys(arguments(goal)) if not self._known(v)]
+
+    def _existence(self, plan: Plan) -> code.Expression:
+        """Whether a plan has a solution: the call of a function."""
+        inner = self._inside(lambda body: body.steps(plan.steps, _found_one), code.FALSE)
+        return inner
+
+    def _inside(
+        self, write: Callable[[_Body], None], last: code.Expression, head: code.Body = ()
+    ) -> code.Call:
+        """A function for a part of this body; the call of it."""
+        body = _Body(self._matching, self.conjunction, code.Block())
+        body._sure = {variable: {*classes} for variable, classes in self._sure.items()}
+        known = [v for v, value in self._names.items() if isinstance(value, code.Local)]
+        parameters = {v: self._facts.local(self.conjunction.types[v]) for v in known}
+        body._names = {**self._names, **parameters}
+        with self._matching.module.writing():
+            return self._written(body, write, parameters, last, head)
+
+    def _written(
+        self,
+        body: _Body,
+        write: Callable[[_Body], None],
+        parameters: dict[int, code.Local],
+        last: code.Expression,
+        head: code.Body,
+    ) -> code.Call:
+        write(body)
+        whole = (*head, *body.block.body(), code.Return(last))
+        read = _names_in(whole)
+        used = [v for v in parameters if parameters[v].name in read]
+        name = self._matching.module.add("some", [parameters[v] for v in used], whole)
+        return self._called(name, [self._names[v] for v in used])
+
+    # --- goals
+
+    def _solve(self, goal: Goal, step: Step) -> None:
+        match goal:
+            case UnequalAtom(left, right):
+                self.block.test(code.Operation("!=", (self.source(left), self.source(right))))
+            case Condition(expression, reads):
+                self._holds(self._term(expression, reads))
+            case Valuation(expression, reads, result):
+                term = self._term(expression, reads)
+                for test in term.tests:
+                    self.block.test(test)
+                number = as_float(term) if self.conjunction.types[result] is Scalar.FLOAT else term.number
+                self._give(result, number)
+            case AggregateAtom():
+                self._aggregate(goal, step)
+            case InstanceAtom():
+                self._instance(goal)
+            case AttributeAtom(attribute, owner, value):
+                self._attribute(attribute, owner, value)
+            case LinkAtom():
+                self._link(goal, step)
+            case CallAtom() | ClosureAtom():
+                self._call(goal, step)
+            case _:
+                raise AssertionError(goal)
+
+    def _holds(self, term: Term) -> None:
+        for test in (*term.tests, term.value):
+            self.block.test(test)
+
+    def _term(self, expression: Expression, reads: Sequence[tuple[str, int]]) -> Term:
+        names = {name: named(self.source(v), self.conjunction.types[v]) for name, v in reads}
+        terms = Terms(self._facts, names)
+        term = terms.write(expression)
+        if terms.steps:
+            self.block.add(*terms.steps)
+        return term
+
+    def _give(self, variable: int, value: code.Expression) -> None:
+        """A variable has a value: it gets it, or it had it before and they are equal."""
+        if self._known(variable):
+            self.block.test(code.equal(self.source(variable), value))
+        elif isinstance(value, code.Local):
+            self._names[variable] = value
+        else:
+            local = self._facts.local(self.conjunction.types[variable])
+            self.block.add(code.Assign(local, value))
+            self._names[variable] = local
+
+    def _static(self, goal: Goal) -> bool:
+        """Whether a relation is a table."""
+        match goal:
+            case CallAtom(pattern) | ClosureAtom(pattern):
+                return pattern in self._matching.static
+            case _:
+                return self._matching.static.goal(goal)
+
+    def _look_up(self, relation: Relation, goal: Goal, step: Step) -> None:
+        """Rows of a table: values of the variables that the step binds."""
+        variables = _arguments(goal)
+        bound = {p: self.source(v) for p, v in enumerate(variables) if self._known(v)}
+        wanted: dict[int, int] = {}
+        for position, variable in enumerate(variables):
+            twice = variables.count(variable) > 1
+            if position not in bound and (variable in step.binds or twice):
+                wanted[position] = variable
+        found = self._facts.look_up(self.block, relation, bound, list(wanted))
+        for position, variable in wanted.items():
+            self._give(variable, found[position])
+        for variable, type_ in zip(variables, relation.types(self._facts.library), strict=True):
+            self._learn(variable, type_)
+
+    def _instance(self, goal: InstanceAtom) -> None:
+        cls, variable = goal.cls, goal.variable
+        if self._known(variable):
+            if not self._is_sure(variable, cls) or goal.exact:
+                self.block.test(self._facts.is_instance(self.source(variable), cls, goal.exact))
+        else:
+            self._names[variable] = self._facts.instances(self.block, cls, goal.exact)
+        self._learn(variable, ObjectType(cls))
+
+    def _attribute(self, attribute: Attribute, owner: int, value: int) -> None:
+        sure = self._is_sure(owner, attribute.owner)
+        found = self._facts.value(attribute, self.source(owner), sure=sure)
+        if self._known(value):
+            self.block.test(code.equal(found, self.source(value)))
+        else:
+            local = self._facts.local(attribute.type)
+            self.block.add(code.Assign(local, found))
+            self.block.test(self._facts.present(local, attribute.type))
+            self._names[value] = local
+        self._learn(owner, ObjectType(attribute.owner))
+
+    # --- links
+
+    def _link(self, goal: LinkAtom, step: Step) -> None:
+        reference, source, target = goal.reference, goal.source, goal.target
+        if isinstance(reference, Attribute) or self._facts.changes.fixed_feature(reference):
+            if isinstance(reference, Attribute) and not self._facts.changes.fixed_feature(reference):
+                raise NotCompiled(f"many values that change (`{reference}`)")
+            self._look_up(Links(reference), goal, step)
+            return
+        forward = self._known(source)
+        near, far = (source, target) if forward else (target, source)
+        sure = self._is_sure(near, reference.owner if forward else reference.target)
+        self._follow(goal, near, far, forward, sure)
+        self._learn(source, ObjectType(reference.owner))
+        self._learn(target, ObjectType(reference.target))
+
+    def _follow(self, goal: LinkAtom, near: int, far: int, forward: bool, sure: bool) -> None:
+        """From one end of a link that changes to the other."""
+        assert not isinstance(goal.reference, Attribute)
+        facts, reference = self._facts, goal.reference
+        stored, same = facts.stored(reference)
+        at_near = stored.at_source is (forward is same)
+        if self._known(near) and self._known(far):
+            holder, other = (near, far) if at_near else (far, near)
+            end = reference.owner if (stored.at_source is same) else reference.target
+            held, guard = facts.link_cell(stored, self.source(holder), sure=self._is_sure(holder, end))
+            for test in guard:
+                self.block.test(test)
+            self.block.test(code.equal(held, self.source(other)))
+        elif self._known(near):
+            found = facts.other_end(reference, self.source(near), forward=forward, sure=sure)
+            if found is None:
+                self._give(far, facts.holding(self.block, stored, self.source(near)))
+            else:
+                local = facts.local(self.conjunction.types[far])
+                self.block.add(code.Assign(local, found))
+                self.block.test(facts.present(local, ObjectType("")))
+                self._give(far, local)
+        else:
+            raise AssertionError(goal)
+
+    # --- calls
+
+    def _call(self, goal: CallAtom | ClosureAtom, step: Step) -> None:
+        if self._static(goal):
+            relation: Relation
+            if isinstance(goal, ClosureAtom):
+                relation = Reached(goal.step, goal.closure is Closure.STAR)
+            else:
+                relation = Matches(goal.pattern)
+            self._look_up(relation, goal, step)
+            return
+        if isinstance(goal, ClosureAtom):
+            raise NotCompiled(f"a closure over what changes (`{goal.step}`)")
+        bound = {v for v in goal.arguments if self._known(v)}
+        key = call_key(goal, bound, step.binds)
+        values = [self.source(goal.arguments[position]) for position in key.bound]
+        types = self._facts.library.parameter_types(goal.pattern)
+        if not key.outputs:
+            self.block.test(self._called(self._matching.exists(key), values))
+        else:
+            self._loop_rows(goal, key, values)
+        for variable, type_ in zip(goal.arguments, types, strict=True):
+            if self._known(variable):
+                self._learn(variable, type_)
+
+    def _loop_rows(self, goal: CallAtom, key: ViewKey, values: Sequence[code.Expression]) -> None:
+        """Loop over the rows of a call, which are written behind those of this function."""
+        fresh = self._matching.module.fresh
+        number, row, top = fresh("n"), fresh("i"), fresh("t")
+        self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
+        self._top, self._levels = top, self._levels + 1
+        self.block.add(code.Assign(number, self._called(self._matching.rows(key), values)))
+        self.block.loop(row, code.call("range", number))
+        for column, position in enumerate(key.outputs):
+            variable = goal.arguments[position]
+            type_ = self._matching.types(key)[column]
+            space = RF if type_ is Scalar.FLOAT else RI
+            local = self._facts.local(type_)
+            place = code.tuple_of(plus(top, row), code.Constant(column))
+            self.block.add(code.Assign(local, code.Index(space, place)))
+            self._give(variable, local)
+
+    # --- aggregates
+
+    def _aggregate(self, goal: AggregateAtom, step: Step) -> None:
+        if goal.function != "count":
+            raise NotCompiled(f"the aggregate `{goal.function}` over what changes")
+        relation = goal.relation
+        if isinstance(relation, CallAtom) and not self._static(relation):
+            free = [v for v in relation.arguments if not self._known(v)]
+            key = call_key(relation, {v for v in relation.arguments if self._known(v)}, free)
+            values = [self.source(relation.arguments[position]) for position in key.bound]
+            self._give(goal.result, self._called(self._matching.count(key), values))
+            return
+        head = (code.Assign(COUNT, code.Constant(0)),)
+        plan = step.inner[0]
+        steps = plan.steps
+        if len(steps) == 1 and steps[0].kind is Kind.TEST:
+            steps = (replace(steps[0], kind=Kind.LOOP, binds=tuple(self._free(relation))),)
+        counted = self._inside(lambda body: body.steps(steps, _counted), COUNT, head)
+        self._give(goal.result, counted)
+
+
+def _arguments(goal: Goal) -> tuple[int, ...]:
+    match goal:
+        case InstanceAtom() | LinkAtom() | CallAtom() | ClosureAtom():
+            return arguments(goal)
+    raise AssertionError(goal)
+
+
+def _found_one(body: _Body) -> None:
+    body.block.add(code.Return(code.TRUE))
+
+
+def _names_in(node: object) -> set[str]:
+    """Names of the local variables in some code."""
+    found: set[str] = set()
+    todo = [node]
+    while todo:
+        one = todo.pop()
+        if isinstance(one, code.Local):
+            found.add(one.name)
+        elif isinstance(one, tuple):
+            todo += one
+        elif hasattr(one, "__slots__"):
+            todo += [getattr(one, name) for name in one.__slots__ if name != "origin"]
+    return found

@@ -1,0 +1,204 @@
+"""A member of a family as data: its objects numbered, and what is asked about them once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol, TypeAlias
+
+from envgraph import code
+from envgraph.env._keys import KeyIndex
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value
+from envgraph.pattern import ObjectType, StaticType
+from envgraph.rewrite import Engine
+
+NO_OBJECT = -1
+NO_INT = -(2**31)
+"""Stands for the absence of an int; ints in states have 32 bits."""
+MOST_INT = 2**31 - 1
+
+Cell: TypeAlias = "int | float"
+Row: TypeAlias = "tuple[Cell, ...]"
+
+
+class Relation(Protocol):
+    """Something that can be asked of a member."""
+
+    def rows(self, member: Member) -> list[Row]:
+        """The tuples."""
+
+    def __hash__(self) -> int: ...
+
+
+def absent(type_: StaticType) -> code.Expression:
+    """Code for the absence of a value."""
+    return code.Name("NAN") if type_ is Scalar.FLOAT else code.Constant(int(missing(type_)))
+
+
+def missing(type_: StaticType) -> Cell:
+    """What stands for the absence of a value."""
+    if type_ is Scalar.FLOAT:
+        return float("nan")
+    return NO_INT if type_ is Scalar.INT else NO_OBJECT
+
+
+def ranks(type_: EnumType) -> dict[str, int]:
+    """The number of each literal: in alphabetical order, in which rows are sorted."""
+    return {literal: rank for rank, literal in enumerate(sorted(type_.literals))}
+
+
+class Member:
+    """The initial state of one member, with its objects numbered in the order of their ids.
+
+    Args:
+        engine: its model is that state, now and whenever something is asked.
+        keys: the indices of objects over the family.
+        strings: number of each string that the family has, in alphabetical order.
+    """
+
+    def __init__(self, engine: Engine, keys: KeyIndex, strings: dict[str, int]) -> None:
+        self.engine = engine
+        self.keys = keys
+        self.model = engine.model
+        self.metamodel = engine.model.metamodel
+        concrete = [cls.name for cls in self.metamodel.class_list if not cls.abstract]
+        extents = {cls: sorted(self.model.exact_extent(cls)) for cls in concrete}
+        self.objects = sorted(node for nodes in extents.values() for node in nodes)
+        self.number = {node: number for number, node in enumerate(self.objects)}
+        self._extents = {cls: [self.number[node] for node in nodes] for cls, nodes in extents.items()}
+        self._strings = strings
+        self._rows: dict[Relation, list[Row]] = {}
+
+    def rows(self, relation: Relation) -> list[Row]:
+        """The tuples of a relation, asked for once."""
+        if relation not in self._rows:
+            self._rows[relation] = relation.rows(self)
+        return self._rows[relation]
+
+    def extent(self, cls: str, exact: bool = False) -> list[int]:
+        """The objects of a class, ascending."""
+        classes = (cls,) if exact else self.metamodel.concrete(cls)
+        return sorted(number for one in classes for number in self._extents.get(one, ()))
+
+    def encoded(self, value: Value | None, type_: StaticType) -> Cell:
+        """The number for a value."""
+        if value is None:
+            return missing(type_)
+        match type_:
+            case ObjectType():
+                return self.number[value]  # type: ignore[index]
+            case EnumType():
+                return ranks(type_)[str(value)]
+            case Scalar.STRING:
+                return self._strings[str(value)]
+            case Scalar.FLOAT:
+                return float(value)
+            case Scalar.INT:
+                return checked(int(value))
+            case _:
+                return int(value)
+
+    def decoded(self, value: Cell, type_: StaticType) -> Value | None:
+        """The value that a number stands for."""
+        if value == missing(type_) or value != value:  # noqa: PLR0124
+            return None
+        match type_:
+            case ObjectType():
+                return self.objects[int(value)]
+            case EnumType():
+                return sorted(type_.literals)[int(value)]
+            case Scalar.STRING:
+                return next(text for text, number in self._strings.items() if number == value)
+            case Scalar.FLOAT:
+                return float(value)
+            case Scalar.BOOL:
+                return bool(value)
+            case _:
+                return int(value)
+
+    def value(self, number: int, attribute: Attribute) -> Cell:
+        """The value of an object in an attribute."""
+        return self.encoded(self.model.value(self.objects[number], attribute), attribute.type)
+
+    def target(self, number: int, reference: Reference) -> int:
+        """The target of an object in a single-valued reference."""
+        target = self.model.target(self.objects[number], reference)
+        return NO_OBJECT if target is None else self.number[target]
+
+    def links(self, feature: Reference | Attribute) -> list[Row]:
+        """The links of a reference, or an object with each of its values."""
+        found: list[Row] = []
+        for number in self.extent(feature.owner):
+            node = self.objects[number]
+            if isinstance(feature, Reference):
+                found += [(number, self.number[target]) for target in self.model.targets(node, feature)]
+            elif feature.many:
+                values: Sequence[Value] = self.model.values(node, feature)
+                found += [(number, self.encoded(value, feature.type)) for value in values]
+            elif self.model.value(node, feature) is not None:
+                found.append((number, self.value(number, feature)))
+        return found
+
+    def matches(self, pattern: str) -> list[Row]:
+        """The matches of a pattern."""
+        types = self.engine.library.parameter_types(pattern)
+        rows = self.engine.matcher.prepare(pattern, ())()
+        return [tuple(map(self.encoded, row, types)) for row in rows]
+
+    def reached(self, step: str, star: bool) -> list[Row]:
+        """The pairs of a closure."""
+        following: dict[Cell, list[Cell]] = {}
+        for source, target in self.matches(step):
+            following.setdefault(source, []).append(target)
+        found: dict[Row, None] = {}
+        for source, targets in following.items():
+            todo = list(dict.fromkeys(targets))
+            seen = set(todo)
+            for node in todo:
+                found[source, node] = None
+                new = [other for other in following.get(node, ()) if other not in seen]
+                todo += dict.fromkeys(new)
+                seen.update(new)
+        if star:
+            type_ = self.engine.library.parameter_types(step)[0]
+            assert isinstance(type_, ObjectType)
+            found.update(((node, node), None) for node in self.extent(type_.cls))
+        return list(found)
+
+
+def checked(value: int) -> int:
+    """An int that fits a state.
+
+    Raises:
+        NotCompiled: it does not.
+    """
+    if not NO_INT < value <= MOST_INT:
+        raise NotCompiled(f"an int beyond 32 bits ({value})")
+    return value
+
+
+def strings_of(engine: Engine) -> set[str]:
+    """The strings in a model."""
+    model = engine.model
+    found: set[str] = set()
+    for attribute in model.metamodel.attributes:
+        if attribute.type is Scalar.STRING:
+            for node in model.extent(attribute.owner):
+                if attribute.many:
+                    found.update(map(str, model.values(node, attribute)))
+                elif (value := model.value(node, attribute)) is not None:
+                    found.add(str(value))
+    return found
+
+
+def width(type_: StaticType) -> int | None:
+    """How many values a type has, for a table by value; 0 for objects, of which the member knows; None: too many."""
+    match type_:
+        case ObjectType():
+            return 0
+        case EnumType():
+            return len(type_.literals)
+        case Scalar.BOOL:
+            return 2
+        case _:
+            return None

@@ -1,0 +1,206 @@
+"""A behaviour compiled: text, compiled with numba or run by Python, and the data of a family."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from hashlib import sha256
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+import numpy as np
+
+from envgraph import code
+from envgraph.behaviour import Behaviour
+from envgraph.code import dataclass
+from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._simulator import Simulator
+from envgraph.env.compiled import _kernels
+from envgraph.env.compiled._behaviour import Text, written
+from envgraph.env.compiled._layout import Arrays, Layout
+from envgraph.env.compiled._member import Member, strings_of
+from envgraph.env.compiled._refused import Misfit, NotCompiled
+from envgraph.env.compiled._twin import Twin
+from envgraph.files import cache_directory, replace_file
+from envgraph.rewrite import Engine
+
+KERNELS: Final = ("reset_all", "step_all")
+"""Functions that are called from outside."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Program:
+    """A compiled behaviour with a family.
+
+    Attributes:
+        source: the text of the program.
+        arrays: the data of the members.
+        action_names: of the actions.
+        observation_shape: sizes of the components of an observation.
+        kernels: the functions that are called from outside.
+        members: as data.
+        layout: what is where.
+        levels, width: how many stretches of rows there are, and how many columns.
+        native: whether numba has compiled it.
+    """
+
+    source: str
+    arrays: Arrays
+    action_names: tuple[str, ...]
+    observation_shape: tuple[int, ...]
+    kernels: Mapping[str, Callable[..., Any]]
+    members: tuple[Member, ...]
+    layout: Layout
+    behaviour: Behaviour
+    keys: KeyIndex
+    levels: int
+    width: int
+    native: bool
+
+    @property
+    def may_fail(self) -> bool:
+        """Whether something in it may go wrong besides a lack of space."""
+        return "= FAILED\n" in self.source or "= REFUSED\n" in self.source
+
+    def twin(self, number: int) -> Twin:
+        """The live engine of a member, put into states."""
+        member = self.members[number]
+        simulator = Simulator(member.engine, self.behaviour, self.keys)
+        return Twin(simulator, member, self.layout, self.arrays.offsets)
+
+
+def program_of(
+    engine: Engine,
+    behaviour: Behaviour,
+    members: Iterable[Engine] | None = None,
+    keys: KeyIndex | None = None,
+    *,
+    native: bool | None = None,
+) -> Program:
+    """Compile a behaviour.
+
+    Args:
+        engine: of the domain: has the patterns and rules; plans go by the sizes of its model.
+        behaviour: free of errors.
+        members: an engine for each member of the family, in its initial state; that one alone if None.
+        keys: the indices of objects over the family; those of the first engine's model alone if None.
+        native: whether to compile it with numba; None: if that is installed.
+
+    Raises:
+        NotCompiled: something in it only the live engine has.
+    """
+    behaviour = engine.library.resolved(behaviour)
+    keys = keys or KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
+    engines = [engine] if members is None else list(members)
+    for each in engines:
+        _check_agents(behaviour, each)
+    broken: set[Hashable] = set()
+    known = sorted({text for each in engines for text in strings_of(each)})
+    while True:
+        layout = Layout(broken)
+        text = written(engine, behaviour, keys, layout)
+        texts = sorted({*known, *layout.texts})
+        strings = {one: number for number, one in enumerate(texts)}
+        data = [Member(each, keys, strings) for each in engines]
+        try:
+            arrays = layout.arrays(data, max(len(each.objects) for each in data), strings)
+        except Misfit as misfit:
+            broken.add(misfit.assumption)
+            continue
+        return _compiled(text, arrays, native, data, behaviour, keys)
+
+
+def _check_agents(behaviour: Behaviour, engine: Engine) -> None:
+    for agent in behaviour.agents:
+        if not engine.model.extent(agent.cls):
+            raise NotCompiled(f"agents that a model has none of (`{agent.cls}`)", agent.span)
+
+
+def _compiled(
+    text: Text,
+    arrays: Arrays,
+    native: bool | None,
+    members: Sequence[Member],
+    behaviour: Behaviour,
+    keys: KeyIndex,
+) -> Program:
+    source = source_of(text.functions)
+    native = importlib.util.find_spec("numba") is not None if native is None else native
+    namespace = _native(source) if native else _interpreted(source)
+    kernels = {name: namespace[name] for name in KERNELS}
+    return Program(
+        source,
+        arrays,
+        text.action_names,
+        text.shape,
+        kernels,
+        tuple(members),
+        text.layout,
+        behaviour,
+        keys,
+        text.levels,
+        text.width,
+        native,
+    )
+
+
+def source_of(functions: Sequence[code.Function]) -> str:
+    """The text of a program."""
+    kernels = inspect.getsource(_kernels)
+    return f"{kernels}\n\n{code.printed(tuple(functions)).text}"
+
+
+def _interpreted(source: str) -> dict[str, Any]:
+    """The functions of a program, run by Python."""
+    namespace: dict[str, Any] = {"__name__": "program"}
+    code.define_text(source, "<program of envgraph>", namespace)
+    namespace["uniform"] = _uniform
+    return namespace
+
+
+def _native(source: str) -> dict[str, Any]:
+    """The functions of a program, compiled by numba; it caches them beside the text, under its hash."""
+    import numba
+
+    digest = sha256(f"{numba.__version__}\n{source}".encode()).hexdigest()[:32]
+    folder = cache_directory()
+    path = (folder or Path()) / "programs" / f"program_{digest}.py"
+    if folder is not None and not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, source)
+    module = ModuleType(path.stem)
+    sys.modules[path.stem] = module  # numba looks there for the functions of what it has cached
+    namespace = vars(module)
+    code.define_text(source, str(path), namespace)
+    options: Any = {"cache": folder is not None, "error_model": "numpy", "_nrt": False}
+    inner, outer = numba.njit(forceinline=True, **options), numba.njit(nogil=True, **options)
+    for name, value in list(namespace.items()):
+        if inspect.isfunction(value) and value.__module__ == path.stem:
+            namespace[name] = (outer if name in KERNELS else inner)(value)
+    return namespace
+
+
+def _uniform(states: Any, row: int) -> float:
+    """NumPy's PCG64, with Python's ints."""
+    lo, hi, inc_lo, inc_hi = (int(part) for part in states[row])
+    state = (hi << 64 | lo) * 0x2360ED051FC65DA44385DF649FCCF645 + (inc_hi << 64 | inc_lo)
+    lo, hi = state & _WORD, state >> 64 & _WORD
+    states[row, 0], states[row, 1] = lo, hi
+    mixed, turns = hi ^ lo, hi >> 58
+    mixed = (mixed >> turns | mixed << (-turns & 63)) & _WORD
+    return (mixed >> 11) * 2.0**-53
+
+
+_WORD: Final = 2**64 - 1
+
+
+def streams(generators: Sequence[np.random.Generator]) -> np.ndarray[Any, np.dtype[np.uint64]]:
+    """The states of NumPy's generators, a row each."""
+    rows = []
+    for generator in generators:
+        state: Any = generator.bit_generator.state["state"]
+        rows.append([state["state"] & _WORD, state["state"] >> 64, state["inc"] & _WORD, state["inc"] >> 64])
+    return np.array(rows, dtype=np.uint64).reshape(len(rows), 4)

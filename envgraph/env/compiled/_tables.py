@@ -1,0 +1,460 @@
+"""What a program is written over: tables that a member fills, and columns of its state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import prod
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from envgraph.code import dataclass
+from envgraph.env._binding import bind_parameter
+from envgraph.env._keys import key_reader
+from envgraph.env.compiled._member import NO_OBJECT, Cell, Member, Row, missing, width
+from envgraph.env.compiled._refused import Misfit, NotCompiled
+from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.pattern import Library, ObjectType, Parameter, StaticType
+
+WORD: Final = 32
+"""Bits of a word of a set."""
+
+
+# --- relations that no rule changes
+
+
+@dataclass(frozen=True, slots=True)
+class Instances:
+    """The objects of a class."""
+
+    cls: str
+    exact: bool = False
+
+    def types(self, library: Library) -> tuple[StaticType, ...]:
+        """Types of the columns."""
+        return (ObjectType(self.cls),)
+
+    def rows(self, member: Member) -> list[Row]:
+        """The tuples."""
+        return [(number,) for number in member.extent(self.cls, self.exact)]
+
+
+@dataclass(frozen=True, slots=True)
+class Links:
+    """The links of a reference, or the objects with their values of an attribute."""
+
+    feature: Reference | Attribute
+
+    def types(self, library: Library) -> tuple[StaticType, ...]:
+        """Types of the columns."""
+        feature = self.feature
+        end = ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
+        return ObjectType(feature.owner), end
+
+    def rows(self, member: Member) -> list[Row]:
+        """The tuples."""
+        return member.links(self.feature)
+
+
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """The matches of a pattern."""
+
+    pattern: str
+
+    def types(self, library: Library) -> tuple[StaticType, ...]:
+        """Types of the columns."""
+        return library.parameter_types(self.pattern)
+
+    def rows(self, member: Member) -> list[Row]:
+        """The tuples."""
+        return member.matches(self.pattern)
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """What is reached by the steps of a closure."""
+
+    step: str
+    star: bool
+
+    def types(self, library: Library) -> tuple[StaticType, ...]:
+        """Types of the columns."""
+        return library.parameter_types(self.step)
+
+    def rows(self, member: Member) -> list[Row]:
+        """The tuples."""
+        return member.reached(self.step, self.star)
+
+
+Relation: TypeAlias = "Instances | Links | Matches | Reached"
+
+
+# --- tables: a row of numbers for each member
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """Columns of a relation whose values have numbers below known ones: they make a place in a table.
+
+    Attributes:
+        widths: of each column how many values it may have; 0: as many as there are objects.
+    """
+
+    relation: Relation
+    positions: tuple[int, ...]
+    widths: tuple[int, ...]
+
+    def sizes(self, stride: int) -> tuple[int, ...]:
+        """How many values each column may have, where there are so many objects."""
+        return tuple(width or stride for width in self.widths)
+
+    def place(self, row: Row, sizes: Sequence[int]) -> int:
+        """The place of a row."""
+        place = 0
+        for position, size in zip(self.positions, sizes, strict=True):
+            place = place * size + int(row[position])
+        return place
+
+
+@dataclass(frozen=True, slots=True)
+class Bits:
+    """Whether there is a row with some values: one bit for each place."""
+
+    keys: Keys
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        sizes = self.keys.sizes(stride)
+        bits = np.zeros(-(-max(prod(sizes), 1) // WORD) * WORD, dtype=np.uint8)
+        for row in member.rows(self.keys.relation):
+            bits[self.keys.place(row, sizes)] = 1
+        packed = np.packbits(bits, bitorder="little").view("<i4")
+        return [int(word) for word in packed]
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """The value in a column of the one row with some values."""
+
+    keys: Keys
+    position: int
+    shown: tuple[int, ...]
+    type: StaticType
+
+    @property
+    def is_float(self) -> bool:
+        """Whether the values are."""
+        return self.type is Scalar.FLOAT
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member.
+
+        Raises:
+            Misfit: it has several rows for some values.
+        """
+        sizes = self.keys.sizes(stride)
+        found = [missing(self.type)] * max(prod(sizes), 1)
+        for place, rows in _grouped(self.keys, self.shown, member, sizes).items():
+            if len(rows) > 1:
+                raise Misfit(One(self.keys, self.shown))
+            found[place] = rows[0][self.shown.index(self.position)]
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Starts:
+    """Where the rows with some values begin, and behind the last one where they end."""
+
+    keys: Keys
+    shown: tuple[int, ...]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        sizes = self.keys.sizes(stride)
+        groups = _grouped(self.keys, self.shown, member, sizes)
+        found = [0]
+        for place in range(max(prod(sizes), 1)):
+            found.append(found[-1] + len(groups.get(place, ())))
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """The values in a column, of rows in the order of `Starts`."""
+
+    keys: Keys
+    shown: tuple[int, ...]
+    position: int
+    is_float: bool
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        column = self.shown.index(self.position)
+        groups = _grouped(self.keys, self.shown, member, self.keys.sizes(stride))
+        return [row[column] for place in sorted(groups) for row in groups[place]]
+
+
+@dataclass(frozen=True, slots=True)
+class One:
+    """The assumption that some values have one row at most."""
+
+    keys: Keys
+    shown: tuple[int, ...]
+
+
+def _grouped(
+    keys: Keys, shown: tuple[int, ...], member: Member, sizes: Sequence[int]
+) -> dict[int, list[Row]]:
+    """The different rows, of some columns, by the place that others make; sorted."""
+    groups: dict[int, set[Row]] = {}
+    for row in member.rows(keys.relation):
+        groups.setdefault(keys.place(row, sizes), set()).add(tuple(row[position] for position in shown))
+    return {place: sorted(rows) for place, rows in groups.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """The place of each object among those of some classes; -1 for others."""
+
+    classes: tuple[str, ...]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        found = [NO_OBJECT] * stride
+        for place, number in enumerate(members(member, self.classes)):
+            found[number] = place
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Holders:
+    """The objects of some classes, ascending."""
+
+    classes: tuple[str, ...]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        return members(member, self.classes)
+
+
+@dataclass(frozen=True, slots=True)
+class HowMany:
+    """The number of objects of some classes."""
+
+    classes: tuple[str, ...]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        return [len(members(member, self.classes))]
+
+
+@dataclass(frozen=True, slots=True)
+class Single:
+    """The assumption that there is one object at most of some classes."""
+
+    classes: tuple[str, ...]
+
+    def check(self, member: Member) -> None:
+        """See that a member is so.
+
+        Raises:
+            Misfit: it is not.
+        """
+        if len(members(member, self.classes)) > 1:
+            raise Misfit(self)
+
+
+def members(member: Member, classes: Sequence[str]) -> list[int]:
+    """The objects of some concrete classes, ascending."""
+    return sorted(number for cls in classes for number in member.extent(cls, exact=True))
+
+
+def classes_below(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
+    """The concrete classes of a class."""
+    return tuple(metamodel.concrete(cls))
+
+
+# --- columns: a row of numbers for each state
+
+
+@dataclass(frozen=True, slots=True)
+class AttributeColumn:
+    """The value of each object that has an attribute."""
+
+    attribute: Attribute
+    classes: tuple[str, ...]
+
+    @property
+    def is_float(self) -> bool:
+        """Whether the values are."""
+        return self.attribute.type is Scalar.FLOAT
+
+    def initial(self, member: Member) -> Sequence[Cell]:
+        """The column in the initial state."""
+        return [member.value(number, self.attribute) for number in self.objects(member)]
+
+    def objects(self, member: Member) -> list[int]:
+        """The objects that the entries are about."""
+        return members(member, self.classes)
+
+
+@dataclass(frozen=True, slots=True)
+class TargetColumn:
+    """The target of each object that has a reference."""
+
+    reference: Reference
+    classes: tuple[str, ...]
+    is_float = False
+
+    def initial(self, member: Member) -> Sequence[Cell]:
+        """The column in the initial state."""
+        return [member.target(number, self.reference) for number in members(member, self.classes)]
+
+
+@dataclass(frozen=True, slots=True)
+class SourceColumn:
+    """The source of each object that is a target of a reference, where it has one at most."""
+
+    reference: Reference
+    classes: tuple[str, ...]
+    is_float = False
+
+    def initial(self, member: Member) -> Sequence[Cell]:
+        """The column in the initial state."""
+        source = {target: source for source, target in member.rows(Links(self.reference))}
+        return [source.get(number, NO_OBJECT) for number in members(member, self.classes)]
+
+
+@dataclass(frozen=True, slots=True)
+class ClassSet:
+    """Which of the objects of a group are of a class: a bit for each."""
+
+    group: tuple[str, ...]
+    cls: str
+    is_float = False
+
+    def initial(self, member: Member) -> Sequence[Cell]:
+        """The column in the initial state."""
+        objects = members(member, self.group)
+        words = [0] * -(-len(objects) // WORD)
+        inside = {*member.extent(self.cls, exact=True)}
+        for place, number in enumerate(objects):
+            if number in inside:
+                words[place // WORD] |= 1 << (place % WORD)
+        return words
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """How many words a set of the objects of a group has."""
+
+    group: tuple[str, ...]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        return [-(-len(members(member, self.group)) // WORD)]
+
+
+# --- what a behaviour names
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """The object that a parameter of the behaviour stands for."""
+
+    parameter: Parameter
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        return [member.number[bind_parameter(member.model, self.parameter)]]
+
+
+@dataclass(frozen=True, slots=True)
+class Keyed:
+    """The object that has each index among a class, or will have it when it is retyped; -1 for none."""
+
+    cls: str
+    candidates: tuple[str, ...]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member.
+
+        Raises:
+            NotCompiled: two objects may have one index.
+        """
+        found = [NO_OBJECT] * member.keys.size(self.cls)
+        for number, index in _indexed(member, self.cls, self.candidates):
+            if index != NO_OBJECT:
+                if found[index] != NO_OBJECT:
+                    raise NotCompiled(f"objects that share a key, and may both become a `{self.cls}`")
+                found[index] = number
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class IndexOf:
+    """The index of each object among a class; -1 for those that have none."""
+
+    cls: str
+    candidates: tuple[str, ...]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        found = [NO_OBJECT] * stride
+        for number, index in _indexed(member, self.cls, self.candidates):
+            found[number] = index
+        return found
+
+
+def _indexed(member: Member, cls: str, classes: Sequence[str]) -> Iterator[tuple[int, int]]:
+    """The objects of some classes with their indices among a class."""
+    key_of = key_reader(member.model, cls)
+    rank = {key: position for position, key in enumerate(member.keys.of_class(cls))}
+    for number in members(member, classes):
+        yield number, rank.get(key_of(member.objects[number]), NO_OBJECT)
+
+
+@dataclass(frozen=True, slots=True)
+class Seats:
+    """The agents in the order of their turns: their objects, or the numbers of their blocks."""
+
+    classes: tuple[str, ...]
+    of: Literal["object", "block", "count"]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        seats = [
+            (member.number[node], block)
+            for block, cls in enumerate(self.classes)
+            for node in member.keys.objects(member.model, cls)
+            if node is not None
+        ]
+        if self.of == "count":
+            return [len(seats)]
+        return [node if self.of == "object" else block for node, block in seats]
+
+
+Table: TypeAlias = (
+    "Bits | Values | Starts | Listed | Places | Holders | HowMany | Words | Bound | Keyed | IndexOf | Seats"
+)
+Column: TypeAlias = "AttributeColumn | TargetColumn | SourceColumn | ClassSet"
+
+
+def keys_of(relation: Relation, library: Library, bound: Sequence[int]) -> tuple[Keys, tuple[int, ...]]:
+    """Those of the bound columns that make a place, and the others."""
+    types = relation.types(library)
+    widths = {position: width(types[position]) for position in bound}
+    usable = tuple(position for position in bound if widths[position] is not None)
+    rest = tuple(position for position in bound if widths[position] is None)
+    return Keys(relation, usable, tuple(widths[position] or 0 for position in usable)), rest

@@ -1,0 +1,318 @@
+"""Code for expressions: values are numbers, and what may be missing or fail is asked first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final, TypeAlias
+
+from envgraph import code
+from envgraph.code import dataclass
+from envgraph.env.compiled._facts import Facts
+from envgraph.env.compiled._member import absent, checked, ranks
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.metamodel import Attribute, EnumType, Scalar, Value
+from envgraph.pattern import (
+    Binary,
+    Conditional,
+    Constant,
+    EnumLiteral,
+    Expression,
+    FunctionCall,
+    Navigation,
+    ObjectType,
+    StaticType,
+    Unary,
+    Variable,
+    children,
+)
+
+Test: TypeAlias = code.Expression
+
+_COMPARISONS: Final = ("<", "<=", ">", ">=")
+_INT_BITS: Final = 32
+_MOST_BITS: Final = 63
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """Code for a value.
+
+    Attributes:
+        value: a truth value for bools, else the number of the value; to be evaluated where the tests hold.
+        type: None for `none`.
+        valid: what has to hold for the expression not to fail; each may rely on those before it.
+        present: what has to hold besides for there to be a value.
+        sure: the class that an object certainly is of.
+        bits: how many an int may have.
+    """
+
+    value: code.Expression
+    type: StaticType | None
+    valid: tuple[Test, ...] = ()
+    present: tuple[Test, ...] = ()
+    sure: str | None = None
+    bits: int = _INT_BITS
+
+    @property
+    def tests(self) -> tuple[Test, ...]:
+        """What has to hold for there to be a value."""
+        return (*self.valid, *self.present)
+
+    @property
+    def number(self) -> code.Expression:
+        """Code for the number of the value."""
+        if self.type is Scalar.BOOL:
+            return code.Choice(self.value, code.Constant(1), code.Constant(0))
+        return self.value
+
+
+def named(value: code.Expression, type_: StaticType | None, sure: str | None = None) -> Term:
+    """A variable that has a value."""
+    truth = code.equal(value, code.Constant(1)) if type_ is Scalar.BOOL else value
+    return Term(truth, type_, sure=sure)
+
+
+class Terms:
+    """Writes expressions over some variables.
+
+    Args:
+        facts: reads features.
+        names: what the variables stand for.
+
+    Attributes:
+        steps: what has to be computed first, whether or not it is needed then: it changes nothing, and cannot fail.
+    """
+
+    def __init__(self, facts: Facts, names: Mapping[str, Term]) -> None:
+        self._facts = facts
+        self._names = names
+        self.steps: list[code.Statement] = []
+
+    def _kept(self, value: code.Expression, type_: StaticType) -> code.Local:
+        """A variable for a value."""
+        local = self._facts.local(type_)
+        self.steps.append(code.Assign(local, value))
+        return local
+
+    def write(self, node: Expression) -> Term:
+        """Code for an expression.
+
+        Raises:
+            NotCompiled: something in it is not compiled.
+        """
+        match node:
+            case Variable():
+                return self._names[node.name]
+            case Constant(value) if value is None:
+                return Term(code.Constant(-1), None, present=(code.FALSE,))
+            case Constant(value):
+                assert value is not None
+                return literal(self._facts, value, _type_of(value))
+            case EnumLiteral():
+                raise NotCompiled(f"the literal `{node.literal}` where its type is not clear", node.span)
+            case Navigation():
+                return self._read(node)
+            case Unary("!", operand):
+                inner = self._present(operand)
+                return replace(inner, value=code.inverse(inner.value))
+            case Unary(_, operand):
+                inner = self._present(operand)
+                return replace(inner, value=code.Operation("-", (inner.value,)))
+            case Binary():
+                return self._binary(node)
+            case Conditional():
+                return self._conditional(node)
+            case FunctionCall():
+                return self._function(node)
+
+    def _present(self, node: Expression) -> Term:
+        """An operand that has to have a value."""
+        term = self.write(node)
+        return replace(term, valid=term.tests, present=())
+
+    def _read(self, node: Navigation) -> Term:
+        owner = self.write(node.object)
+        if not isinstance(owner.type, ObjectType):
+            raise NotCompiled(f"`.{node.feature}` of a string", node.span)
+        feature = self._facts.metamodel.feature(owner.type.cls, node.feature)
+        assert feature is not None
+        above = owner.sure is not None and self._facts.metamodel.is_a(owner.sure, feature.owner)
+        if isinstance(feature, Attribute):
+            type_: StaticType = feature.type
+            found = self._facts.value(feature, owner.value, sure=above)
+            sure = None
+        else:
+            type_, sure = ObjectType(feature.target), feature.target
+            end = self._facts.other_end(feature, owner.value, forward=True, sure=above)
+            if end is None:
+                raise NotCompiled(f"the many targets of `{feature}` in an expression", node.span)
+            found = end
+        if owner.tests:
+            found = code.Choice(code.joined("and", owner.tests, True), found, absent(type_))
+        local = self._kept(found, type_)
+        present = (*owner.present, self._facts.present(local, type_))
+        return Term(named(local, type_).value, type_, owner.valid, present, sure)
+
+    # --- operators
+
+    def _binary(self, node: Binary) -> Term:
+        match node.operator:
+            case "&&" | "||":
+                return self._logical(node)
+            case "==" | "!=":
+                return self._equality(node)
+        left, right = self._present(node.left), self._present(node.right)
+        valid = (*left.valid, *right.valid)
+        if node.operator in _COMPARISONS:
+            return Term(code.Operation(node.operator, (left.value, right.value)), Scalar.BOOL, valid)
+        if Scalar.STRING in (left.type, right.type):
+            raise NotCompiled("strings that are put together", node.span)
+        return self._arithmetic(node, left, right, valid)
+
+    def _arithmetic(self, node: Binary, left: Term, right: Term, valid: tuple[Test, ...]) -> Term:
+        operator = node.operator
+        if operator in "/%":
+            other = self._kept(right.value, right.type or Scalar.INT)
+            there = code.Operation("!=", (other, code.Constant(0)))
+            valid = (*valid, there)
+            right = replace(right, value=code.Choice(there, other, code.Constant(1)))
+        if left.type is Scalar.INT and right.type is Scalar.INT:
+            bits = left.bits + right.bits if operator == "*" else max(left.bits, right.bits) + 1
+            if bits > _MOST_BITS:
+                raise NotCompiled("a product of products", node.span)
+            made: code.Expression
+            if operator in "/%":
+                function = "quotient" if operator == "/" else "rest"
+                made, bits = code.call(function, left.value, right.value), left.bits
+            else:
+                made = code.Operation(operator, (left.value, right.value))
+            return Term(made, Scalar.INT, valid, bits=bits)
+        if operator == "%":
+            made = code.call("fmod", left.value, right.value)
+        else:
+            made = code.Operation(operator, (left.value, right.value))
+        local = self._kept(made, Scalar.FLOAT)
+        finite = code.Operation("<", (code.call("abs", local), code.Name("INFINITY")))
+        return Term(local, Scalar.FLOAT, (*valid, finite))
+
+    def _logical(self, node: Binary) -> Term:
+        """`&&` and `||` look at what they need: what stands behind is asked for only where that matters."""
+        operator = "and" if node.operator == "&&" else "or"
+        terms = [self._present(part) for part in children(node)]
+        valid = [*terms[0].valid]
+        for number, term in enumerate(terms[1:], 1):
+            if term.valid:
+                before = code.joined(operator, [each.value for each in terms[:number]], True)
+                decided = before if operator == "or" else code.inverse(before)
+                needed = code.joined("and", term.valid, True)
+                valid.append(code.Operation("or", (decided, needed)))
+        return Term(code.joined(operator, [term.value for term in terms], True), Scalar.BOOL, tuple(valid))
+
+    def _equality(self, node: Binary) -> Term:
+        left, right = self._sides(node.left, node.right)
+        same: code.Expression
+        if not left.present and not right.present:
+            same = code.equal(left.value, right.value)
+        else:
+            there, other = (code.joined("and", term.present, True) for term in (left, right))
+            values = [code.equal(left.value, right.value)] if None not in (left.type, right.type) else []
+            both = code.joined("and", [there, other, *values], True)
+            neither = code.Operation("and", (code.inverse(there), code.inverse(other)))
+            same = code.Operation("or", (both, neither))
+        if node.operator == "!=":
+            same = code.inverse(same)
+        return Term(same, Scalar.BOOL, (*left.valid, *right.valid))
+
+    def _sides(self, left: Expression, right: Expression) -> tuple[Term, Term]:
+        """Both sides of a comparison; an enum literal is one of the other side's enum."""
+        if _is_literal(left) and not _is_literal(right):
+            other, one = self._sides(right, left)
+            return one, other
+        first = self.write(left)
+        if isinstance(first.type, EnumType) and _is_literal(right):
+            return first, self.enum_literal(right, first.type)
+        return first, self.write(right)
+
+    def enum_literal(self, node: Expression, type_: EnumType) -> Term:
+        """A literal of an enum."""
+        value = node.literal if isinstance(node, EnumLiteral) else getattr(node, "value", "")
+        return literal(self._facts, value, type_)
+
+    def _conditional(self, node: Conditional) -> Term:
+        test = self._present(node.test)
+        then, otherwise = self.write(node.then), self.write(node.otherwise)
+        type_ = then.type or otherwise.type
+        if Scalar.FLOAT in (then.type, otherwise.type):
+            type_ = Scalar.FLOAT
+
+        def chosen(ones: Sequence[Test], others: Sequence[Test]) -> tuple[Test, ...]:
+            if not ones and not others:
+                return ()
+            either = code.joined("and", ones, True), code.joined("and", others, True)
+            return (code.Choice(test.value, *either),)
+
+        return Term(
+            code.Choice(test.value, _as(then, type_), _as(otherwise, type_)),
+            type_,
+            (*test.valid, *chosen(then.valid, otherwise.valid)),
+            chosen(then.present, otherwise.present),
+            bits=max(then.bits, otherwise.bits),
+        )
+
+    def _function(self, node: FunctionCall) -> Term:
+        if node.declaration is not None or node.function not in ("abs", "min", "max", "toFloat"):
+            raise NotCompiled(f"the function `{node.function}`", node.span)
+        terms = [self._present(argument) for argument in node.arguments]
+        types = {term.type for term in terms}
+        result: StaticType = (
+            Scalar.FLOAT if Scalar.FLOAT in types or node.function == "toFloat" else Scalar.INT
+        )
+        values = [_as(term, result) for term in terms]
+        made = values[0]
+        if node.function == "abs":
+            made = code.call("abs", made)
+        for value in values[1:]:
+            made = code.call(node.function, made, value)
+        valid = tuple(test for term in terms for test in term.valid)
+        return Term(made, result, valid, bits=max(term.bits for term in terms) + 1)
+
+
+def _as(term: Term, type_: StaticType | None) -> code.Expression:
+    """The code of a value, as a float where it has to be one."""
+    if type_ is Scalar.FLOAT and term.type is not Scalar.FLOAT:
+        return code.call("float", term.value)
+    return term.value
+
+
+def as_float(term: Term) -> code.Expression:
+    """The code of a number as a float."""
+    return _as(term, Scalar.FLOAT)
+
+
+def _is_literal(node: Expression) -> bool:
+    return isinstance(node, EnumLiteral) or (isinstance(node, Constant) and isinstance(node.value, str))
+
+
+def _type_of(value: Value) -> StaticType:
+    if isinstance(value, bool):
+        return Scalar.BOOL
+    if isinstance(value, int):
+        return Scalar.INT
+    return Scalar.FLOAT if isinstance(value, float) else Scalar.STRING
+
+
+def literal(facts: Facts, value: Value, type_: StaticType) -> Term:
+    """Code for a literal of a type."""
+    match type_:
+        case EnumType():
+            return Term(code.Constant(ranks(type_)[str(value)]), type_)
+        case Scalar.STRING:
+            return Term(facts.string(str(value)), type_)
+        case Scalar.FLOAT:
+            return Term(code.Constant(float(value)), type_)
+        case Scalar.BOOL:
+            return Term(code.TRUE if value else code.FALSE, type_)
+        case _:
+            number = checked(int(value))
+            return Term(code.Constant(number), type_, bits=max(number.bit_length(), 1) + 1)

@@ -1,0 +1,523 @@
+"""The turn of an agent as one function: the action, what happens in each step, the judgement, what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from envgraph import code
+from envgraph.behaviour import (
+    Action,
+    Branch,
+    EachStep,
+    Effect,
+    OnFind,
+    Question,
+    RuleCall,
+    condition_question,
+    roots,
+)
+from envgraph.code import dataclass
+from envgraph.env._program import ENDS, Types, added, stands_before
+from envgraph.env.compiled._changes import plan_of
+from envgraph.env.compiled._effects import Effects
+from envgraph.env.compiled._facts import call
+from envgraph.env.compiled._layout import RF, RI, TOP, D, failed, plus
+from envgraph.env.compiled._matching import CAPACITY, Matching
+from envgraph.env.compiled._terms import Term, Terms, as_float, named
+from envgraph.match.plan import ViewKey
+from envgraph.metamodel import Scalar
+from envgraph.pattern import Expression, Negation, ObjectType, StaticType, Variable, variables_in
+from envgraph.rewrite import Engine
+
+FAILED = code.Name("FAILED")
+TOTAL, END = code.Local("total", "float"), code.Local("end", "int")
+NOTHING = code.Return(code.tuple_of(code.Constant(0.0), code.Constant(0)))
+ZERO, ONE = code.Constant(0), code.Constant(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Called:
+    """A call of a rule that has been written.
+
+    Attributes:
+        done: the variable that is 1 if a rule was applied, or there was nothing to do.
+        outputs: the values of the names that get outputs.
+    """
+
+    done: code.Local
+    outputs: Mapping[str, Term]
+
+
+class Writer:
+    """Writes the statements of one function of a behaviour.
+
+    Args:
+        matching: finds matches.
+        engine: has the rules.
+        behaviour: name of the behaviour.
+        leave: what is done where the live engine raises an error.
+    """
+
+    def __init__(self, matching: Matching, engine: Engine, behaviour: str, leave: code.Return) -> None:
+        self.matching = matching
+        self.facts = matching.facts
+        self.module = matching.module
+        self.engine = engine
+        self.behaviour = behaviour
+        self.leave = leave
+        self.top: code.Expression = TOP
+        self.levels = 0
+        self._bodies: list[list[code.Statement]] = [[]]
+
+    def add(self, *statements: code.Statement) -> None:
+        """Add statements."""
+        self._bodies[-1] += statements
+
+    def assign(self, target: code.Local, value: code.Expression) -> None:
+        """Give a variable a value."""
+        self.add(code.Assign(target, value))
+
+    def collected(self, write: Callable[[], None]) -> code.Body:
+        """The statements that something writes."""
+        self._bodies.append([])
+        write()
+        return tuple(self._bodies.pop())
+
+    def when(self, test: code.Expression, write: Callable[[], None]) -> None:
+        """Statements under a test."""
+        body = self.collected(write)
+        if body:
+            self.add(code.If(test, body))
+
+    def body(self) -> code.Body:
+        """All statements."""
+        (whole,) = self._bodies
+        return tuple(whole)
+
+    def call(self, name: str, *arguments: code.Expression) -> code.Call:
+        """Code for a call of a function."""
+        self.module.uses(name, self.levels)
+        return call(name, *arguments, top=self.top)
+
+    # --- values
+
+    def value(self, expression: Expression, scope: Mapping[str, Term]) -> Term:
+        """Code for an expression."""
+        terms = Terms(self.facts, scope)
+        term = terms.write(expression)
+        self.add(*terms.steps)
+        return term
+
+    def number(self, expression: Expression, scope: Mapping[str, Term]) -> code.Expression:
+        """Code for a reward; where it has no value that is an error."""
+        term = self.value(expression, scope)
+        if term.tests:
+            self.add(code.If(code.inverse(code.joined("and", term.tests, True)), self.fail()))
+        return as_float(term)
+
+    def fail(self) -> code.Body:
+        """What is done where the live engine raises an error."""
+        return failed(FAILED), self.leave
+
+    def gone(self, term: Term, cls: str) -> code.Expression | None:
+        """Code for whether an object is deleted, or no longer of a class; None if it cannot be."""
+        if self.facts.changes.fixed_class(cls):
+            return None
+        return code.inverse(self.facts.is_instance(term.value, cls))
+
+    def alive(self, term: Term) -> code.Expression | None:
+        """Code for whether an object is not deleted; None if it cannot be."""
+        assert isinstance(term.type, ObjectType)
+        return self.facts.alive(term.value, term.type.cls)
+
+    # --- calls
+
+    def run(self, rule: RuleCall, scope: Mapping[str, Term]) -> Called:
+        """Apply a rule at one of its matches."""
+        done = self.module.fresh("done")
+        self.assign(done, ZERO)
+        if rule.rule is None:
+            self.assign(done, ONE)
+            return Called(done, {})
+        parameters = self.engine.signature(rule.rule).parameters
+        pairs = list(zip(rule.arguments, parameters, strict=True))
+        values: list[code.Expression] = []
+        tests: list[code.Expression] = []
+        for argument, taken in pairs:
+            if not taken.output:
+                term = self.value(argument, scope)
+                if term.valid:
+                    self._check_argument(argument, scope, term)
+                tests += term.tests
+                if isinstance(term.type, ObjectType):
+                    tests.append(code.Operation(">=", (term.value, ZERO)))
+                    tests += [alive] if (alive := self.alive(term)) is not None else []
+                values.append(as_float(term) if taken.type is Scalar.FLOAT else term.number)
+        names = [taken.name for _, taken in pairs if not taken.output]
+        wanted = {
+            taken.name: argument.name
+            for argument, taken in pairs
+            if taken.output and isinstance(argument, Variable) and not argument.anonymous
+        }
+        applied = self._applying(rule, tuple(names), tuple(wanted))
+        types = self._output_types(rule, tuple(wanted))
+        outputs = [self.facts.local(type_) for type_ in types]
+        for local, type_ in zip(outputs, types, strict=True):
+            self.assign(local, _zero(type_))
+        found = self.call(applied, *values)
+        target = code.tuple_of(done, *outputs) if outputs else done
+        self.add(code.If(code.joined("and", tests, True), (code.Assign(target, found),)))
+        self.add(code.If(code.Operation("<", (done, ZERO)), (self.leave,)))
+        terms = [named(local, type_) for local, type_ in zip(outputs, types, strict=True)]
+        return Called(done, dict(zip(wanted.values(), terms, strict=True)))
+
+    def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:
+        """An argument that fails is an error, unless it reads from an object that is gone."""
+        gone = [alive for root in roots(argument) if (alive := self.alive(scope[root.name])) is not None]
+        wrong = code.inverse(code.joined("and", term.valid, True))
+        self.add(code.If(code.joined("and", [*gone, wrong], True), self.fail()))
+
+    def _applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
+        """The function that applies a rule: 1 and the outputs, 0 without a match, -1 where that is refused."""
+        key = "apply", rule.rule, bound, wanted
+        name = self.module.named(key)
+        if name is None:
+            with self.module.writing():
+                whole, parameters = self._application(rule, bound, wanted)
+                name = self.module.keep(key, self.module.add("apply", parameters, whole))
+        return name
+
+    def _application(
+        self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]
+    ) -> tuple[code.Body, list[code.Local]]:
+        plan = plan_of(self.engine, rule)
+        positions = tuple(sorted(plan.variables.index(name) for name in bound))
+        others = tuple(p for p in range(len(plan.variables)) if p not in positions)
+        given = {p: self.facts.local(plan.types[p]) for p in positions}
+        number, row = self.module.fresh("n"), self.module.fresh("k")
+        rows = self.matching.rows(ViewKey(plan.body.pattern, positions, others))
+        self.module.uses(rows, 0)
+        nothing = [_zero(type_) for type_ in self._output_types(rule, wanted)]
+        slots: dict[int, code.Expression] = dict(given)
+        loads: list[code.Statement] = []
+        for column, position in enumerate(others):
+            space = RF if plan.types[position] is Scalar.FLOAT else RI
+            local = slots[position] = self.facts.local(plan.types[position])
+            loads.append(code.Assign(local, code.Index(space, code.tuple_of(row, code.Constant(column)))))
+        refused = code.Return(_listed(code.Constant(-1), nothing))
+        effects = Effects(self.facts, plan, [slots[p] for p in range(len(plan.variables))], refused)
+        changes = effects.write()
+        places = dict(plan.outputs)
+        body = (
+            code.Assign(number, call(rows, *(given[p] for p in positions))),
+            code.If(code.equal(number, ZERO), (code.Return(_listed(ZERO, nothing)),)),
+            code.Assign(row, plus(TOP, code.call("pick", D, number))),
+            *loads,
+            *changes,
+            code.Return(_listed(ONE, [effects.slot(places[name]) for name in wanted])),
+        )
+        return body, [given[plan.variables.index(name)] for name in bound]
+
+    def _output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
+        assert rule.rule is not None
+        types = {taken.name: taken.type for taken in self.engine.signature(rule.rule).parameters}
+        return [types[name] or ObjectType("") for name in wanted]
+
+    def alternatives(self, branches: Sequence[Branch], scope: Mapping[str, Term]) -> Called:
+        """Draw a branch and run it."""
+        probabilities = [branch.probability for branch in branches]
+        if probabilities == [1.0]:
+            return self.run(branches[0].call, scope)
+        done, drawn = self.module.fresh("done"), self.module.fresh("b")
+        chances = code.tuple_of(*(code.Constant(float(one)) for one in probabilities))
+        self.assign(done, ZERO)
+        self.assign(drawn, code.call("choose", D, chances))
+        outputs: dict[str, Term] = {}
+        for number, branch in enumerate(branches):
+
+            def write(branch: Branch = branch) -> None:
+                called = self.run(branch.call, scope)
+                self.assign(done, called.done)
+                for name, term in called.outputs.items():
+                    if name not in outputs:
+                        outputs[name] = replace(term, value=self.facts.local(term.type or ObjectType("")))
+                    local = outputs[name].value
+                    assert isinstance(local, code.Local)
+                    self.assign(local, term.number)
+
+            self.when(code.equal(drawn, code.Constant(number)), write)
+        return Called(done, outputs)
+
+    # --- questions
+
+    def question(self, condition: Negation | object, types: Types) -> Question:
+        """The helper pattern of a condition."""
+        return added(
+            self.engine,
+            self.behaviour,
+            lambda name: condition_question(name, condition, types),  # type: ignore[arg-type]
+        )
+
+    def key(self, question: Question, free: bool = True) -> ViewKey:
+        """The view that asks for the free variables of a question, or whether there are any."""
+        bound = len(question.bound)
+        outputs = tuple(range(bound, bound + len(question.free))) if free else ()
+        return ViewKey(question.pattern.qualified_name, tuple(range(bound)), outputs)
+
+    def bound_alive(self, question: Question, scope: Mapping[str, Term]) -> list[code.Expression]:
+        """Tests that the objects which a question names are not deleted."""
+        return [test for name in question.bound if (test := self.alive(scope[name])) is not None]
+
+
+def _listed(first: code.Expression, others: Sequence[code.Expression]) -> code.Expression:
+    return code.tuple_of(first, *others) if others else first
+
+
+def _zero(type_: StaticType | None) -> code.Expression:
+    return code.Constant(0.0) if type_ is Scalar.FLOAT else ZERO
+
+
+@dataclass(slots=True)
+class Pending:
+    """Rows of a clause that wait for their `apply`.
+
+    Attributes:
+        number: how many there are.
+        top: where they begin.
+    """
+
+    clause: OnFind
+    types: Types
+    question: Question
+    number: code.Local
+    top: code.Expression
+
+
+class Turn:
+    """Writes the turn of the agents of one block.
+
+    Args:
+        writer: of the function.
+        scope: the objects of parameters, and of the agent.
+        effects: the clauses in the order of the file, with the classes of the names that they know.
+    """
+
+    def __init__(
+        self, writer: Writer, scope: Mapping[str, Term], effects: Sequence[tuple[Effect, Types]]
+    ) -> None:
+        self.writer = writer
+        self.scope = scope
+        self.effects = effects
+        self.did = code.Local("did", "int")
+        self._pending: list[Pending] = []
+
+    def write(
+        self,
+        actions: Sequence[tuple[Action, Types]],
+        clause: code.Expression,
+        parameters: Sequence[Mapping[str, Term]],
+    ) -> None:
+        """All of the turn but what comes after the last `apply`.
+
+        Args:
+            actions: the `action` clauses.
+            clause: code for the number of the one that is done.
+            parameters: what the parameters of each stand for.
+        """
+        writer = self.writer
+        waiting = sum(isinstance(one, OnFind) and one.apply is not None for one, _ in self.effects)
+        writer.levels = waiting
+        if waiting:
+            top = writer.module.fresh("t")
+            writer.assign(top, plus(TOP, code.Operation("*", (CAPACITY, code.Constant(waiting)))))
+            writer.top = top
+        for local, value in ((TOTAL, code.Constant(0.0)), (END, ZERO), (self.did, ZERO)):
+            writer.assign(local, value)
+        called = [
+            self._act(number, action, clause, parameters[number])
+            for number, (action, _) in enumerate(actions)
+        ]
+        for effect, _ in self.effects:
+            if isinstance(effect, EachStep) and effect.apply:
+                self._remember(writer.alternatives(effect.apply, self.scope).done)
+        for position in range(len(self.effects) + 1):
+            for number, (action, _) in enumerate(actions):
+                before = sum(1 for effect, _ in self.effects if stands_before(effect, action))
+                if before == position and (action.reward or action.else_reward):
+                    scope = {**self.scope, **parameters[number]}
+                    self._reward_action(
+                        action, code.equal(clause, code.Constant(number)), called[number], scope
+                    )
+            if position < len(self.effects):
+                self._judge(*self.effects[position])
+        self._apply_pending()
+
+    def _remember(self, done: code.Local) -> None:
+        self.writer.add(code.If(code.Operation(">", (done, ZERO)), (code.Assign(self.did, ONE),)))
+
+    # --- the action
+
+    def _act(
+        self, number: int, action: Action, clause: code.Expression, parameters: Mapping[str, Term]
+    ) -> Called:
+        writer = self.writer
+        done = writer.module.fresh("done")
+        writer.assign(done, ZERO)
+        outputs: dict[str, Term] = {}
+
+        def write() -> None:
+            called = writer.alternatives(action.branches, {**self.scope, **parameters})
+            writer.assign(done, called.done)
+            outputs.update(called.outputs)
+
+        body = writer.collected(write)
+        for term in outputs.values():
+            assert isinstance(term.value, code.Local) or term.type is Scalar.BOOL
+            if isinstance(term.value, code.Local):
+                writer.assign(term.value, _zero(term.type))
+        writer.add(code.If(code.equal(clause, code.Constant(number)), body))
+        self._remember(done)
+        return Called(done, outputs)
+
+    def _reward_action(
+        self, action: Action, chosen: code.Expression, called: Called, scope: Mapping[str, Term]
+    ) -> None:
+        writer = self.writer
+
+        def write() -> None:
+            for reward, test, names in (
+                (action.reward, ">", {**scope, **called.outputs}),
+                (action.else_reward, "==", scope),
+            ):
+                if reward is not None:
+                    done = code.Operation(test, (called.done, ZERO))
+                    writer.when(done, lambda reward=reward, names=names: self._earn(reward, names))  # type: ignore[misc]
+
+        writer.when(chosen, write)
+
+    def _earn(self, reward: Expression, scope: Mapping[str, Term]) -> None:
+        number = self.writer.number(reward, scope)
+        self.writer.add(code.Assign(TOTAL, number, "+="))
+
+    # --- the judgement
+
+    def _judge(self, effect: Effect, types: Types) -> None:
+        writer = self.writer
+        if isinstance(effect, EachStep):
+            if effect.reward is not None:
+                self._earn(effect.reward, self.scope)
+            return
+        question = writer.question(effect.condition, types)
+        number = writer.module.fresh("n")
+        values = [self.scope[name].value for name in question.bound]
+        writer.assign(number, ZERO)
+        alive = writer.bound_alive(question, self.scope)
+        top = writer.top
+        if effect.apply is not None:
+            place = len(self._pending)
+            top = plus(TOP, code.Operation("*", (CAPACITY, code.Constant(place)))) if place else TOP
+            self._pending.append(Pending(effect, types, question, number, top))
+        rewarded = effect.reward is not None and _names(effect.reward, question.free)
+        if effect.apply is not None or rewarded:
+            function = writer.matching.rows(writer.key(question))
+            writer.module.uses(function, writer.levels)
+        elif effect.reward is not None:
+            function = writer.matching.count(writer.key(question))
+        else:
+            function = writer.matching.exists(writer.key(question, free=False))
+        writer.module.uses(function, writer.levels)
+        found: code.Expression = call(function, *values, top=top)
+        if effect.apply is None and effect.reward is None:
+            found = code.Choice(found, ONE, ZERO)
+        if isinstance(effect.condition, Negation):
+            gone = self._gone(question, types)
+            negated: code.Expression = (
+                code.Choice(code.joined("or", gone, False), ONE, ZERO) if gone else ZERO
+            )
+            found = code.Choice(code.joined("and", alive, True), found, negated) if alive else found
+            found = code.call("max", found, negated) if gone else found
+            writer.assign(number, found)
+        elif alive:
+            writer.add(code.If(code.joined("and", alive, True), (code.Assign(number, found),)))
+        else:
+            writer.assign(number, found)
+        if effect.reward is not None:
+            self._earn_rows(effect.reward, question, number, top)
+        end = ENDS[effect.terminate]
+        if end:
+            larger = code.Assign(END, code.call("max", END, code.Constant(end)))
+            writer.add(code.If(code.Operation(">", (number, ZERO)), (larger,)))
+
+    def _gone(self, question: Question, types: Types) -> list[code.Expression]:
+        writer = self.writer
+        found = [writer.gone(self.scope[name], types[name]) for name in question.bound]
+        return [test for test in found if test is not None]
+
+    def _earn_rows(
+        self, reward: Expression, question: Question, number: code.Local, top: code.Expression
+    ) -> None:
+        writer, row = self.writer, self.writer.module.fresh("i")
+
+        def write() -> None:
+            scope = dict(self.scope)
+            if _names(reward, question.free):
+                scope.update(self._row(question, plus(top, row), sure=True))
+            self._earn(reward, scope)
+
+        writer.add(code.For(row, code.call("range", number), writer.collected(write)))
+
+    def _row(self, question: Question, place: code.Expression, *, sure: bool) -> dict[str, Term]:
+        """The variables of a row."""
+        writer, scope = self.writer, {}
+        types = writer.matching.types(writer.key(question))
+        for column, (name, type_) in enumerate(zip(question.free, types, strict=True)):
+            local = writer.facts.local(type_)
+            space = RF if type_ is Scalar.FLOAT else RI
+            writer.assign(local, code.Index(space, code.tuple_of(place, code.Constant(column))))
+            cls = type_.cls if sure and isinstance(type_, ObjectType) else None
+            scope[name] = named(local, type_, cls)
+        return scope
+
+    # --- what follows
+
+    def _apply_pending(self) -> None:
+        writer = self.writer
+        if not self._pending:
+            return
+        first = writer.module.fresh("first")
+        writer.assign(first, ONE)
+        for each in self._pending:
+            row = writer.module.fresh("i")
+            body = writer.collected(lambda each=each, row=row: self._apply_row(each, row, first))  # type: ignore[misc]
+            writer.add(code.For(row, code.call("range", each.number), body))
+
+    def _apply_row(self, each: Pending, row: code.Local, first: code.Local) -> None:
+        writer, question = self.writer, each.question
+        assert each.clause.apply is not None
+        scope = {**self.scope, **self._row(question, plus(each.top, row), sure=False)}
+        holds = writer.module.fresh("holds")
+        bound = len(question.bound) + len(question.free)
+        key = ViewKey(question.pattern.qualified_name, tuple(range(bound)), ())
+        values = [scope[name].number for name in (*question.bound, *question.free)]
+        tests = writer.bound_alive(question, scope)
+        for name in question.free:
+            term = scope[name]
+            if isinstance(term.type, ObjectType) and (alive := writer.alive(term)) is not None:
+                tests.append(alive)
+        tests.append(writer.call(writer.matching.exists(key), *values))
+        held = code.joined("and", tests, True)
+        if isinstance(each.clause.condition, Negation):
+            held = code.joined("or", [held, *self._gone(question, each.types)], False)
+        writer.assign(holds, code.Choice(code.Operation("or", (code.equal(first, ONE), held)), ONE, ZERO))
+        writer.assign(first, ZERO)
+
+        def write() -> None:
+            assert each.clause.apply is not None
+            self._remember(writer.run(each.clause.apply, scope).done)
+
+        writer.when(code.equal(holds, ONE), write)
+
+
+def _names(expression: Expression, names: Sequence[str]) -> bool:
+    return any(variable.name in names for variable in variables_in(expression))

@@ -1,0 +1,95 @@
+"""A state as a model again: for pictures, and for the message where something went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from numpy.typing import NDArray
+
+from envgraph.env._simulator import Simulator
+from envgraph.env.compiled._layout import TURN, Layout
+from envgraph.env.compiled._member import Member
+from envgraph.env.compiled._tables import (
+    WORD,
+    AttributeColumn,
+    ClassSet,
+    Links,
+    SourceColumn,
+    TargetColumn,
+    members,
+)
+
+Numbers = NDArray[Any]
+
+
+class Twin:
+    """The live engine of a member, put into states of the program.
+
+    Args:
+        simulator: of the member, in its initial state.
+        member: the same as data.
+        layout: of the program.
+        offsets: where its columns begin.
+    """
+
+    def __init__(self, simulator: Simulator, member: Member, layout: Layout, offsets: Numbers) -> None:
+        self.simulator = simulator
+        self._member = member
+        self._columns = [(column, int(offsets[number])) for column, number in layout.columns()]
+        for column, _ in self._columns:
+            if isinstance(column, TargetColumn | SourceColumn):
+                member.rows(Links(column.reference))  # asked for while the model is in its initial state
+
+    @contextmanager
+    def at(self, state: Numbers, floats: Numbers) -> Iterator[Simulator]:
+        """Meanwhile the model is in a state."""
+        model = self.simulator.engine.model
+        turn = self.simulator.turn
+        savepoint = model.savepoint()
+        try:
+            self._restore(state, floats)
+            self.simulator.turn = int(state[TURN])
+            yield self.simulator
+        finally:
+            model.rollback(savepoint)
+            self.simulator.turn = turn
+
+    def _restore(self, state: Numbers, floats: Numbers) -> None:
+        member, model = self._member, self._member.model
+        for column, _ in self._columns:
+            if isinstance(column, TargetColumn | SourceColumn):
+                for source, target in member.rows(Links(column.reference)):
+                    model.unlink(member.objects[int(source)], column.reference, member.objects[int(target)])
+        self._restore_classes(state)
+        for column, start in self._columns:
+            if isinstance(column, ClassSet):
+                continue
+            for place, number in enumerate(members(member, column.classes)):
+                node = member.objects[number]
+                value = (floats if column.is_float else state)[start + place]
+                if not model.alive(node):
+                    continue
+                if isinstance(column, AttributeColumn):
+                    model.set_value(node, column.attribute, member.decoded(value, column.attribute.type))
+                elif value >= 0:
+                    other = member.objects[int(value)]
+                    ends = (node, other) if isinstance(column, TargetColumn) else (other, node)
+                    model.link(ends[0], column.reference, ends[1])
+
+    def _restore_classes(self, state: Numbers) -> None:
+        member, model = self._member, self._member.model
+        found: dict[int, str | None] = {}
+        for column, start in self._columns:
+            if isinstance(column, ClassSet):
+                for place, number in enumerate(members(member, column.group)):
+                    found.setdefault(number, None)
+                    if int(state[start + place // WORD]) >> (place % WORD) & 1:
+                        found[number] = column.cls
+        for number, cls in found.items():
+            node = member.objects[number]
+            if cls is None:
+                model.delete(node, "spo")
+            else:
+                model.retype(node, cls)

@@ -1,0 +1,33 @@
+"""What rules do, worked out: for those who carry it out elsewhere."""
+
+from envgraph.rewrite._plan import (
+    BlockPlan,
+    ChangeClass,
+    ChangeTargets,
+    Compute,
+    Delete,
+    Increase,
+    Link,
+    Rehome,
+    RulePlan,
+    SetTargets,
+    SetValue,
+    SetValues,
+    Unlink,
+)
+
+__all__ = [
+    "BlockPlan",
+    "ChangeClass",
+    "ChangeTargets",
+    "Compute",
+    "Delete",
+    "Increase",
+    "Link",
+    "Rehome",
+    "RulePlan",
+    "SetTargets",
+    "SetValue",
+    "SetValues",
+    "Unlink",
+]

@@ -1,0 +1,113 @@
+"""Compiled environments beside live ones: the same numbers are drawn, and everything has to be equal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from envgraph.env import Behaviour, KeyIndex, Simulator, indexed_classes
+from envgraph.env.compiled import Batch, Program, program_of
+from envgraph.env.compiled._changes import calls_of
+from envgraph.errors import EvaluationError, RuleError
+from envgraph.lang import load_workspace
+from envgraph.rewrite import Engine
+
+REPOSITORY = Path(__file__).parents[3]
+BUNDLED = REPOSITORY / "rules"
+EXTRA = REPOSITORY / "tests" / "data" / "compiled"
+
+
+def opened(*paths: Path) -> tuple[Engine, Behaviour]:
+    """An engine of the model among some files, and the behaviour."""
+    workspace = load_workspace([str(path) for path in paths])
+    engine = Engine(workspace.models[0].model)
+    engine.add(*workspace.definitions)
+    return engine, workspace.behaviour()
+
+
+def mutants(engine: Engine, behaviour: Behaviour, count: int, seed: int = 0) -> list[Engine]:
+    """Members of a family: some random applications of the rules that the behaviour does not call."""
+    called = {call.rule for call in calls_of(behaviour)}
+    rules = [name for name in engine.rules if name not in called and name.rpartition(".")[2] not in called]
+    found = []
+    for number in range(count):
+        other = engine.copy()
+        rng = np.random.default_rng([seed, number])
+        for _ in range(int(rng.integers(1, 9)) if number and rules else 0):
+            name = rules[int(rng.integers(len(rules)))]
+            rows = other.matches(name)
+            if rows:
+                with suppress(RuleError):
+                    other.apply(name, rows[int(rng.integers(len(rows)))])
+        found.append(other)
+    return found
+
+
+def family_keys(engines: Sequence[Engine], behaviour: Behaviour) -> KeyIndex:
+    """The indices of objects over all members."""
+    metamodel = engines[0].model.metamodel
+    classes = indexed_classes(behaviour, metamodel)
+    keys = KeyIndex.of(engines[0].model, classes)
+    for engine in engines[1:]:
+        keys = keys.merge(KeyIndex.of(engine.model, classes), metamodel)
+    return keys
+
+
+def step_side_by_side(
+    engines: Sequence[Engine], behaviour: Behaviour, steps: int, *, native: bool, seed: int = 0
+) -> Program:
+    """Step all members on both, with random actions; anything that differs is an error of the test."""
+    keys = family_keys(engines, behaviour)
+    program = program_of(engines[0], behaviour, [engine.copy() for engine in engines], keys, native=native)
+    batch = Batch(program, range(len(engines)))
+    live = [Simulator(engine, behaviour, keys) for engine in engines]
+    streams = [np.random.Generator(np.random.PCG64([seed, number])) for number in range(len(engines))]
+    batch.seed(streams)
+    everywhere = np.ones(len(engines), dtype=np.bool_)
+    batch.reset(everywhere)
+    begun = [simulator.reset(stream) for simulator, stream in zip(live, streams, strict=True)]
+    assert batch.observation.tolist() == begun
+    assert all(simulator.action_names == program.action_names for simulator in live)
+    assert all(simulator.observation_shape == program.observation_shape for simulator in live)
+    chosen = np.random.default_rng(seed)
+    for step in range(steps):
+        actions = chosen.integers(len(program.action_names), size=len(engines))
+        expected, failed = [], []
+        for number, (simulator, stream) in enumerate(zip(live, streams, strict=True)):
+            try:
+                expected.append(simulator.step(int(actions[number]), stream))
+            except (RuleError, EvaluationError) as error:
+                failed.append((number, error))
+                expected.append(None)
+        try:
+            batch.step(actions, again=False)
+            assert not failed, f"step {step}: no error, but live {failed}"
+        except (RuleError, EvaluationError) as error:
+            assert failed, f"step {step}: {error}"
+            assert str(failed[-1][1]) == str(error)
+        again = np.zeros(len(engines), dtype=np.bool_)
+        for number, outcome in enumerate(expected):
+            if outcome is None:
+                again[number] = True
+                continue
+            found = (batch.reward[number], batch.ended[number], batch.observation[number])
+            wanted = (outcome.reward, outcome.terminated, outcome.observation)
+            assert found == wanted, f"step {step}, member {number}, action {actions[number]}"
+            again[number] = outcome.terminated > 0 or batch.steps[number] >= (behaviour.limit or 200)
+            if step % 32 == number:
+                assert_same_state(batch, number, live[number])
+        if again.any():
+            batch.reset(again)
+            for number in np.flatnonzero(again):
+                assert batch.observation[number] == live[number].reset(streams[number])
+    return program
+
+
+def assert_same_state(batch: Batch, number: int, simulator: Simulator) -> None:
+    """The state of an environment, cell by cell, is that of the live one."""
+    hashed = simulator.state_key()
+    with batch.model_of(number) as twin:
+        assert twin.state_key() == hashed
