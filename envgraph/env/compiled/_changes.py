@@ -250,7 +250,12 @@ class StaticPatterns:
 
     def __contains__(self, pattern: object) -> bool:
         assert isinstance(pattern, str)
-        return all(map(self._of_itself, self._calls.bottom_up(pattern)))
+        reached = [pattern]
+        for name in reached:  # grows meanwhile
+            if not self._of_itself(name):
+                return False
+            reached += [called for called in self._calls.called(name) if called not in reached]
+        return True
 
     def _of_itself(self, pattern: str) -> bool:
         if pattern not in self._own:
