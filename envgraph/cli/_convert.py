@@ -58,7 +58,7 @@ def check_format(output: Path, formats: Sequence[str] = _WRITTEN) -> None:
     """Refuse a file whose name asks for no format that can be written."""
     if output.suffix not in formats:
         hint = did_you_mean(output.suffix, formats) or f"there are {', '.join(formats)}"
-        raise InvalidArgument(f"`{output}` is of no format that can be written; {hint}")
+        raise InvalidArgument(f"`{output}` is of no format that can be written", hint)
 
 
 def model_text(model: Model, output: Path) -> str:

@@ -143,7 +143,7 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
     formats = {"family": write_family, "ga4cl": export_ga4cl, "svg": family_svg}
     if format not in formats:
         hint = did_you_mean(format, formats) or f"there are {', '.join(formats)}"
-        raise InvalidArgument(f"unknown format `{format}`; {hint}")
+        raise InvalidArgument(f"unknown format `{format}`", hint)
     family = open_family(run, directory)
     text = formats[format](family)
     if output is None:

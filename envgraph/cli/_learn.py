@@ -238,7 +238,7 @@ def _curricula(family: Family, kinds: str | None) -> list[Curriculum]:
     for kind in wanted:
         if kind not in _KINDS:
             hint = did_you_mean(kind, _KINDS) or f"there are {', '.join(_KINDS)}"
-            raise InvalidArgument(f"unknown curricula `{kind}`; {hint}")
+            raise InvalidArgument(f"unknown curricula `{kind}`", hint)
         for one in sequences(names, kind):  # type: ignore[arg-type]
             chosen.setdefault((one.kind, one.label), one)
     return list(chosen.values())

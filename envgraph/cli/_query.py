@@ -235,7 +235,7 @@ def pattern_types(engine: Engine, pattern: str) -> dict[str, StaticType]:
             raise InvalidArgument(f"pattern `{pattern}` is private: it can be used in its own file only")
         simple = [one.name for one in engine.library.patterns if not one.private]
         hint = name_hint(pattern, simple if "." not in pattern else engine.library.names())
-        raise InvalidArgument(f"unknown pattern `{pattern}`" + (f"; {hint}" if hint else ""))
+        raise InvalidArgument(f"unknown pattern `{pattern}`", hint)
     types = engine.library.parameter_types(found.qualified_name)
     return {parameter.name: type_ for parameter, type_ in zip(found.parameters, types, strict=True)}
 
@@ -251,7 +251,7 @@ def parse_values(
             raise InvalidArgument(f"`{text}` is not of the form NAME=VALUE; write `--where {name}=..`")
         if name not in types:
             hint = name_hint(name, types) or "nothing can be given"
-            raise InvalidArgument(f"unknown variable `{name}`; {hint}")
+            raise InvalidArgument(f"unknown variable `{name}`", hint)
         if name in bound:
             raise InvalidArgument(f"`{name}` is given twice")
         bound[name] = _value(engine, name, value, types[name])
@@ -281,7 +281,7 @@ def _value(engine: Engine, name: str, text: str, type_: StaticType | None) -> No
         text = text.removeprefix(type_.name).removeprefix("::")  # as in the languages
         if text not in type_.literals:
             hint = did_you_mean(text, type_.literals) or f"there are {', '.join(type_.literals)}"
-            raise InvalidArgument(f"`{name}`: `{type_.name}` has no literal `{text}`; {hint}")
+            raise InvalidArgument(f"`{name}`: `{type_.name}` has no literal `{text}`", hint)
         return text
     try:
         match type_:

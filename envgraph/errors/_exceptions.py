@@ -12,7 +12,20 @@ _LONGEST = 140
 
 
 class EnvgraphError(Exception):
-    """Root of every exception that envgraph raises on purpose."""
+    """Root of every exception that envgraph raises on purpose.
+
+    Attributes:
+        message: what is wrong.
+        hint: how to mend it, if that is known.
+    """
+
+    def __init__(self, message: str = "", hint: str | None = None) -> None:
+        super().__init__(*((message, hint) if hint else (message,)))
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message}; {self.hint}" if self.hint else self.message
 
     def __repr__(self) -> str:
         """The class and the first line of the message; `str` has all."""
@@ -52,10 +65,8 @@ class _PlacedError(EnvgraphError):
     """An error at run time; where what failed was read from a text, `str()` shows the place like a diagnostic."""
 
     def __init__(self, message: str, span: Span | None, hint: str | None) -> None:
-        self.message = message
+        super().__init__(message, hint)
         self.span = span
-        self.hint = hint
-        super().__init__(message)
 
     @property
     def _advice(self) -> str:

@@ -40,9 +40,7 @@ def unknown_object(model: Model, object_name: object) -> InvalidArgument:
         *(name for name, node in model.store.by_name.items() if node is not None),
         *(place for place, node in model.places.items() if model.alive(node)),
     ]
-    return InvalidArgument(
-        _hinted(f"`{model.name}` has no object `{object_name}`", did_you_mean(object_name, used))
-    )
+    return InvalidArgument(f"`{model.name}` has no object `{object_name}`", did_you_mean(object_name, used))
 
 
 def not_instantiable(metamodel: Metamodel, cls: str) -> TypeMismatch:
@@ -50,12 +48,12 @@ def not_instantiable(metamodel: Metamodel, cls: str) -> TypeMismatch:
     if cls not in metamodel.classes:
         return unknown_class(metamodel, cls)
     below = ", ".join(f"`{name}`" for name in metamodel.concrete(cls)) or "none"
-    return TypeMismatch(f"`{cls}` is abstract; its concrete subclasses: {below}")
+    return TypeMismatch(f"`{cls}` is abstract", f"its concrete subclasses: {below}")
 
 
 def unknown_class(metamodel: Metamodel, cls: str) -> TypeMismatch:
     """The class is unknown."""
-    return TypeMismatch(_hinted(f"unknown class `{cls}`", metamodel.likely(cls)))
+    return TypeMismatch(f"unknown class `{cls}`", metamodel.likely(cls))
 
 
 def lacks(model: Model, node: int, feature: Feature) -> EnvgraphError:
@@ -84,15 +82,14 @@ def wrong_value(attribute: Attribute, value: object) -> TypeMismatch:
     except ValueError:  # Python does not show ints of thousands of digits
         shown = "one of thousands of digits"
     shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
-    return TypeMismatch(_hinted(f"`{attribute}` takes {kind}, not {shown} ({type(value).__name__})", hint))
+    return TypeMismatch(f"`{attribute}` takes {kind}, not {shown} ({type(value).__name__})", hint)
 
 
 def repeated(attribute: Attribute, values: Values) -> InvalidArgument:
     """A value is given twice."""
     twice = next(value for place, value in enumerate(values) if value in values[:place])
-    return InvalidArgument(
-        f"`{attribute}` has each value once, and {twice!r} is given twice; `@nonunique` allows that"
-    )
+    message = f"`{attribute}` has each value once, and {twice!r} is given twice"
+    return InvalidArgument(message, "`@nonunique` allows that")
 
 
 def too_many(model: Model, node: int, attribute: Attribute, values: Values) -> RuleError:
@@ -150,7 +147,3 @@ def describe_links(model: Model, links: Iterable[Link]) -> list[str]:
 
 def _number(links: list[Link]) -> str:
     return "1 link" if len(links) == 1 else f"{len(links)} links"
-
-
-def _hinted(text: str, hint: str | None) -> str:
-    return f"{text}; {hint}" if hint else text

@@ -52,7 +52,7 @@ def sequences(names: Sequence[str], kind: Sequences = "suffixes") -> tuple[Curri
     """
     if kind not in get_args(Sequences):
         hint = did_you_mean(str(kind), get_args(Sequences))
-        raise InvalidArgument(f"unknown kind of sequences {kind!r}" + (f"; {hint}" if hint else ""))
+        raise InvalidArgument(f"unknown kind of sequences {kind!r}", hint)
     if not names or len(set(names)) != len(names):
         raise InvalidArgument("a family needs environments with different names")
     if kind in ("suffixes", "full"):

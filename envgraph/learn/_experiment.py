@@ -244,7 +244,7 @@ def _check(names: Sequence[str], curricula: Sequence[Curriculum], seeds: Sequenc
         for stage in curriculum.stages:
             if stage not in names:
                 hint = did_you_mean(stage, names)
-                raise InvalidArgument(f"no environment is called `{stage}`" + (f"; {hint}" if hint else ""))
+                raise InvalidArgument(f"no environment is called `{stage}`", hint)
     labels = [(curriculum.kind, curriculum.label) for curriculum in curricula]
     if not labels or len(set(labels)) != len(labels):
         raise InvalidArgument("an experiment needs curricula with different labels")

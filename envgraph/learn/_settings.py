@@ -112,7 +112,7 @@ def _read(spec: object, cls: type[Any], also: tuple[str, ...] = ()) -> dict[str,
         for key in spec:
             if key not in names and key not in also:
                 hint = did_you_mean(str(key), names)
-                raise InvalidArgument(f"unknown training setting `{key}`" + (f"; {hint}" if hint else ""))
+                raise InvalidArgument(f"unknown training setting `{key}`", hint)
     return _chosen(spec, names)
 
 
@@ -137,4 +137,4 @@ def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
     if value not in known:
         hint = did_you_mean(str(value), known)
         names = " or ".join(repr(one) for one in known)
-        raise InvalidArgument(f"`{name}` is {value!r}, it must be {names}" + (f"; {hint}" if hint else ""))
+        raise InvalidArgument(f"`{name}` is {value!r}, it must be {names}", hint)

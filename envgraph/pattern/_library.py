@@ -245,7 +245,7 @@ class Library:
         entry = self._entries.get(name) or self._generated.get(name)
         if entry is None:
             hint = did_you_mean(name, self._entries)
-            raise InvalidArgument(f"unknown pattern `{name}`" + (f": {hint}" if hint else ""))
+            raise InvalidArgument(f"unknown pattern `{name}`", hint)
         return entry
 
     def _lower(self, entry: Entry) -> LoweredPattern:

@@ -40,11 +40,9 @@ class Shape:
         """
         if name in self.names:
             return self.names.index(name)
-        hint = did_you_mean(name, self.names)
         known = ", ".join(f"`{known}`" for known in self.names) or "none"
-        raise InvalidArgument(
-            f"`{self.definition}` has no variable `{name}`: " + (hint or f"its variables are {known}")
-        )
+        hint = did_you_mean(name, self.names) or f"its variables are {known}"
+        raise InvalidArgument(f"`{self.definition}` has no variable `{name}`", hint)
 
     def is_object(self, position: int) -> bool:
         """Whether the variable at this place stands for an object."""

@@ -84,8 +84,7 @@ class Directory:
             return found[0]
         if found:
             raise InvalidArgument(f"`{name}` is ambiguous: " + ", ".join(f"`{other}`" for other in found))
-        hint = self.hint(name)
-        raise InvalidArgument(f"unknown {what} `{name}`" + (f": {hint}" if hint else ""))
+        raise InvalidArgument(f"unknown {what} `{name}`", self.hint(name))
 
 
 Scope = Mapping[str, StaticType | None]

@@ -181,7 +181,7 @@ def place_of(variant: int | str | None, names: Sequence[str], family: str) -> in
     if text.isdecimal() and 1 <= int(text) <= len(names):
         return int(text) - 1
     hint = did_you_mean(text, names) or f"there are {', '.join(names)}"
-    raise InvalidArgument(f"family `{family}` has no environment `{variant}`; {hint}")
+    raise InvalidArgument(f"family `{family}` has no environment `{variant}`", hint)
 
 
 def ordered(
@@ -212,7 +212,7 @@ def run_file(location: str | Path, directory: Path = Path("runs")) -> Path:
     known = sorted(file.parent.name for file in directory.glob("*/run.sqlite") if file.is_file())
     there_are = f"there are {', '.join(known)}" if known else "`envgraph generate` makes one"
     hint = did_you_mean(str(location), known) or there_are
-    raise InvalidArgument(f"there is no run `{location}` in {directory}; {hint}")
+    raise InvalidArgument(f"there is no run `{location}` in {directory}", hint)
 
 
 def domain_of(

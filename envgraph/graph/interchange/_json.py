@@ -253,9 +253,9 @@ class _Reader:
             try:
                 return model.new_at(node, cls, name)
             except EnvgraphError as error:
-                message, _, hint = str(error).partition("; ")
                 known = [one for one, found in self.metamodel.classes.items() if not found.abstract]
-                self._problem((*path, "class"), "unknown-class", message, hint or name_hint(cls, known))
+                hint = error.hint or name_hint(cls, known)
+                self._problem((*path, "class"), "unknown-class", error.message, hint)
         return None
 
     def _read_feature(self, path: JsonPath, node: int, name: str, value: Any) -> None:
@@ -283,8 +283,7 @@ class _Reader:
         try:
             self.model.set_value(node, attribute, values if attribute.many else values[0] if values else None)
         except EnvgraphError as error:
-            message, _, hint = str(error).partition("\n")[0].partition("; ")
-            self._problem(path, "wrong-value", message, hint or "leave some of them out")
+            self._problem(path, "wrong-value", error.message, error.hint or "leave some of them out")
 
     def _value(self, path: JsonPath, attribute: Attribute, value: Any) -> Value | None:
         """A value as the model takes it; None if it takes no such value, which is reported."""
@@ -296,8 +295,8 @@ class _Reader:
             hint = f"it is {LARGEST_INT} at most, and {-LARGEST_INT - 1} at least"
             self._problem(path, "wrong-type", f"`{attribute}` takes an int of 64 bits", hint)
         else:
-            message, _, hint = str(wrong_value(attribute, value)).partition("; ")
-            self._problem(path, "wrong-type", message, hint or _value_hint(attribute))
+            wrong = wrong_value(attribute, value)
+            self._problem(path, "wrong-type", wrong.message, wrong.hint or _value_hint(attribute))
         return None
 
     def _read_link(self, path: JsonPath, source: int, reference: Reference, target: Any) -> None:
@@ -323,7 +322,7 @@ class _Reader:
                 if isinstance(error, RuleError)
                 else f"link a `{reference.target}`"
             )
-            self._problem(path, "wrong-link", str(error).partition("\n")[0], hint)
+            self._problem(path, "wrong-link", error.message, hint)
 
     def _read_next_id(self, next_id: Any) -> None:
         if not self._is_id(("next_id",), next_id):

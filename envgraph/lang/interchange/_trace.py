@@ -149,8 +149,7 @@ class _Reader:
                 raise InvalidArgument("the name of a rule is a string")
             rule = self.engine.prepare(value["rule"])
         except InvalidArgument as error:
-            message, _, hint = str(error).partition(": ")
-            self._problem("unknown-rule", message, spans["rule",], hint or None)
+            self._problem("unknown-rule", error.message, spans["rule",], error.hint)
             return None
         match, names = value["match"], rule.shape.names
         if not isinstance(match, dict):
@@ -171,8 +170,7 @@ class _Reader:
                 else:
                     values.update(self.engine.ids(rule.shape, {name: given}))
             except (InvalidArgument, TypeMismatch) as error:
-                message, _, hint = str(error).partition(": ")
-                self._problem("wrong-match", message, spans["match", name], hint or _CHANGED)
+                self._problem("wrong-match", error.message, spans["match", name], error.hint or _CHANGED)
         if missing or len(values) != len(names):
             return None
         return Firing(rule.name, tuple(values[name] for name in names))

@@ -117,8 +117,8 @@ class Linker:
         try:
             model.link(link.node, reference, target)
         except (RuleError, TypeMismatch) as error:
-            message, where = str(error).split("\n", maxsplit=1)[0], self._document.where(link, word)
-            self._document.report("impossible-link", message, where, link_hint(error, reference))
+            where, hint = self._document.where(link, word), link_hint(error, reference)
+            self._document.report("impossible-link", error.message, where, hint)
 
     def reorder(self) -> None:
         """Gives many-valued references the order of the text, which making links from the other end has changed."""

@@ -85,7 +85,7 @@ class Workspace:
             return model
         if name is not None:
             hint = did_you_mean(name, [text.name for text in self.models])
-            raise InvalidArgument(f"no model `{name}`" + (f"; {hint}" if hint else ""))
+            raise InvalidArgument(f"no model `{name}`", hint)
         if self.metamodel is None:
             raise InvalidArgument("none of the files is a metamodel, or imports one")
         return Model(self.metamodel)

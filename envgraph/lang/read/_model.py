@@ -480,7 +480,7 @@ class _Reader:
             self._model.link(node, reference, target)
         except (RuleError, TypeMismatch) as error:
             hint = link_hint(error, reference)
-            self.reports.report("impossible-link", str(error).split("\n", maxsplit=1)[0], where, hint)
+            self.reports.report("impossible-link", error.message, where, hint)
 
     def _contained_elsewhere(self, reference: Reference, target: int, where: Span) -> bool:
         """Whether an object has a container already: the model would move it, a file says two things at once."""

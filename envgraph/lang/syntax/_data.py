@@ -37,5 +37,5 @@ def bundled_domain(name: str) -> Path:
     domains = bundled_domains()
     if name not in domains:
         hint = did_you_mean(name, domains) or f"there are {', '.join(domains)}"
-        raise InvalidArgument(f"no bundled domain `{name}`; {hint}")
+        raise InvalidArgument(f"no bundled domain `{name}`", hint)
     return data_path("rules", name)

@@ -68,7 +68,6 @@ class Contradiction(EnvgraphError):
         self, message: str, one: Want, other: Want, *, refused: bool = False, always: bool = True
     ) -> None:
         super().__init__(message)
-        self.message = message
         self.wants = (one, other)
         self.refused = refused
         self.always = always

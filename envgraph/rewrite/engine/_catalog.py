@@ -313,8 +313,8 @@ class Catalog:
                 node = value.id if isinstance(value, Node) else value
                 if not self.model.alive(node):
                     raise InvalidArgument(
-                        f"`{shape.names[position]}` of `{shape.definition}` is object {node}, which there is not: "
-                        "it was never created, was deleted, or was undone"
+                        f"`{shape.names[position]}` of `{shape.definition}` is object {node}, which there is not",
+                        "it was never created, was deleted, or was undone",
                     )
                 return node
             wanted = f"a `{type_.cls}`"

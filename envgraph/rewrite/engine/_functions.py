@@ -96,5 +96,5 @@ def _taken(parameter: Parameter, name: str, engine: Engine) -> Taken:
     if type_ is None:
         hint = type_hint(parameter.type, metamodel)
         message = f"parameter `{parameter.name}` of unit `{name}` has the unknown type `{parameter.type}`"
-        raise InvalidArgument(message + (f": {hint}" if hint else ""))
+        raise InvalidArgument(message, hint)
     return Taken(parameter.name, type_, required=True)

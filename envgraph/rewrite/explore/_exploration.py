@@ -200,7 +200,7 @@ class Exploration:
         """
         if predicate not in self.predicates:
             hint = did_you_mean(predicate, self.predicates)
-            raise InvalidArgument(f"`{predicate}` was not asked" + (f": {hint}" if hint else ""))
+            raise InvalidArgument(f"`{predicate}` was not asked", hint)
         return [state.number for state in self.states if predicate in state.holds]
 
     @property

@@ -16,6 +16,7 @@ from envgraph.errors import (
     ResolutionError,
     RuleError,
     Source,
+    TypeMismatch,
 )
 
 PROBLEMS = (Diagnostic("a", "first"), Diagnostic("b", "second", Source("f", "text").span(0, 4), "mend it"))
@@ -91,3 +92,12 @@ def test_errors_survive_the_way_from_a_worker_process(again):
     ):
         assert str(again(placed)) == str(placed)
     assert again(InvalidArgument("no")).args == ("no",)
+
+
+@pytest.mark.parametrize("kind", [InvalidArgument, TypeMismatch])
+def test_a_hint_follows_the_message_and_is_there_as_data(kind: type[EnvgraphError]) -> None:
+    error = pickle.loads(pickle.dumps(kind("unknown class `Bxo`", "did you mean `Box`?")))
+    assert str(error) == "unknown class `Bxo`; did you mean `Box`?"
+    assert (error.message, error.hint) == ("unknown class `Bxo`", "did you mean `Box`?")
+    plain = kind("unknown class `Bxo`")
+    assert (str(plain), plain.hint) == (plain.message, None)

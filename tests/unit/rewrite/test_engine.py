@@ -101,9 +101,9 @@ def test_what_is_bound_twice_or_is_no_mapping_is_refused() -> None:
 
 def test_unknown_names_get_a_suggestion() -> None:
     made = engine("rule spread { lhs { } } unit u { spread; }", NEXT)
-    with pytest.raises(InvalidArgument, match="unknown pattern or rule `folowing`: did you mean `following`"):
+    with pytest.raises(InvalidArgument, match="unknown pattern or rule `folowing`; did you mean `following`"):
         made.matches("folowing")
-    with pytest.raises(InvalidArgument, match="unknown rule, unit or group `sprad`: did you mean `spread`"):
+    with pytest.raises(InvalidArgument, match="unknown rule, unit or group `sprad`; did you mean `spread`"):
         made.apply("sprad")
     with pytest.raises(InvalidArgument, match="a rule, unit or group is given by its name, not as 5"):
         made.apply(5)  # type: ignore[arg-type]
@@ -275,7 +275,7 @@ def test_a_function_that_raises_leaves_nothing_behind() -> None:
 
 def test_function_rules_are_checked_when_they_are_registered() -> None:
     made = engine("rule r { lhs { } }", NEXT)
-    with pytest.raises(InvalidArgument, match="unknown pattern `folowing`: did you mean `following`"):
+    with pytest.raises(InvalidArgument, match="unknown pattern `folowing`; did you mean `following`"):
         made.rule(when="folowing")
     with pytest.raises(
         InvalidArgument, match="takes `lft`, which is no variable of its pattern: did you mean `left`"
@@ -494,7 +494,7 @@ def test_an_out_parameter_that_a_rule_creates_says_that_it_is_one() -> None:
     for do in (made.apply, made.apply_all, made.run, made.matches):
         with pytest.raises(InvalidArgument, match="`b` is an `out` parameter of `r`, which creates it"):
             do("r", b=0)  # type: ignore[operator]
-    with pytest.raises(InvalidArgument, match="`r` has no variable `c`: its variables are `a`"):
+    with pytest.raises(InvalidArgument, match="`r` has no variable `c`; its variables are `a`"):
         made.apply("r", c=0)
 
 

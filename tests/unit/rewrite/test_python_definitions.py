@@ -78,7 +78,7 @@ def test_definitions_are_found_by_their_names() -> None:
     assert isinstance(derived, type(made.definition("r")))
     assert "retype object : Item" in to_text(*spelled_out([derived], METAMODEL))
     with pytest.raises(
-        InvalidArgument, match="unknown pattern, rule, unit or group `lats`: did you mean `last`"
+        InvalidArgument, match="unknown pattern, rule, unit or group `lats`; did you mean `last`"
     ):
         made.definition("lats")
 
@@ -372,7 +372,7 @@ def test_functions_that_cannot_be_units_are_refused() -> None:
     def rest(*x: int) -> None:
         pass
 
-    with pytest.raises(InvalidArgument, match="unknown type `Itme`: did you mean `Item`"):
+    with pytest.raises(InvalidArgument, match="unknown type `Itme`; did you mean `Item`"):
         made.unit(wrong)
     with pytest.raises(InvalidArgument, match="parameter `x` of unit `preset` cannot have a default"):
         made.unit(preset)
