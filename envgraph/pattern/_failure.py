@@ -31,20 +31,20 @@ def explained(
         advice: how to ask for a condition at this place, with `{}` for the condition.
     """
     found = cause(expression, values, read) or expression
-    hint = _hint(error, found, advice) or error.hint
+    hint = _hint(found, values, read, advice) or error.hint
     return EvaluationError(error.message, found.span or expression.span or span, hint)
 
 
-def _hint(error: EvaluationError, found: Expression, advice: str) -> str | None:
+def _hint(
+    found: Expression, values: Mapping[str, Value | int | None], read: Reader | None, advice: str
+) -> str | None:
     asked: Expression | None = None
     operator = "!= 0"
     match found:
         case Navigation():
             asked, operator = found, "!= none"
-        case Binary() if error.message == "division by zero":
-            asked = found.right
-        case FunctionCall() if error.message == "division by zero":
-            asked = found.arguments[-1]
+        case Binary("/" | "%", _, divisor) | FunctionCall("mod", (_, divisor)):
+            asked = divisor if raw_value(divisor, values, read) == 0 else None
     if asked is not None and asked.span is not None and not isinstance(asked, Constant):
         text = asked.span.text
         if len(text) <= _LONGEST and "\n" not in text:
