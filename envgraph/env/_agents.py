@@ -123,17 +123,25 @@ def _programs(
 ) -> Sequence[tuple[str, int | None, int, Program]]:
     if not behaviour.agents:
         return [("", None, 0, Program(behaviour, engine, keys))]
-    found: list[tuple[str, int, int, str]] = []
-    for block, agent in enumerate(behaviour.agents):
-        for name, node in _named(engine.model, agent, keys):
-            found.append((name, node, block, agent.variable))
-    often = Counter(name for name, _, _, _ in found)
     result = []
-    for name, node, block, variable in found:
-        agent = behaviour.agents[block]
-        program = Program(behaviour, engine, keys, (agent, node))
-        result.append((name if often[name] == 1 else f"{variable} {name}", node, block, program))
+    for name, (node, block) in named_agents(behaviour, engine.model, keys):
+        program = Program(behaviour, engine, keys, (behaviour.agents[block], node))
+        result.append((name, node, block, program))
     return result
+
+
+def named_agents(behaviour: Behaviour, model: Model, keys: KeyIndex) -> list[tuple[str, tuple[int, int]]]:
+    """The name of each agent that a model has, with its object and the number of its block, in the order of turns."""
+    found = [
+        (name, agent.variable, node, block)
+        for block, agent in enumerate(behaviour.agents)
+        for name, node in _named(model, agent, keys)
+    ]
+    often = Counter(name for name, _, _, _ in found)
+    return [
+        (name if often[name] == 1 else f"{variable} {name}", (node, block))
+        for name, variable, node, block in found
+    ]
 
 
 def _named(model: Model, agent: Agent, keys: KeyIndex) -> list[tuple[str, int]]:

@@ -86,7 +86,7 @@ def known_options(options: dict[str, Any] | None, known: Sequence[str] = ()) -> 
     return options or {}
 
 
-class _Environment(gymnasium.Env[Any, Any]):
+class SingleEnvironment(gymnasium.Env[Any, Any]):
     """What environments over a table and over a live engine share."""
 
     metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES], "render_fps": 4}  # noqa: RUF012
@@ -137,7 +137,7 @@ class _Environment(gymnasium.Env[Any, Any]):
         """What the current state looks like."""
 
 
-class EnvgraphEnv(_Environment):
+class EnvgraphEnv(SingleEnvironment):
     """An environment that steps through a table of its states.
 
     Observations are indices (`Discrete`), or with `observation="multi"` their components (`MultiDiscrete`). The info
@@ -251,7 +251,7 @@ def _view(array: NDArray[Any]) -> Any:
     return np.ascontiguousarray(array).reshape(-1).data
 
 
-class EnvgraphLiveEnv(_Environment):
+class EnvgraphLiveEnv(SingleEnvironment):
     """An environment that steps on a live engine, for those with more states than can be enumerated.
 
     With the same seed it does what `EnvgraphEnv` over its table does; the info has no `state`.

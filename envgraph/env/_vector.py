@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,7 +25,154 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 
-class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
+class VectorEnvironmentBase(VectorEnv[Any, Any, Any]):
+    """What vector environments over tables and over compiled programs share: spaces, the order of a step, infos.
+
+    Args:
+        num_envs: how many environments.
+        n_actions: of each.
+        n_observations, shape: how many observations there are, and sizes of their components.
+        max_episode_steps: after so many steps an episode is truncated; None for no limit.
+        render_mode: None or "rgb_array".
+        observation: "index" or "multi".
+        autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
+
+    Raises:
+        InvalidArgument: a count below 1, or an unknown mode.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": 4,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int,
+        n_actions: int,
+        n_observations: int,
+        shape: Sequence[int],
+        *,
+        max_episode_steps: int | None,
+        render_mode: str | None,
+        observation: ObservationKind,
+        autoreset_mode: AutoresetMode | str,
+    ) -> None:
+        if num_envs < 1:
+            raise InvalidArgument(f"{num_envs} environments")
+        if max_episode_steps is not None and max_episode_steps < 1:
+            raise InvalidArgument(f"a limit of {max_episode_steps} steps")
+        self.num_envs = num_envs
+        self.autoreset_mode = autoreset_of(autoreset_mode)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = render_mode
+        self.max_episode_steps = max_episode_steps
+        self.single_action_space = spaces.Discrete(n_actions)
+        self.single_observation_space = observation_space(observation, n_observations, shape)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._split = observation == "multi"
+        self._n_actions = n_actions
+        self._begun = False
+        self._steps: Ints = np.zeros(num_envs, dtype=np.int64)
+        self._done: Bools = np.zeros(num_envs, dtype=np.bool_)
+
+    @abstractmethod
+    def _begin(self, mask: Bools) -> None:
+        """Draw a start for some environments."""
+
+    @abstractmethod
+    def _advance(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
+        """A step: rewards, ends (0, 1, 2), and what was truncated; those that were over may begin anew."""
+
+    @abstractmethod
+    def _observed(self) -> Ints:
+        """What is seen now."""
+
+    @abstractmethod
+    def _facts(self) -> dict[str, NDArray[Any]]:
+        """Infos of this kind of environment."""
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Ints, dict[str, Any]]:
+        """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
+        mask = self._mask(known_options(options, ("reset_mask",)).get("reset_mask"))
+        super().reset(seed=seed)
+        self._begun = True
+        self._begin(mask)
+        return self._observed(), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask)
+
+    def _mask(self, wanted: Any) -> Bools:
+        """Which environments to reset."""
+        if wanted is None:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        mask = np.asarray(wanted)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise InvalidArgument(
+                f"`reset_mask` is an array of {self.num_envs} bools, at least one of them True"
+            )
+        if not self._begun and not mask.all():
+            raise ResetNeeded("the first `reset` is one of all environments")
+        return mask
+
+    def step(self, actions: Any) -> tuple[Ints, Floats, Bools, Bools, dict[str, Any]]:
+        """Do one action in every environment; what happens to those that have ended says the autoreset mode."""
+        if not self._begun:
+            raise ResetNeeded("call `reset` before `step`")
+        chosen = np.asarray(actions)
+        if chosen.shape != (self.num_envs,) or not ((chosen >= 0) & (chosen < self._n_actions)).all():
+            raise InvalidArgument(f"actions are {self.num_envs} numbers in 0..{self._n_actions - 1}")
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._done.any():
+            numbers = ", ".join(map(str, np.flatnonzero(self._done).tolist()))
+            raise ResetNeeded(
+                f"the episodes of {numbers} are over: `reset` with a `reset_mask` begins them anew"
+            )
+        reward, ended, truncated = self._advance(chosen)
+        terminated = ended > 0
+        success = ended == SUCCESS
+        if self.autoreset_mode is not AutoresetMode.SAME_STEP or not self._done.any():
+            return self._observed(), reward, terminated, truncated, self._info(success)
+        final = self._final(success)
+        self._begin(self._done)
+        return (
+            self._observed(),
+            reward,
+            terminated,
+            truncated,
+            {**final, **self._info(success & ~final["_final_obs"])},
+        )
+
+    def _final(self, success: Bools) -> dict[str, Any]:
+        """What there is to see of the episodes that are over."""
+        over, observed = self._done.copy(), self._observed()
+        seen = np.full(self.num_envs, None, dtype=object)
+        for place in np.flatnonzero(over):
+            seen[place] = observed[place]
+        return {
+            "final_obs": seen,
+            "_final_obs": over,
+            "final_info": self._info(success, over),
+            "_final_info": over.copy(),
+        }
+
+    def _info(self, success: Bools, mask: Bools | None = None) -> dict[str, Any]:
+        """Infos of the environments of the mask, of all for None."""
+        values: dict[str, NDArray[Any]] = {
+            **self._facts(),
+            "step": self._steps.copy(),
+            "success": success.copy(),
+        }
+        if mask is None:
+            mask = np.ones(self.num_envs, dtype=np.bool_)
+        else:
+            for name, value in values.items():
+                value[~mask] = None if name == "agent" else 0
+        return {**values, **{f"_{name}": mask.copy() for name in values}}
+
+
+class EnvgraphVectorEnv(VectorEnvironmentBase):
     """Copies of one environment, or members of a family side by side, stepped by NumPy indexing.
 
     Environment i is table i modulo the number of tables; all tables need the same actions and observations, as the
@@ -49,12 +197,6 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         InvalidArgument: no table, tables that differ in actions or observations, or a count below 1.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012
-        "render_modes": ["rgb_array"],
-        "render_fps": 4,
-        "autoreset_mode": AutoresetMode.NEXT_STEP,
-    }
-
     def __init__(
         self,
         tabulars: Tabular | Sequence[Tabular],
@@ -67,28 +209,27 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         tables = (tabulars,) if isinstance(tabulars, Tabular) else tuple(tabulars)
-        self.num_envs = len(tables) if num_envs is None else num_envs
-        _check(tables, self.num_envs, max_episode_steps)
+        _check(tables)
         if render_mode is not None and (render_mode != "rgb_array" or len(pictures) != len(tables)):
             raise InvalidArgument(
                 "rendering needs `rgb_array` and the pictures of every table, which a `draw` clause gives"
             )
         first = tables[0]
-        self.autoreset_mode = autoreset_of(autoreset_mode)
-        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.render_mode = render_mode
-        self.max_episode_steps = max_episode_steps
-        self.single_action_space = spaces.Discrete(first.n_actions)
-        self.single_observation_space = observation_space(
-            observation, first.n_observations, first.observation_shape
+        super().__init__(
+            len(tables) if num_envs is None else num_envs,
+            first.n_actions,
+            first.n_observations,
+            first.observation_shape,
+            max_episode_steps=max_episode_steps,
+            render_mode=render_mode,
+            observation=observation,
+            autoreset_mode=autoreset_mode,
         )
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._shape = first.observation_shape if observation == "multi" else None
+        self._shape = first.observation_shape
         self._pictures = pictures
         self._which = np.arange(self.num_envs) % len(tables)
         self._join(tables)
-        self._state: Ints | None = None
+        self._state: Ints = np.zeros(self.num_envs, dtype=np.int64)
 
     def _join(self, tables: Sequence[Tabular]) -> None:
         """One table after the other; its states are numbered on from those before."""
@@ -113,125 +254,45 @@ class EnvgraphVectorEnv(VectorEnv[Any, Any, Any]):
             chances[row, : len(table.start_states)] = table.start_probability
         self._start_sums = cumulative(chances)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Ints, dict[str, Any]]:
-        """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
-        mask = self._mask(known_options(options, ("reset_mask",)).get("reset_mask"))
-        super().reset(seed=seed)
-        if self._state is None:
-            self._state = np.zeros(self.num_envs, dtype=np.int64)
-            self._steps: Ints = np.zeros(self.num_envs, dtype=np.int64)
-            self._done: Bools = np.zeros(self.num_envs, dtype=np.bool_)
-        self._begin(mask)
-        return self._observed(), self._info(np.zeros(self.num_envs, dtype=np.bool_), mask)
-
-    def _mask(self, wanted: Any) -> Bools:
-        """Which environments to reset."""
-        if wanted is None:
-            return np.ones(self.num_envs, dtype=np.bool_)
-        mask = np.asarray(wanted)
-        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-            raise InvalidArgument(
-                f"`reset_mask` is an array of {self.num_envs} bools, at least one of them True"
-            )
-        if self._state is None and not mask.all():
-            raise ResetNeeded("the first `reset` is one of all environments")
-        return mask
-
     def _begin(self, mask: Bools) -> None:
-        """Draw a start for some environments."""
-        assert self._state is not None
-        self._state = np.where(mask, self._drawn_starts(), self._state)
+        uniform = self.np_random.random(self.num_envs)
+        place = (self._start_sums[self._which] <= uniform[:, None]).sum(axis=1)
+        self._state = np.where(mask, self._starts[self._which, place], self._state)
         self._steps = np.where(mask, 0, self._steps)
         self._done = self._done & ~mask
 
-    def step(self, actions: Any) -> tuple[Ints, Floats, Bools, Bools, dict[str, Any]]:
-        """Do one action in every environment; what happens to those that have ended says the autoreset mode."""
-        state = self._state
-        if state is None:
-            raise ResetNeeded("call `reset` before `step`")
-        chosen = np.asarray(actions)
-        if chosen.shape != (self.num_envs,) or not ((chosen >= 0) & (chosen < self._next.shape[1])).all():
-            raise InvalidArgument(f"actions are {self.num_envs} numbers in 0..{self._next.shape[1] - 1}")
-        again = self._done
-        if self.autoreset_mode is AutoresetMode.DISABLED and again.any():
-            numbers = ", ".join(map(str, np.flatnonzero(again).tolist()))
-            raise ResetNeeded(
-                f"the episodes of {numbers} are over: `reset` with a `reset_mask` begins them anew"
-            )
+    def _advance(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
+        state, again = self._state, self._done
         uniform = self.np_random.random(self.num_envs)
-        outcome = (self._sums[state, chosen] <= uniform[:, None]).sum(axis=1)
-        reward = np.where(again, 0.0, self._reward[state, chosen, outcome])
-        ended = np.where(again, 0, self._ended[state, chosen, outcome])
-        self._state = np.where(again, state, self._next[state, chosen, outcome])
+        outcome = (self._sums[state, actions] <= uniform[:, None]).sum(axis=1)
+        reward = np.where(again, 0.0, self._reward[state, actions, outcome])
+        ended = np.where(again, 0, self._ended[state, actions, outcome])
+        self._state = np.where(again, state, self._next[state, actions, outcome])
         self._steps = self._steps + ~again
         if again.any():
             self._begin(again)
-        terminated = ended > 0
-        truncated = self._late() & ~terminated & ~again
-        self._done = terminated | truncated
-        success = ended == SUCCESS
-        if self.autoreset_mode is not AutoresetMode.SAME_STEP or not self._done.any():
-            return self._observed(), reward, terminated, truncated, self._info(success)
-        final = self._final(success)
-        self._begin(self._done)
-        return (
-            self._observed(),
-            reward,
-            terminated,
-            truncated,
-            {**final, **self._info(success & ~final["_final_obs"])},
-        )
+        truncated = self._late() & (ended == 0) & ~again
+        self._done = (ended > 0) | truncated
+        return reward, ended, truncated
 
     def _late(self) -> Bools:
         if self.max_episode_steps is None:
             return np.zeros(self.num_envs, dtype=np.bool_)
         return np.asarray(self._steps >= self.max_episode_steps)
 
-    def _drawn_starts(self) -> Ints:
-        uniform = self.np_random.random(self.num_envs)
-        place = (self._start_sums[self._which] <= uniform[:, None]).sum(axis=1)
-        return np.asarray(self._starts[self._which, place])
-
     def _observed(self) -> Ints:
         index = self._observation[self._state]
-        return np.asarray(index if self._shape is None else components(index, self._shape))
+        return np.asarray(components(index, self._shape) if self._split else index)
 
-    def _final(self, success: Bools) -> dict[str, Any]:
-        """What there is to see of the episodes that are over."""
-        over, observed = self._done.copy(), self._observed()
-        seen = np.full(self.num_envs, None, dtype=object)
-        for place in np.flatnonzero(over):
-            seen[place] = observed[place]
-        return {
-            "final_obs": seen,
-            "_final_obs": over,
-            "final_info": self._info(success, over),
-            "_final_info": over.copy(),
-        }
-
-    def _info(self, success: Bools, mask: Bools | None = None) -> dict[str, Any]:
-        """Infos of the environments of the mask, of all for None."""
-        values: dict[str, NDArray[Any]] = {
-            "state": self._state - self._first[self._which],
-            "step": self._steps.copy(),
-            "success": success.copy(),
-        }
-        if self._agent is not None:
-            values["agent"] = self._agent[self._state]
-        if mask is None:
-            mask = np.ones(self.num_envs, dtype=np.bool_)
-        else:
-            for name, value in values.items():
-                value[~mask] = None if name == "agent" else 0
-        return {**values, **{f"_{name}": mask.copy() for name in values}}
+    def _facts(self) -> dict[str, NDArray[Any]]:
+        facts: dict[str, NDArray[Any]] = {"state": self._state - self._first[self._which]}
+        return facts if self._agent is None else {**facts, "agent": self._agent[self._state]}
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """One picture an environment, or None without a render mode."""
         if self.render_mode is None:
             return None
-        if self._state is None:
+        if not self._begun:
             raise ResetNeeded("call `reset` before `render`")
         states = self._state - self._first[self._which]
         places = zip(self._which.tolist(), states.tolist(), strict=True)
@@ -251,13 +312,9 @@ def autoreset_of(wanted: AutoresetMode | str) -> AutoresetMode:
         raise InvalidArgument(f"unknown autoreset mode {wanted!r}: there are {modes}") from None
 
 
-def _check(tables: Sequence[Tabular], num_envs: int, max_episode_steps: int | None) -> None:
+def _check(tables: Sequence[Tabular]) -> None:
     if not tables:
         raise InvalidArgument("a vector environment needs a table")
-    if num_envs < 1:
-        raise InvalidArgument(f"{num_envs} environments")
-    if max_episode_steps is not None and max_episode_steps < 1:
-        raise InvalidArgument(f"a limit of {max_episode_steps} steps")
     first = tables[0]
     for table in tables[1:]:
         if table.action_names != first.action_names:

@@ -16,6 +16,7 @@ import numpy as np
 from envgraph import code
 from envgraph.behaviour import Behaviour
 from envgraph.code import dataclass
+from envgraph.env._agents import named_agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import Simulator
 from envgraph.env.compiled import _kernels
@@ -64,6 +65,11 @@ class Program:
     def may_fail(self) -> bool:
         """Whether something in it may go wrong besides a lack of space."""
         return "= FAILED\n" in self.source or "= REFUSED\n" in self.source
+
+    def agent_names(self, number: int) -> tuple[str, ...]:
+        """The names of a member's agents, in the order of their turns; () for a behaviour without agents."""
+        member = self.members[number]
+        return tuple(name for name, _ in named_agents(self.behaviour, member.model, self.keys))
 
     def twin(self, number: int) -> Twin:
         """The live engine of a member, put into states."""

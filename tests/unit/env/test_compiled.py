@@ -3,11 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import gymnasium
+import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+from envgraph.env import EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, program_of
 from tests.profile import NIGHTLY
-from tests.unit.env.side_by_side import BUNDLED, EXTRA, mutants, opened, step_side_by_side
+from tests.unit.env.side_by_side import (
+    BUNDLED,
+    EXTRA,
+    family_keys,
+    mutants,
+    opened,
+    step_side_by_side,
+)
 
 STEPS = 20_000 if NIGHTLY else 1_500
 
@@ -38,3 +52,74 @@ def test_it_steps_as_the_live_engine_does(name: str) -> None:
 def test_without_numba_it_steps_the_same(name: str) -> None:
     engine, behaviour = opened(*domain(MODELS[name]))
     step_side_by_side(mutants(engine, behaviour, 3), behaviour, 60, native=False)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether what two environments returned is equal, infos included, but for `state`."""
+    if isinstance(one, dict):
+        names = {name for name in (*one, *other) if name not in ("state", "_state")}
+        return all(same(one[name], other[name]) for name in names)
+    if isinstance(one, tuple | list) or (isinstance(one, np.ndarray) and one.dtype == object):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(np.array_equal(one, other))
+
+
+@pytest.mark.parametrize("observation", ["index", "multi"])
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_many_at_once_do_what_tables_do(mode: AutoresetMode, observation: Any) -> None:
+    engine, behaviour = opened(*domain(MODELS["burning_forest"]))
+    engines = mutants(engine, behaviour, 3)
+    keys = family_keys(engines, behaviour)
+    options: dict[str, Any] = {"max_episode_steps": 9, "autoreset_mode": mode, "observation": observation}
+    tables = [explore(each, behaviour, keys).tabular for each in engines]
+    table = EnvgraphVectorEnv(tables, 7, **options)
+    program = program_of(engine, behaviour, engines, keys, native=False)
+    compiled = CompiledVectorEnv(program, 7, **options)
+    assert compiled.action_space == table.action_space
+    assert compiled.observation_space == table.observation_space
+    actions = np.random.default_rng(0)
+    assert same(compiled.reset(seed=5), table.reset(seed=5))
+    for _ in range(60):
+        chosen = actions.integers(compiled.single_action_space.n, size=7)
+        found, wanted = compiled.step(chosen), table.step(chosen)
+        assert same(found, wanted)
+        over = wanted[2] | wanted[3]
+        if mode is AutoresetMode.DISABLED and over.any():
+            mask = {"reset_mask": over}
+            assert same(compiled.reset(options=mask), table.reset(options=mask))
+
+
+def test_many_with_streams_of_their_own_do_what_single_live_environments_do() -> None:
+    engine, behaviour = opened(*domain(MODELS["warehouse"]))
+    program = program_of(engine.copy(), behaviour, native=False)
+    make = lambda: gymnasium.wrappers.TimeLimit(EnvgraphLiveEnv(Simulator(engine.copy(), behaviour)), 20)  # noqa: E731
+    live = SyncVectorEnv([make] * 3)
+    compiled = CompiledVectorEnv(program, 3, streams="each", max_episode_steps=20)
+    assert np.array_equal(compiled.reset(seed=3)[0], live.reset(seed=3)[0])
+    actions = np.random.default_rng(0)
+    for _ in range(70):
+        chosen = actions.integers(compiled.single_action_space.n, size=3)
+        assert same(compiled.step(chosen)[:4], live.step(chosen)[:4])
+
+
+@pytest.mark.parametrize("observation", ["index", "multi"])
+def test_one_does_what_a_live_environment_does(observation: Any) -> None:
+    engine, behaviour = opened(*domain(MODELS["network"]))
+    live = EnvgraphLiveEnv(Simulator(engine.copy(), behaviour), observation=observation, render_mode="ansi")
+    program = program_of(engine, behaviour, native=False)
+    compiled = CompiledEnv(program, observation=observation, render_mode="ansi")
+    actions = np.random.default_rng(0)
+    for seed in range(4):
+        assert same(compiled.reset(seed=seed), live.reset(seed=seed))
+        over = False
+        while not over:
+            action = int(actions.integers(compiled.action_space.n))
+            found, wanted = compiled.step(action), live.step(action)
+            assert same(found, wanted)
+            over = wanted[2]
+            assert compiled.render() == live.render()
+
+
+def test_it_passes_the_checks_of_gymnasium() -> None:
+    engine, behaviour = opened(*domain(MODELS["keydoor"]))
+    check_env(CompiledEnv(program_of(engine, behaviour, native=False)), skip_render_check=True)

@@ -1,0 +1,208 @@
+"""Compiled environments with Gymnasium's interface: one, and many at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from envgraph.env._gymnasium import (
+    SUCCESS,
+    ObservationKind,
+    Observed,
+    SingleEnvironment,
+    check_render_mode,
+    known_options,
+)
+from envgraph.env._vector import Bools, Floats, Ints, VectorEnvironmentBase
+from envgraph.env.compiled._batch import NO_NUMBERS, Batch
+from envgraph.env.compiled._layout import TURN
+from envgraph.env.compiled._program import Program
+from envgraph.env.scene._pixels import scene_rgb
+from envgraph.env.scene._scene import Scene
+from envgraph.errors import InvalidArgument
+
+Streams = Literal["shared", "each"]
+
+
+class CompiledEnv(SingleEnvironment):
+    """An environment that steps in a compiled program, for those with more states than can be enumerated.
+
+    With the same seed it does what `EnvgraphLiveEnv` does, and its infos are the same.
+
+    Args:
+        program: the compiled behaviour.
+        member: number of the member of the family.
+        render_mode: None, "ansi" or "rgb_array".
+        observation: "index" or "multi".
+        cell: side of a cell in pixels.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        member: int = 0,
+        *,
+        render_mode: str | None = None,
+        observation: ObservationKind = "index",
+        cell: int = 32,
+    ) -> None:
+        check_render_mode(render_mode, drawn=program.behaviour.draw is not None)
+        self._batch = Batch(program, [member])
+        shape = program.observation_shape
+        super().__init__(
+            program.action_names, self._batch.n_observations, shape, render_mode, observation, cell
+        )
+        self.program = program
+        self._names = program.agent_names(member)
+        self._action = np.zeros(1, dtype=np.int64)
+        self._uniform = np.zeros(1)
+        self._one = np.ones(1, dtype=np.bool_)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observed, dict[str, Any]]:
+        """Begin an episode in one of the start states."""
+        known_options(options)
+        super().reset(seed=seed)
+        self._uniform[0] = self.np_random.random()
+        self._batch.reset(self._one, self._uniform)
+        self._begin()
+        return self._seen(), self._info(success=False)
+
+    def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+        """Do one action; the last but one value (truncated) is always False."""
+        self._action[0] = self._check_step(action)
+        self._uniform[0] = self.np_random.random()
+        batch = self._batch
+        batch.step(self._action, again=False, uniforms=self._uniform)
+        self._steps += 1
+        ended = batch.ended[0]
+        self._running = not ended
+        info = self._info(success=bool(ended == SUCCESS))
+        return self._seen(), float(batch.reward[0]), bool(ended), False, info
+
+    def _seen(self) -> Observed:
+        if self._split:
+            return np.array(self._batch.components[0])
+        return np.int64(self._batch.observation[0])
+
+    def _info(self, success: bool) -> dict[str, Any]:
+        info: dict[str, Any] = {"step": self._steps, "success": success}
+        names = self._names
+        return {**info, "agent": names[int(self._batch.states[0, TURN])]} if names else info
+
+    def _scene(self) -> Scene:
+        with self._batch.model_of(0) as simulator:
+            return simulator.painter().scene()
+
+
+class CompiledVectorEnv(VectorEnvironmentBase):
+    """Many environments stepped at once by a compiled program, each over a member of a family.
+
+    Environment i is over member `members[i % len(members)]`. Infos and autoreset modes are those of
+    `EnvgraphVectorEnv`, but for `state`, which there is none of.
+
+    Args:
+        program: the compiled behaviour.
+        num_envs: how many environments; one for each member if None.
+        members: numbers of members; all of them if None.
+        max_episode_steps: after so many steps an episode is truncated; None for no limit.
+        render_mode: None or "rgb_array".
+        observation: "index" or "multi".
+        autoreset_mode: one of `gymnasium.vector.AutoresetMode`, or its value.
+        streams: "shared": all draw from one generator, as in `EnvgraphVectorEnv`, and do what it does. "each": each
+            from its own, seeded with `seed + i`, as in Gymnasium's `SyncVectorEnv`, and does what the single
+            environment does with that seed.
+
+    Raises:
+        InvalidArgument: a wrong count, mode or member.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        num_envs: int | None = None,
+        *,
+        members: Sequence[int] | None = None,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        observation: ObservationKind = "index",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        streams: Streams = "shared",
+    ) -> None:
+        check_render_mode(render_mode, ("rgb_array",), drawn=program.behaviour.draw is not None)
+        chosen = np.arange(len(program.members)) if members is None else np.asarray(members, dtype=np.int64)
+        if not len(chosen) or not ((chosen >= 0) & (chosen < len(program.members))).all():
+            raise InvalidArgument(f"members are numbers in 0..{len(program.members) - 1}, at least one")
+        if streams not in ("shared", "each"):
+            raise InvalidArgument(f'`streams` is "shared" or "each", not {streams!r}')
+        count = len(chosen) if num_envs is None else num_envs
+        which = chosen[np.arange(max(count, 0)) % len(chosen)]
+        self._batch = Batch(program, which)
+        super().__init__(
+            count,
+            len(program.action_names),
+            self._batch.n_observations,
+            program.observation_shape,
+            max_episode_steps=max_episode_steps,
+            render_mode=render_mode,
+            observation=observation,
+            autoreset_mode=autoreset_mode,
+        )
+        self.program = program
+        self._each = streams == "each"
+        self._steps, self._done = self._batch.steps, self._batch.over
+        self._names = [np.array(program.agent_names(member), dtype=object) for member in which]
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Ints, dict[str, Any]]:
+        """Begin an episode in every environment, or in those of `options={"reset_mask": mask}`."""
+        if self._each and (seed is not None or not self._begun):
+            seeds: list[Any] = [None if seed is None else seed + number for number in range(self.num_envs)]
+            self._batch.seed([np.random.Generator(np.random.PCG64(each)) for each in seeds])
+        return super().reset(seed=seed, options=options)
+
+    def _numbers(self) -> Floats:
+        return NO_NUMBERS if self._each else self.np_random.random(self.num_envs)
+
+    def _begin(self, mask: Bools) -> None:
+        self._batch.reset(mask.copy(), self._numbers())
+
+    def _advance(self, actions: Ints) -> tuple[Floats, Ints, Bools]:
+        batch = self._batch
+        again = self.autoreset_mode is AutoresetMode.NEXT_STEP
+        uniforms = self._numbers()
+        starts = self._numbers() if again and self._done.any() else NO_NUMBERS
+        batch.step(
+            actions.astype(np.int64, copy=False),
+            again=again,
+            limit=self.max_episode_steps or 0,
+            uniforms=uniforms,
+            starts=starts,
+        )
+        return batch.reward.copy(), batch.ended.copy(), batch.cut.copy()
+
+    def _observed(self) -> Ints:
+        return (self._batch.components if self._split else self._batch.observation).copy()
+
+    def _facts(self) -> dict[str, NDArray[Any]]:
+        if not self.program.behaviour.agents:
+            return {}
+        turns = self._batch.states[:, TURN]
+        acting = [names[turn] for names, turn in zip(self._names, turns.tolist(), strict=True)]
+        return {"agent": np.array(acting, dtype=object)}
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """One picture an environment, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        pictures = []
+        for number in range(self.num_envs):
+            with self._batch.model_of(number) as simulator:
+                pictures.append(scene_rgb(simulator.painter().scene()))
+        return tuple(pictures)
