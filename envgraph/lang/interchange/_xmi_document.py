@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from envgraph.code import dataclass
 from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Severity, Source, Span, plural
 from envgraph.graph import Model, usual_value
+from envgraph.lang.syntax._once import NAMES
 from envgraph.lang.syntax._xml import Stop, XmlPlaces
 from envgraph.metamodel import Attribute, Feature, Reference
 
@@ -115,7 +116,7 @@ class Reading:
             Stop: there have been enough.
         """
         places = self._places[diagnostic.message] = self._places.get(diagnostic.message, 0) + 1
-        if places > 1 and diagnostic.code.startswith("unknown-"):
+        if places > 1 and diagnostic.code in NAMES:
             if places <= MOST_ERRORS:
                 self.diagnostics.append(diagnostic)
             return

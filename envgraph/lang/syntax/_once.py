@@ -10,11 +10,11 @@ from envgraph.errors import Diagnostic, Note
 _ROWS = frozenset({"stray-character", "unterminated-text"})
 _MOST_LINES = 3
 """Characters that mean nothing in more lines, one below the other, are the rows of a text; in fewer, mistakes."""
-_NAMES = frozenset(
+NAMES = frozenset(
     f"unknown-{kind}"
     for kind in (
         *("attribute", "class", "enum", "feature", "function", "literal"),
-        *("object", "pattern", "reference", "rule", "type"),
+        *("object", "pattern", "prefix", "reference", "rule", "type", "uri"),
     )
 )
 """Names that mean the same in a whole file: one that is misspelt where it is defined is unknown wherever it stands."""
@@ -31,7 +31,7 @@ def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
     places: dict[tuple[str, str, str, str], list[Diagnostic]] = {}
     told: list[Diagnostic] = []
     for one in found:
-        if one.span is None or one.code not in _NAMES:
+        if one.span is None or one.code not in NAMES:
             told.append(one)
             continue
         group = places.setdefault((one.span.source.name, one.code, one.message, one.span.text), [])

@@ -137,7 +137,8 @@ def _left_problems(
     places = {problem.span for problem in told if problem.span}
 
     def echoes(problem: Diagnostic) -> bool:
-        return problem.span in places or (problem.code == "unreferenced-parameter" and bool(lowering.untyped))
+        unreferenced = problem.code == "unreferenced-parameter"
+        return problem.span in places or (unreferenced and not lowering.untyped.isdisjoint(problem.subject))
 
     found = [
         plain(one) for one in said if one.severity is Severity.ERROR or (one.code in _LINTS and one.span)
