@@ -50,6 +50,15 @@ def enumerate_states(
     return explore(engine, behaviour, keys, limit=limit).tabular
 
 
+def too_many_states(behaviour: Behaviour, limit: int) -> EvaluationError:
+    """The error of an environment that has more states than it may."""
+    return EvaluationError(
+        f"environment `{behaviour.name}` has more than {limit} states",
+        behaviour.span,
+        "raise the limit, or step on the live engine (`live=True`)",
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Explored:
     """An enumerated environment.
@@ -156,11 +165,7 @@ class _Search:
         if found is not None:
             return found, False
         if len(self.rows) >= self.limit:
-            raise EvaluationError(
-                f"environment `{self.simulator.behaviour.name}` has more than {self.limit} states",
-                self.simulator.behaviour.span,
-                "raise the limit, or step on the live engine (`live=True`)",
-            )
+            raise too_many_states(self.simulator.behaviour, self.limit)
         self.number[key] = len(self.rows)
         self.rows.append(None)
         self.observations.append(self.simulator.observe())

@@ -37,11 +37,8 @@ class Batch:
 
     def __init__(self, program: Program, members: Sequence[int] | NDArray[Any]) -> None:
         self.program = program
-        arrays, self._reset, self._step = (
-            program.arrays,
-            program.kernels["reset_all"],
-            program.kernels["step_all"],
-        )
+        arrays, functions = program.arrays, program.functions()
+        self._reset, self._step = functions["reset_all"], functions["step_all"]
         self.members = np.asarray(members, dtype=np.int64)
         n = len(self.members)
         self.states = np.zeros((n, arrays.states.shape[1]), dtype=np.int64)
@@ -54,11 +51,7 @@ class Batch:
         self.ended = np.zeros(n, dtype=np.int64)
         self.cut = np.zeros(n, dtype=np.bool_)
         self._drawn = np.zeros(n)
-        rows = CAPACITY * program.levels
-        space = (
-            np.zeros((rows, program.width), dtype=np.int64),
-            np.zeros((rows, program.width)),
-        )
+        space = space_of(program)
         tables = arrays.tables if program.native else arrays.tables.astype(np.int64)
         draw = np.zeros(1)
         self._world = (
@@ -183,6 +176,12 @@ class Batch:
     def n_observations(self) -> int:
         """How many observations there are."""
         return prod(self.program.observation_shape)
+
+
+def space_of(program: Program) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Space for the rows of a program's questions."""
+    shape = CAPACITY * program.levels, program.width
+    return np.zeros(shape, dtype=np.int64), np.zeros(shape)
 
 
 def _again(simulator: Simulator, action: int | None, uniform: float) -> None:

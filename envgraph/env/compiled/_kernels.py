@@ -28,8 +28,8 @@ def pick(D, count):
     return place
 
 
-def choose(D, chances):
-    """One of the alternatives with these probabilities, or -1."""
+def choose(D, chances, lacking):
+    """One of the alternatives with these probabilities, or -1 with what they lack to 1."""
     rest = D[0]
     start = 0.0
     for number in range(len(chances)):

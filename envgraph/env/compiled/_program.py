@@ -6,10 +6,12 @@ import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
+from zlib import crc32
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from envgraph.code import dataclass
 from envgraph.env._agents import named_agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import Simulator
-from envgraph.env.compiled import _kernels
+from envgraph.env.compiled import _kernels, _listing
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Arrays, Layout
 from envgraph.env.compiled._member import Member, strings_of
@@ -28,8 +30,9 @@ from envgraph.env.compiled._twin import Twin
 from envgraph.files import cache_directory, replace_file
 from envgraph.rewrite import Engine
 
-KERNELS: Final = ("reset_all", "step_all")
-"""Functions that are called from outside."""
+STEPPING: Final = ("reset_all", "step_all")
+LISTING: Final = ("visit_starts", "visit", "hash_all")
+"""Functions that are called from outside: to step, and to visit all states."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,11 +40,10 @@ class Program:
     """A compiled behaviour with a family.
 
     Attributes:
-        source: the text of the program.
+        source: the text of the program, without what all programs have.
         arrays: the data of the members.
         action_names: of the actions.
         observation_shape: sizes of the components of an observation.
-        kernels: the functions that are called from outside.
         members: as data.
         layout: what is where.
         levels, width: how many stretches of rows there are, and how many columns.
@@ -52,7 +54,6 @@ class Program:
     arrays: Arrays
     action_names: tuple[str, ...]
     observation_shape: tuple[int, ...]
-    kernels: Mapping[str, Callable[..., Any]]
     members: tuple[Member, ...]
     layout: Layout
     behaviour: Behaviour
@@ -60,6 +61,10 @@ class Program:
     levels: int
     width: int
     native: bool
+
+    def functions(self, *, listing: bool = False) -> Mapping[str, Callable[..., Any]]:
+        """The functions that step environments, or that visit all states; compiled when they are first asked for."""
+        return _functions(self.source, self.native, listing)
 
     @property
     def may_fail(self) -> bool:
@@ -133,16 +138,13 @@ def _compiled(
     behaviour: Behaviour,
     keys: KeyIndex,
 ) -> Program:
-    source = source_of(text.functions)
+    source = code.printed(text.functions).text
     native = importlib.util.find_spec("numba") is not None if native is None else native
-    namespace = _native(source) if native else _interpreted(source)
-    kernels = {name: namespace[name] for name in KERNELS}
     return Program(
         source,
         arrays,
         text.action_names,
         text.shape,
-        kernels,
         tuple(members),
         text.layout,
         behaviour,
@@ -153,22 +155,26 @@ def _compiled(
     )
 
 
-def source_of(functions: Sequence[code.Function]) -> str:
-    """The text of a program."""
-    kernels = inspect.getsource(_kernels)
-    return f"{kernels}\n\n{code.printed(tuple(functions)).text}"
+@lru_cache(maxsize=64)
+def _functions(source: str, native: bool, listing: bool) -> Mapping[str, Callable[..., Any]]:
+    """The functions of a program that are called from outside; what several families share is compiled once."""
+    modules = [_kernels, _listing] if listing else [_kernels]
+    called: Sequence[str] = LISTING if listing else STEPPING
+    text = "\n\n".join([*map(inspect.getsource, modules), source])
+    namespace = _native(text, called) if native else _interpreted(text)
+    return {name: namespace[name] for name in called}
 
 
 def _interpreted(source: str) -> dict[str, Any]:
-    """The functions of a program, run by Python."""
+    """The functions of a text, run by Python."""
     namespace: dict[str, Any] = {"__name__": "program"}
     code.define_text(source, "<program of envgraph>", namespace)
-    namespace["uniform"] = _uniform
+    namespace.update(uniform=_uniform, hash_row=_hash_row)
     return namespace
 
 
-def _native(source: str) -> dict[str, Any]:
-    """The functions of a program, compiled by numba; it caches them beside the text, under its hash."""
+def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
+    """The functions of a text, compiled by numba; it caches them beside a file with the text, named by its hash."""
     import numba
 
     digest = sha256(f"{numba.__version__}\n{source}".encode()).hexdigest()[:32]
@@ -185,7 +191,7 @@ def _native(source: str) -> dict[str, Any]:
     inner, outer = numba.njit(forceinline=True, **options), numba.njit(nogil=True, **options)
     for name, value in list(namespace.items()):
         if inspect.isfunction(value) and value.__module__ == path.stem:
-            namespace[name] = (outer if name in KERNELS else inner)(value)
+            namespace[name] = (outer if name in called else inner)(value)
     return namespace
 
 
@@ -201,6 +207,11 @@ def _uniform(states: Any, row: int) -> float:
 
 
 _WORD: Final = 2**64 - 1
+
+
+def _hash_row(states: Any, floats: Any, row: int) -> Any:
+    """A hash of a state, where whole numbers are Python's."""
+    return np.uint64(crc32(states[row].tobytes() + floats[row].tobytes()))
 
 
 def streams(generators: Sequence[np.random.Generator]) -> np.ndarray[Any, np.dtype[np.uint64]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from math import fsum
 
 from envgraph import code
 from envgraph.behaviour import (
@@ -232,7 +233,8 @@ class Writer:
         done, drawn = self.module.fresh("done"), self.module.fresh("b")
         chances = code.tuple_of(*(code.Constant(float(one)) for one in probabilities))
         self.assign(done, ZERO)
-        self.assign(drawn, code.call("choose", D, chances))
+        lacking = code.Constant(1.0 - fsum(probabilities))
+        self.assign(drawn, code.call("choose", D, chances, lacking))
         outputs: dict[str, Term] = {}
         for number, branch in enumerate(branches):
 

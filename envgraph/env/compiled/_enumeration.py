@@ -1,0 +1,218 @@
+"""All states of a compiled environment, as a table: what `explore` finds on the live engine, without it."""
+
+from __future__ import annotations
+
+from math import prod
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env._explore import DEFAULT_LIMIT, Progress, too_many_states
+from envgraph.env._simulator import MOST_OUTCOMES
+from envgraph.env._tabular import Tabular
+from envgraph.env.compiled._batch import space_of
+from envgraph.env.compiled._kernels import CAPACITY
+from envgraph.env.compiled._layout import TURN
+from envgraph.env.compiled._listing import DONE, SPACE
+from envgraph.env.compiled._program import Program
+from envgraph.errors import EvaluationError
+
+CHOICES: Final = 1_000
+"""Choices that one step may make."""
+FIRST: Final = 1_024
+"""States and outcomes that there is space for at first."""
+
+Array = NDArray[Any]
+
+
+def enumerated(
+    program: Program, member: int = 0, *, limit: int = DEFAULT_LIMIT, progress: Progress | None = None
+) -> Tabular:
+    """The environment of a member as a table of its reachable states: equal to that of `explore`, number by number.
+
+    Args:
+        program: the compiled behaviour.
+        member: number of the member.
+        limit: how many states there may be.
+        progress: is told of the number of states, now and then.
+
+    Raises:
+        EvaluationError: more states than the limit, too many outcomes, or an observation without a value.
+        RuleError: a rule matches but cannot be applied.
+    """
+    return _Visit(program, member, limit, progress).table()
+
+
+class _Visit:
+    """The arrays of a visit; they grow.
+
+    Attributes:
+        states, floats: a row for each state, and one to work in.
+        observations: of each state.
+        starts: where the outcomes of each state and action begin.
+        to, chance, reward, ended: of each outcome.
+    """
+
+    def __init__(self, program: Program, member: int, limit: int, progress: Progress | None) -> None:
+        self._program, self._member = program, member
+        self._limit, self._progress = limit, progress
+        self._kernels = program.functions(listing=True)
+        arrays = program.arrays
+        self._tables = arrays.tables if program.native else arrays.tables.astype(np.int64)
+        self._space = space_of(program)
+        self._draw = np.zeros(3 + 2 * CHOICES)
+        self._actions = len(program.action_names)
+        self.states = np.zeros((FIRST, arrays.states.shape[1]), dtype=np.int64)
+        self.floats = np.zeros((FIRST, arrays.float_states.shape[1]))
+        self.components = np.zeros((FIRST, len(program.observation_shape)), dtype=np.int64)
+        self.observations = np.zeros(FIRST, dtype=np.int64)
+        self.starts = np.zeros(FIRST * self._actions + 1, dtype=np.int64)
+        self.hashed = np.full(4 * FIRST, -1, dtype=np.int64)
+        self.to, self.ended = np.zeros(FIRST, dtype=np.int64), np.zeros(FIRST, dtype=np.int64)
+        self.chance, self.reward = np.zeros(FIRST), np.zeros(FIRST)
+
+    def table(self) -> Tabular:
+        """Visit all states."""
+        states, beginnings, chances = self._begin()
+        head, used = 0, 0
+        while True:
+            how, head, states, used, action = self._kernels["visit"](
+                *self._world(),
+                self._member,
+                self.floats.view(np.int64),
+                self.hashed,
+                self.components,
+                self.observations,
+                head,
+                states,
+                used,
+                self._actions,
+                MOST_OUTCOMES,
+                self._limit,
+                self.starts,
+                self.to,
+                self.chance,
+                self.reward,
+                self.ended,
+            )
+            if states > self._limit:
+                raise too_many_states(self._program.behaviour, self._limit)
+            if how == DONE:
+                return self._result(states, used, beginnings, chances)
+            if how != SPACE:
+                self._raise(head, action)
+            if self._progress is not None:
+                self._progress(states)
+            self._grow(states, used)
+
+    def _world(self) -> tuple[Array, ...]:
+        arrays = self._program.arrays
+        return (
+            self._tables,
+            arrays.floats,
+            arrays.offsets,
+            self.states,
+            self.floats,
+            *self._space,
+            self._draw,
+        )
+
+    def _begin(self) -> tuple[int, Array, Array]:
+        """Number of start states, and of each way to begin the state and its probability."""
+        arrays = self._program.arrays
+        while True:
+            how, states, used = self._kernels["visit_starts"](
+                *self._world(),
+                self._member,
+                arrays.states,
+                arrays.float_states,
+                self.floats.view(np.int64),
+                self.hashed,
+                self.components,
+                self.observations,
+                self.to,
+                self.chance,
+            )
+            if how == DONE:
+                return states, self.to[:used].copy(), self.chance[:used].copy()
+            if how != SPACE:
+                self._raise(-1, 0)
+            if states > self._limit:
+                raise too_many_states(self._program.behaviour, self._limit)
+            self._grow(0, len(self.to))
+
+    def _grow(self, states: int, used: int) -> None:
+        """More space for what is nearly full."""
+        if 2 * states >= len(self.states) - 1 or states == 0:
+            size = 4 * len(self.states)
+            for name in ("states", "floats", "components", "observations"):
+                setattr(self, name, _longer(getattr(self, name), size))
+            self.starts = _longer(self.starts, size * self._actions + 1)
+            self.hashed = np.full(4 * size, -1, dtype=np.int64)
+            self._kernels["hash_all"](
+                self.states, self.floats, self.floats.view(np.int64), self.hashed, states
+            )
+        if 2 * used >= len(self.to):
+            for name in ("to", "ended", "chance", "reward"):
+                setattr(self, name, _longer(getattr(self, name), 4 * len(self.to)))
+
+    def _raise(self, state: int, action: int) -> None:
+        """Let the live engine say what went wrong.
+
+        Raises:
+            RuleError, EvaluationError: always.
+        """
+        program, arrays = self._program, self._program.arrays
+        if state < 0:
+            before, floats = arrays.states[self._member], arrays.float_states[self._member]
+        else:
+            before, floats = self.states[state], self.floats[state]
+        with program.twin(self._member).at(before, floats) as simulator:
+            outcomes = simulator.starts() if state < 0 else simulator.outcomes(action)
+            for _ in outcomes:
+                simulator.observe()
+        raise EvaluationError(f"a question has more than {CAPACITY} matches")
+
+    def _result(self, states: int, used: int, beginnings: Array, chances: Array) -> Tabular:
+        program, actions = self._program, self._actions
+        bounds = self.starts[: states * actions + 1]
+        bounds[-1] = used
+        counts = np.diff(bounds)
+        width = max(1, int(counts.max(initial=1)))
+        shape = states, actions, width
+        rows = np.repeat(np.arange(states * actions), counts)
+        places = np.arange(used) - bounds[:-1][rows]
+        next_state = np.repeat(np.arange(states, dtype=np.int32), actions * width).reshape(-1, width)
+        probability, reward = np.zeros((states * actions, width)), np.zeros((states * actions, width))
+        ended = np.zeros((states * actions, width), dtype=np.int8)
+        probability[counts == 0, 0] = 1.0
+        next_state[rows, places] = self.to[:used]
+        probability[rows, places] = self.chance[:used]
+        reward[rows, places] = self.reward[:used]
+        ended[rows, places] = self.ended[:used]
+        starts: dict[int, float] = {}
+        for state, chance in zip(beginnings.tolist(), chances.tolist(), strict=True):
+            starts[state] = starts.get(state, 0.0) + chance
+        names = program.agent_names(self._member)
+        return Tabular(
+            next_state=next_state.reshape(shape),
+            probability=probability.reshape(shape),
+            reward=reward.reshape(shape),
+            terminated=ended.reshape(shape),
+            observation=self.observations[:states].copy(),
+            start_states=np.array(list(starts), dtype=np.int32),
+            start_probability=np.array(list(starts.values())),
+            n_observations=prod(program.observation_shape),
+            observation_shape=program.observation_shape,
+            action_names=program.action_names,
+            agent_names=names,
+            turn=self.states[:states, TURN].astype(np.int32) if names else None,
+        )
+
+
+def _longer(array: Array, size: int) -> Array:
+    """A copy with more rows."""
+    longer = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
+    longer[: len(array)] = array
+    return longer

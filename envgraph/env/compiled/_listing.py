@@ -1,0 +1,204 @@
+"""What is added to a program to visit all its states: choices are made by a script, one way after the other.
+
+Part of the program's text, behind `_kernels`, whose `pick` and `choose` these replace.
+"""
+
+# ruff: noqa: F821, SIM110
+# mypy: ignore-errors
+
+import numpy as np
+
+DONE, SPACE, WRONG, MANY = 0, 1, 2, 3
+"""How a visit ends: all states are known, arrays are full, an error of the environment, too many outcomes."""
+MADE, CHANCE, KNOWN, SCRIPT = 0, 1, 2, 3
+"""Places of `D`: choices made, their probability, choices that the script says; then place and count of each."""
+
+
+def take(D, count):
+    """The place that the script says, or the first."""
+    number = int(D[MADE])
+    at = SCRIPT + 2 * number
+    if at + 1 >= len(D):
+        return 0
+    place = int(D[at]) if number < D[KNOWN] else 0
+    D[at], D[at + 1] = place, count
+    D[MADE] = number + 1
+    return place
+
+
+def pick(D, count):
+    """One of `count` alternatives."""
+    D[CHANCE] /= count
+    return take(D, count)
+
+
+def choose(D, chances, missing):
+    """One of the possible alternatives, or -1."""
+    possible = 0
+    for number in range(len(chances)):
+        if chances[number] > 0.0:
+            possible += 1
+    place = take(D, possible + (missing > 1e-12))
+    for number in range(len(chances)):
+        if chances[number] > 0.0:
+            if place == 0:
+                D[CHANCE] *= chances[number]
+                return number
+            place -= 1
+    D[CHANCE] *= missing
+    return -1
+
+
+def begin_script(D):
+    """The first way to make all choices."""
+    D[KNOWN] = 0
+
+
+def begin_outcome(D):
+    """Choices are made anew, as the script says."""
+    D[MADE], D[CHANCE] = 0, 1.0
+
+
+def next_script(D):
+    """The next way to make all choices; False after the last one."""
+    number = int(D[MADE])
+    while number > 0 and D[SCRIPT + 2 * number - 2] + 1 == D[SCRIPT + 2 * number - 1]:
+        number -= 1
+    if number == 0:
+        return False
+    D[SCRIPT + 2 * number - 2] += 1
+    D[KNOWN] = number
+    return True
+
+
+def crowded(D):
+    """Whether more choices were made than there is space for."""
+    return SCRIPT + 2 * int(D[MADE]) + 1 >= len(D)
+
+
+def hash_row(S, BITS, row):
+    """A hash of a state."""
+    value = np.uint64(14695981039346656037)
+    for column in range(S.shape[1]):
+        value = (value ^ np.uint64(S[row, column])) * np.uint64(1099511628211)
+        value ^= value >> np.uint64(29)
+    for column in range(BITS.shape[1]):
+        value = (value ^ np.uint64(BITS[row, column])) * np.uint64(1099511628211)
+        value ^= value >> np.uint64(29)
+    return value
+
+
+def same_row(S, BITS, one, other):
+    """Whether two states are the same."""
+    for column in range(S.shape[1]):
+        if S[one, column] != S[other, column]:
+            return False
+    for column in range(BITS.shape[1]):
+        if BITS[one, column] != BITS[other, column]:
+            return False
+    return True
+
+
+def number_of(S, BITS, HASHED, row):
+    """The number of a state that is as a row, which is put into the table if there is none."""
+    mask = np.int64(len(HASHED) - 1)
+    place = np.int64(hash_row(S, BITS, row) & np.uint64(mask))
+    while HASHED[place] >= 0:
+        if same_row(S, BITS, HASHED[place], row):
+            return HASHED[place]
+        place = (place + 1) & mask
+    HASHED[place] = row
+    return row
+
+
+def enter(T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
+    """The number of the state in a row, with its observation if it is new; -1 if that has none."""
+    S[row, 0] = over
+    found = number_of(S, BITS, HASHED, row)
+    if found == row:
+        S[row, 0] = 0
+        OBS[row] = look(T, G, L, S, F, RI, RF, D, row, m, 0, C)
+        if S[row, 0] != 0:
+            return -1
+        S[row, 0] = over
+    return found
+
+
+def hash_all(S, F, BITS, HASHED, count):
+    """Put states into an empty table."""
+    for row in range(count):
+        number_of(S, BITS, HASHED, row)
+
+
+def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, P):
+    """The states that an episode may begin in, with their probabilities; how it ended, states, and outcomes."""
+    count, used = 0, 0
+    begin_script(D)
+    while True:
+        if count + 1 >= len(S) or used >= len(TO):
+            return SPACE, count, used
+        begin_outcome(D)
+        reset_one(T, G, L, S, F, RI, RF, D, count, m, S0, F0)
+        if S[count, 0] != 0 or crowded(D):
+            return WRONG, count, used
+        chance = D[CHANCE]
+        found = enter(T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, 0)
+        if found < 0:
+            return WRONG, count, used
+        count += found == count
+        TO[used], P[used] = found, chance
+        used += 1
+        if not next_script(D):
+            return DONE, count, used
+
+
+def visit(
+    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, count, used, ACTIONS, MOST, LIMIT,
+    STARTS, TO, P, REWARD, END,
+):  # fmt: skip
+    """Leave states in the order of their numbers, by every action; new ones get the next numbers.
+
+    Returns how it ended, the state that is left next, how many states there are, and how many outcomes.
+    """
+    while head < count <= LIMIT:
+        first = used
+        for action in range(ACTIONS):
+            STARTS[head * ACTIONS + action] = used
+            if S[head, 0] != 0:
+                continue
+            begin_script(D)
+            number, last = 0, used
+            while True:
+                if count + 1 >= len(S) or used >= len(TO):
+                    return SPACE, head, count, first, action
+                for column in range(S.shape[1]):
+                    S[count, column] = S[head, column]
+                for column in range(F.shape[1]):
+                    F[count, column] = F[head, column]
+                begin_outcome(D)
+                reward, end = step_one(T, G, L, S, F, RI, RF, D, count, m, 0, action)
+                number += 1
+                if number > MOST or crowded(D):
+                    return MANY, head, count, first, action
+                if S[count, 0] != 0:
+                    return WRONG, head, count, first, action
+                chance = D[CHANCE]
+                found = enter(T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end > 0)
+                if found < 0:
+                    return WRONG, head, count, first, action
+                count += found == count
+                if (
+                    used > last
+                    and TO[used - 1] == found
+                    and REWARD[used - 1] == reward
+                    and END[used - 1] == end
+                ):
+                    P[used - 1] += chance
+                else:
+                    TO[used], P[used], REWARD[used], END[used] = found, chance, reward, end
+                    used += 1
+                if not next_script(D):
+                    break
+        head += 1
+        STARTS[head * ACTIONS] = used
+    return DONE, head, count, used, 0

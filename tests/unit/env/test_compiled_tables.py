@@ -1,0 +1,46 @@
+"""A compiled visit of all states makes the table that the live engine makes, number by number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envgraph.env import Tabular, explore
+from envgraph.env.compiled import enumerated, program_of
+from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
+
+MODELS = {
+    "keydoor": BUNDLED / "keydoor/two_rooms.model",
+    "burning_forest": BUNDLED / "burning_forest/running_4x4.model",
+}
+
+
+def assert_equal_tables(found: Tabular, wanted: Tabular) -> None:
+    found.check()
+    for name in Tabular.__slots__:
+        one, other = getattr(found, name), getattr(wanted, name)
+        if isinstance(other, np.ndarray):
+            assert one.dtype == other.dtype, name
+            assert np.array_equal(one, other), name
+        else:
+            assert one == other, name
+
+
+def domain(model: Path) -> list[Path]:
+    return [model, *model.parent.glob("*.environment")]
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["python", "numba"])
+@pytest.mark.parametrize("name", MODELS)
+def test_the_table_is_that_of_the_live_engine(name: str, native: bool) -> None:
+    if native:
+        pytest.importorskip("numba")
+    engine, behaviour = opened(*domain(MODELS[name]))
+    engines = mutants(engine, behaviour, 3)
+    keys = family_keys(engines, behaviour)
+    wanted = [explore(each, behaviour, keys).tabular for each in engines]
+    program = program_of(engine, behaviour, engines, keys, native=native)
+    for number, table in enumerate(wanted):
+        assert_equal_tables(enumerated(program, number), table)
