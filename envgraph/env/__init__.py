@@ -34,7 +34,7 @@ from envgraph.behaviour import (
     Token,
     check_behaviour,
 )
-from envgraph.env._agents import absent_agents
+from envgraph.env._agents import unbound
 from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, indexed_classes
@@ -97,7 +97,6 @@ __all__ = [
     "Tabular",
     "Token",
     "VectorEnvironment",
-    "absent_agents",
     "can_end",
     "check_behaviour",
     "check_render_mode",
@@ -118,6 +117,7 @@ __all__ = [
     "scene_svg",
     "scene_text",
     "scene_title",
+    "unbound",
     "write_explored",
 ]
 

@@ -9,6 +9,7 @@ from math import prod
 
 from envgraph.behaviour import MOST_VALUES, Agent, Behaviour
 from envgraph.code import dataclass
+from envgraph.env._binding import bind_parameters
 from envgraph.env._keys import KeyIndex, key_attributes
 from envgraph.env._prepared import Alternatives, PreparedAction
 from envgraph.env._program import Program
@@ -175,10 +176,18 @@ def _idle(name: str) -> PreparedAction:
     return PreparedAction(name, (), Alternatives((), ()), None, None, 0)
 
 
-def absent_agents(behaviour: Behaviour, model: Model) -> list[Diagnostic]:
-    """The `agent` blocks that no object of a model plays: errors where nobody else can act, else warnings."""
+def unbound(behaviour: Behaviour, model: Model) -> list[Diagnostic]:
+    """What has no object in a model: errors where that leaves no environment to make of it, else warnings.
+
+    Those are the parameters, and the `agent` blocks that nobody plays.
+    """
+    problems: list[Diagnostic] = []
+    try:
+        bind_parameters(model, behaviour.parameters)
+    except ResolutionError as error:
+        problems.extend(error.diagnostics)
     absent = [agent for agent in behaviour.agents if not model.extent(agent.cls)]
-    return [_nobody(agent, alone=len(absent) == len(behaviour.agents)) for agent in absent]
+    return problems + [_nobody(agent, alone=len(absent) == len(behaviour.agents)) for agent in absent]
 
 
 def _nobody(agent: Agent, alone: bool) -> Diagnostic:

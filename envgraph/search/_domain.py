@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TypeVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, Tabular, absent_agents, can_end, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Tabular, can_end, indexed_classes, unbound
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,
@@ -290,9 +290,9 @@ class Domain:
         except EvaluationError as error:
             hint = "the environment counts through these objects: give each of them a key of its own"
             raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
-        absent = absent_agents(self.behaviour, self._model()) if self.behaviour else []
+        absent = unbound(self.behaviour, self._model()) if self.behaviour else []
         if has_errors(absent):
-            raise LoadError(absent)
+            raise LoadError([replace(one, notes=(note,)) for one in absent])
         # Whether an end can be reached is asked of a model that is otherwise as it should be.
         known = [one for one in problem.constraints if not isinstance(one, Reachable)]
         broken = [one for one in known if not one.holds(problem.engine)] or [*problem.violations()]

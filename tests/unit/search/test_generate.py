@@ -488,10 +488,17 @@ HERD = {
 }
 
 
-def test_objects_with_one_key_are_in_no_member(tmp_path: Path) -> None:
+def herd(folder: Path, *changes: tuple[str, str]) -> str:
+    """The farm in a directory, with words of its files replaced."""
     for name, text in HERD.items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    family = generate(str(tmp_path), tmp_path / "run.sqlite", seed=1)
+        for before, after in changes:
+            text = text.replace(before, after)
+        (folder / name).write_text(text, encoding="utf-8")
+    return str(folder)
+
+
+def test_objects_with_one_key_are_in_no_member(tmp_path: Path) -> None:
+    family = generate(herd(tmp_path), tmp_path / "run.sqlite", seed=1)
     assert {member.measures["cows"] for member in family.members} == {
         2,
         3,
@@ -500,8 +507,16 @@ def test_objects_with_one_key_are_in_no_member(tmp_path: Path) -> None:
 
 
 def test_objects_with_one_key_are_refused_in_the_initial_model(tmp_path: Path) -> None:
-    for name, text in HERD.items():
-        (tmp_path / name).write_text(text.replace("number = 2", "number = 1"), encoding="utf-8")
+    where = herd(tmp_path, ("number = 2", "number = 1"))
     with pytest.raises(LoadError, match="`Cow#1` and `Cow#2` have the same key, number = 1") as caught:
-        generate(str(tmp_path), tmp_path / "run.sqlite")
+        generate(where, tmp_path / "run.sqlite")
     assert caught.value.diagnostics[0].hint
+
+
+def test_a_parameter_that_the_initial_model_has_no_object_for_is_refused(tmp_path: Path) -> None:
+    where = herd(tmp_path, ("farm : Farm)", "farm : Farm, leader : Cow)"), ('["success"]', "[]"))
+    with pytest.raises(LoadError, match="nothing to bind `leader` to: the model has 2 objects") as caught:
+        generate(where, tmp_path / "run.sqlite")
+    (problem,) = caught.value.diagnostics
+    assert problem.span is not None and problem.span.source.name.endswith("herd.environment")
+    assert problem.notes[0].span is not None and problem.notes[0].span.text == '"herd.model"'
