@@ -98,6 +98,20 @@ class DistinctKeys:
 
 
 @dataclass(frozen=True, slots=True)
+class Bound:
+    """Each parameter of a behaviour stands for an object, and somebody can act: no environment without that."""
+
+    behaviour: Behaviour
+
+    def holds(self, engine: Engine) -> bool:
+        """Whether nothing is missing."""
+        return not has_errors(unbound(self.behaviour, engine.model))
+
+    def __str__(self) -> str:
+        return "each parameter of the environment has its object"
+
+
+@dataclass(frozen=True, slots=True)
 class Domain:
     """The files of a family, read and checked.
 
@@ -365,6 +379,7 @@ class Domain:
         constraints += [CountWithin(str(name), *bounds) for name, bounds in spec.count]
         constraints += [DistinctKeys(pattern.qualified_name) for pattern in keys]
         if behaviour is not None:
+            constraints.append(Bound(behaviour))
             plan = next((one for one in measures if isinstance(one, ShortestPlan)), None)
             constraints += [Reachable(str(outcome), behaviour, plan) for outcome in spec.reachable]
         return tuple(constraints)

@@ -520,3 +520,15 @@ def test_a_parameter_that_the_initial_model_has_no_object_for_is_refused(tmp_pat
     (problem,) = caught.value.diagnostics
     assert problem.span is not None and problem.span.source.name.endswith("herd.environment")
     assert problem.notes[0].span is not None and problem.notes[0].span.text == '"herd.model"'
+
+
+def test_a_model_that_a_parameter_has_no_object_in_is_no_member(tmp_path: Path) -> None:
+    one_cow = (
+        (", Cow { number = 2 }", ""),
+        ("farm : Farm)", "farm : Farm, leader : Cow)"),
+        ('["success"]', "[]"),
+    )
+    family = generate(herd(tmp_path, *one_cow), tmp_path / "run.sqlite")
+    assert [member.measures["cows"] for member in family.members] == [1]
+    with RunStore.open(tmp_path / "run.sqlite") as store:
+        assert "`each parameter of the environment has its object` is violated" in store.reasons()
