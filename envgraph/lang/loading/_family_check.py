@@ -105,6 +105,18 @@ class _Checker:
             yield Diagnostic("unknown-rule", f"`{name}` is a pattern, not a rule", name.span, hint)
             return
         yield from self._known(name.text, name.span, self._rules, "rule")
+        yield from self._needs_nothing(name)
+
+    def _needs_nothing(self, name: Name) -> Iterator[Diagnostic]:
+        """A search gives no arguments: a rule that needs some can only be called by a unit."""
+        registration = self._workspace.registration
+        for found in registration.directory.candidates(name.text) if registration else ():
+            signature = registration.directory.signatures[found]
+            missing = [parameter.name for parameter in signature.parameters if parameter.required]
+            if missing:
+                message = f"{signature.kind} `{name}` needs a value for {listed(missing)}, which a search does not give"
+                hint = f"name a unit without parameters that calls `{name}`: `unit any {{ {signature.simple}(..); }}`"
+                yield Diagnostic("needs-arguments", message, name.span, hint)
 
     def _metamodel_has(self, classes: Iterable[str]) -> bool:
         metamodel = self._workspace.metamodel
