@@ -110,7 +110,9 @@ class _Checker:
     def _needs_nothing(self, name: Name) -> Iterator[Diagnostic]:
         """A search gives no arguments: a rule that needs some can only be called by a unit."""
         registration = self._workspace.registration
-        for found in registration.directory.candidates(name.text) if registration else ():
+        if registration is None:
+            return
+        for found in registration.directory.candidates(name.text):
             signature = registration.directory.signatures[found]
             missing = [parameter.name for parameter in signature.parameters if parameter.required]
             if missing:
