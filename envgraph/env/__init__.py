@@ -35,7 +35,7 @@ from envgraph.behaviour import (
     check_behaviour,
 )
 from envgraph.env._agents import unbound
-from envgraph.env._explore import DEFAULT_LIMIT, Explored, enumerate_states, explore
+from envgraph.env._explore import DEFAULT_LIMIT, Explored, TooManyStates, enumerate_states, explore
 from envgraph.env._gymnasium import EnvgraphEnv, EnvgraphLiveEnv, check_render_mode
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._reaching import can_end
@@ -96,6 +96,7 @@ __all__ = [
     "Simulator",
     "Tabular",
     "Token",
+    "TooManyStates",
     "VectorEnvironment",
     "can_end",
     "check_behaviour",

@@ -50,13 +50,15 @@ def enumerate_states(
     return explore(engine, behaviour, keys, limit=limit).tabular
 
 
-def too_many_states(behaviour: Behaviour, limit: int) -> EvaluationError:
-    """The error of an environment that has more states than it may."""
-    return EvaluationError(
-        f"environment `{behaviour.name}` has more than {limit} states",
-        behaviour.span,
-        "raise the limit, or step on the live engine (`live=True`)",
-    )
+class TooManyStates(EvaluationError):
+    """An environment has more states than it may."""
+
+    def __init__(self, behaviour: Behaviour, limit: int) -> None:
+        super().__init__(
+            f"environment `{behaviour.name}` has more than {limit} states",
+            behaviour.span,
+            'raise the limit, or step without a table (`engine="compiled"` or `engine="live"`)',
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +167,7 @@ class _Search:
         if found is not None:
             return found, False
         if len(self.rows) >= self.limit:
-            raise too_many_states(self.simulator.behaviour, self.limit)
+            raise TooManyStates(self.simulator.behaviour, self.limit)
         self.number[key] = len(self.rows)
         self.rows.append(None)
         self.observations.append(self.simulator.observe())

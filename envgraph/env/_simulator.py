@@ -197,7 +197,7 @@ class Simulator:
                 raise EvaluationError(
                     f"action `{prepared.name}` has more than {MOST_OUTCOMES} outcomes in one state",
                     self.behaviour.span,
-                    "in a unit, `all r;` takes every match without a choice; or step on the live engine (`live=True`)",
+                    'in a unit, `all r;` takes every match without a choice; or `engine="live"` steps without a table',
                 )
             self.turn = turn
             savepoint = self._model.savepoint()

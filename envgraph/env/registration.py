@@ -9,7 +9,7 @@ package needs to know nothing of files, families and run stores, which are the b
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
@@ -26,13 +26,13 @@ NAMESPACE = "envgraph"
 MAKE_ENVIRONMENT = "envgraph.search:make_environment"
 MAKE_VECTOR_ENVIRONMENT = "envgraph.search:make_vector_environment"
 
-BUNDLED = (
-    ("BurningForest", "burning_forest", 200, False),
-    ("KeyDoor", "keydoor", 100, False),
-    ("Routing", "network", 64, True),
-    ("Warehouse", "warehouse", 300, True),
+BUNDLED: Final[tuple[tuple[str, str, int, dict[str, str]], ...]] = (
+    ("BurningForest", "burning_forest", 200, {}),
+    ("KeyDoor", "keydoor", 100, {}),
+    ("Routing", "network", 64, {"engine": "compiled"}),
+    ("Warehouse", "warehouse", 300, {"engine": "compiled"}),
 )
-"""Name, folder under `rules/`, time limit, and whether there are too many states for a table, of every bundled one."""
+"""Name, folder under `rules/`, time limit, and what steps it where there are too many states for a table."""
 
 
 def environment_spec(
@@ -73,7 +73,7 @@ def make_vec_spec(
     """`gymnasium.make_vec` of what need not be registered.
 
     Args:
-        spec: what to make; its vector entry point is not for environments that are `live`.
+        spec: what to make; its vector entry point is not for the live engine.
         num_envs: how many.
         vectorization_mode: as Gymnasium has it.
         autoreset_mode: for the vector environment, whichever makes it.
@@ -85,7 +85,7 @@ def make_vec_spec(
     """
     if num_envs < 1:
         raise InvalidArgument(f"{num_envs} environments")
-    if vectorization_mode is None and options.get("live"):
+    if vectorization_mode is None and (options.get("live") or options.get("engine") == "live"):
         vectorization_mode = "sync"
     if autoreset_mode is not None:
         autoreset_mode = autoreset_of(autoreset_mode)
@@ -141,8 +141,5 @@ def register(
 
 def register_entry_point() -> None:
     """Register the bundled environments; `envgraph.env` does so when it is imported."""
-    for name, domain, limit, live in BUNDLED:
-        if live:
-            register(name, limit=limit, domain=domain, live=True)
-        else:
-            register(name, limit=limit, vector_entry_point=MAKE_VECTOR_ENVIRONMENT, domain=domain)
+    for name, domain, limit, options in BUNDLED:
+        register(name, limit=limit, vector_entry_point=MAKE_VECTOR_ENVIRONMENT, domain=domain, **options)

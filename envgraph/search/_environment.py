@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal, get_args
+from warnings import warn
 
 from envgraph.env import (
     EnvgraphEnv,
@@ -16,12 +17,14 @@ from envgraph.env import (
     EnvSpec,
     Explored,
     Simulator,
+    TooManyStates,
     VectorEnvironment,
     check_render_mode,
     environment_spec,
     make_vec_spec,
 )
-from envgraph.errors import InvalidArgument
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, NotCompiled, Program, Streams
+from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.graph import model_to_json
 from envgraph.search._domain import Domain
 from envgraph.search._family import Family, Member, place_of, run_file
@@ -30,6 +33,9 @@ from envgraph.search._store import dump_json
 from envgraph.search._tables import Record, Tables
 
 Location = str | PathLike[str]
+
+EngineKind = Literal["table", "compiled", "live"]
+ENGINES: Final = get_args(EngineKind)
 
 
 def make(
@@ -49,12 +55,12 @@ def make(
         domain: instead of a family: a family.toml, its directory, or the name of a bundled domain, whose own model is
             the environment.
         options: of `gymnasium.make` (`max_episode_steps`, `disable_env_checker`) and of `make_environment`
-            (`render_mode`, `observation`, `live`, `cell`).
+            (`render_mode`, `observation`, `engine`, `cell`).
 
     Raises:
         InvalidArgument: no such family or member, or both a family and a domain are given, or neither.
         LoadError: the files have errors.
-        EvaluationError: too many states to visit; `live=True` steps without visiting them.
+        EvaluationError: too many states to visit for `engine="table"`, or `engine="compiled"` of what is not compiled.
 
     >>> make(domain="keydoor").spec.max_episode_steps
     100
@@ -77,8 +83,8 @@ def make_vec(
         num_envs: how many.
         variant: as for `make`, or a list, whose members take turns: `num_envs=60, variant=["E1", "E2"]` gives thirty
             of each.
-        options: of `gymnasium.make_vec`, of `make_vector_environment`, and `live`. `vectorization_mode` "sync" or
-            "async" steps single environments instead, as `live=True` does; `autoreset_mode` is for all of them.
+        options: of `gymnasium.make_vec` and of `make_vector_environment`. `vectorization_mode` "sync" or "async" steps
+            single environments instead, as `engine="live"` does; `autoreset_mode` is for all of them.
     """
     return make_vec_spec(_spec(family, domain), num_envs, **_given(variant=variant), **options)
 
@@ -108,8 +114,9 @@ def make_environment(
     render_mode: str | None = None,
     observation: Literal["index", "multi"] = "index",
     cell: int = 32,
+    engine: EngineKind | None = None,
     live: bool = False,
-) -> EnvgraphEnv | EnvgraphLiveEnv:
+) -> EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv:
     """What `gymnasium.make` calls: one member of a family, without a time limit.
 
     Args:
@@ -120,27 +127,32 @@ def make_environment(
         render_mode: None, "ansi" or "rgb_array".
         observation: "index" for one number, "multi" for its components.
         cell: side of a cell in pixels.
-        live: whether to step on an engine. By default the table of all states is used, which makes steps faster, but
-            there must not be too many of them. Episodes are the same.
+        engine: what steps: "table", the table of all states, of which there must not be too many; "compiled", a program
+            made of the behaviour; "live", the engine of the model. None: the first of these that can. Episodes are the
+            same.
+        live: the same as `engine="live"`.
 
     Raises:
-        InvalidArgument: no such family or member, or neither a domain nor a family is given, or the family is of
-            another environment than the domain.
+        InvalidArgument: no such family, member or engine, or neither a domain nor a family is given, or the family is
+            of another environment than the domain.
         LoadError: the files have errors.
-        EvaluationError: too many states to visit.
+        EvaluationError: as for `make`.
     """
+    wanted = _engine_of(engine, live)
     opened = _opened(domain, family, () if variant is None else (variant,))
     check_render_mode(render_mode, drawn=opened.record.drawn)  # before all states are visited
     place = opened.place(variant)
     shown: dict[str, Any] = {"render_mode": render_mode, "observation": observation, "cell": cell}
-    environment: EnvgraphEnv | EnvgraphLiveEnv
-    if live:
+    environment: EnvgraphEnv | EnvgraphLiveEnv | CompiledEnv
+    found = opened.stepping([place], wanted, pictures=render_mode is not None)
+    if isinstance(found, Program):
+        environment = CompiledEnv(found, **shown)
+    elif found is None:
         read = opened.family
-        engine = read.domain.engine(read.model(read.members[place]))
-        environment = EnvgraphLiveEnv(Simulator(engine, read.behaviour, read.keys), **shown)
+        live_engine = read.domain.engine(read.model(read.members[place]))
+        environment = EnvgraphLiveEnv(Simulator(live_engine, read.behaviour, read.keys), **shown)
     else:
-        found = opened.explored(place, pictures=render_mode is not None)
-        environment = EnvgraphEnv(found.tabular, pictures=found.pictures, **shown)
+        environment = EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **shown)
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
     return environment
@@ -156,26 +168,49 @@ def make_vector_environment(
     observation: Literal["index", "multi"] = "index",
     max_episode_steps: int | None = None,
     autoreset_mode: str | None = None,
-) -> EnvgraphVectorEnv:
-    """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by array indexing.
+    engine: EngineKind | None = None,
+    streams: Streams | None = None,
+) -> EnvgraphVectorEnv | CompiledVectorEnv:
+    """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by arrays.
 
     The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
-    `num_envs=60, variant=["E1", "E2"]` gives thirty of each. The others are those of `EnvgraphVectorEnv`.
+    `num_envs=60, variant=["E1", "E2"]` gives thirty of each. The others are those of `CompiledVectorEnv`; with
+    `streams` given it is that, whatever there is a table of.
+
+    Raises:
+        InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"`, which has no
+            vector environment: `make_vec` makes single ones of it.
     """
+    wanted = "compiled" if streams is not None else _engine_of(engine, live=False)
+    if wanted == "live":
+        raise InvalidArgument("the live engine steps one environment", 'give `vectorization_mode="sync"`')
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
     opened = _opened(domain, family, variants)
     check_render_mode(render_mode, ("rgb_array",), drawn=opened.record.drawn)
     places = [opened.place(one) for one in variants or (None,)]
-    found = [opened.explored(place, pictures=render_mode is not None) for place in places]
-    return EnvgraphVectorEnv(
-        [one.tabular for one in found],
-        num_envs,
-        pictures=[one.pictures for one in found],
-        render_mode=render_mode,
-        observation=observation,
-        max_episode_steps=max_episode_steps,
+    options: dict[str, Any] = {
+        "render_mode": render_mode,
+        "observation": observation,
+        "max_episode_steps": max_episode_steps,
         **_given(autoreset_mode=autoreset_mode),
-    )
+    }
+    found = opened.stepping(places, wanted, pictures=render_mode is not None)
+    if found is None:
+        raise opened.refused()
+    if isinstance(found, Program):
+        return CompiledVectorEnv(found, num_envs, **options, **_given(streams=streams))
+    pictures = [one.pictures for one in found]
+    return EnvgraphVectorEnv([one.tabular for one in found], num_envs, pictures=pictures, **options)
+
+
+def _engine_of(engine: EngineKind | None, live: bool) -> EngineKind | None:
+    """What is to step; None for the first that can."""
+    if engine not in (None, *ENGINES):
+        known = ", ".join(f"`{one}`" for one in ENGINES)
+        raise InvalidArgument(f"unknown engine {engine!r}: there are {known}")
+    if live and engine not in (None, "live"):
+        raise InvalidArgument(f"`live=True` and `engine={engine!r}` are two engines: give one")
+    return "live" if live else engine
 
 
 class _Opened:
@@ -185,6 +220,7 @@ class _Opened:
         self._read = read
         self._kept = kept
         self._tables, self._key = kept()
+        self._refused: NotCompiled | None = None
 
     @cached_property
     def family(self) -> Family:
@@ -201,6 +237,36 @@ class _Opened:
 
     def place(self, variant: int | str | None) -> int:
         return place_of(variant, [*self.record.tables], self.record.family)
+
+    def stepping(
+        self, places: Sequence[int], engine: EngineKind | None, *, pictures: bool
+    ) -> list[Explored] | Program | None:
+        """What steps some members: their tables, a program, or None for the live engine."""
+        if engine == "live":
+            return None
+        if engine != "compiled":
+            try:
+                return [self.explored(place, pictures=pictures) for place in places]
+            except TooManyStates:
+                if engine == "table":
+                    raise
+        try:
+            return self.family.program([self.family.members[place] for place in places])
+        except NotCompiled as refused:
+            self._refused = refused
+            if engine == "compiled":
+                raise self.refused() from None
+            warn(f"{self.refused().message}; it steps on the live engine", stacklevel=4)
+            return None
+
+    def refused(self) -> EvaluationError:
+        """The error of a behaviour that is not compiled."""
+        assert self._refused is not None
+        message = (
+            f"environment `{self.family.behaviour.name}` is not compiled: it has {self._refused.construct}"
+        )
+        hint = 'use `engine="live"`, or `engine="table"` where there are few states'
+        return EvaluationError(message, self._refused.span, hint)
 
     def explored(self, place: int, *, pictures: bool) -> Explored:
         table = [*self.record.tables.values()][place]

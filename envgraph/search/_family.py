@@ -9,6 +9,7 @@ from pathlib import Path
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Explored, KeyIndex, Scene, scene_of
+from envgraph.env.compiled import Program, program_of
 from envgraph.errors import InvalidArgument, LoadError, Note, did_you_mean, listed
 from envgraph.graph import Model, model_from_json, model_to_json
 from envgraph.lang import Bundle
@@ -119,6 +120,16 @@ class Family:
                 self.domain, behaviour, self.model(member), self.keys, pictures=pictures
             )
         return known
+
+    def program(self, members: Sequence[Member]) -> Program:
+        """The compiled behaviour, over some members.
+
+        Raises:
+            InvalidArgument: the family has no environment.
+            NotCompiled: something in its behaviour only the live engine has.
+        """
+        engines = [self.domain.engine(self.model(member)) for member in members]
+        return program_of(self.domain.engine(), self.behaviour, engines, self.keys)
 
     def record(self) -> Record:
         """What making environments takes beside the tables; raises as `behaviour`."""

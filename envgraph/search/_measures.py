@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, Tabular, explore, indexed_classes
+from envgraph.env import Behaviour, KeyIndex, Tabular, indexed_classes
+from envgraph.env.compiled import explored
 from envgraph.files import counting
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
@@ -126,7 +127,7 @@ class ShortestPlan:
     def _visited(self, engine: Engine) -> Tabular:
         keys = KeyIndex.of(engine.model, indexed_classes(self.behaviour, engine.model.metamodel))
         with counting(f"states of {self.behaviour.name}") as progress:
-            return explore(engine, self.behaviour, keys, progress=progress).tabular
+            return explored(engine, self.behaviour, keys, progress=progress).tabular
 
 
 def steps_to(tabular: Tabular, outcome: int) -> float:

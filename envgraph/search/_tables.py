@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 from envgraph import __version__
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, Explored, KeyIndex, explore, read_explored, write_explored
+from envgraph.env import Behaviour, Explored, KeyIndex, read_explored, write_explored
+from envgraph.env.compiled import explored
 from envgraph.errors import InvalidArgument
 from envgraph.files import CACHE_VARIABLE, cache_directory, counting, replace_file, replacing
 from envgraph.graph import Model, model_to_json
@@ -103,7 +104,7 @@ class Tables:
         if known is not None:
             return known
         with counting(f"states of {behaviour.name}") as progress:
-            found = explore(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress)
+            found = explored(domain.engine(model), behaviour, keys, pictures=drawn, progress=progress)
         if lasting:
             self._write(name, found)
         return found

@@ -5,9 +5,19 @@ dialect, with numbers in place of objects. A member of a family is a row of data
 """
 
 from envgraph.env.compiled._batch import Batch
-from envgraph.env.compiled._enumeration import enumerated
-from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv
+from envgraph.env.compiled._enumeration import enumerated, explored
+from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._program import Program, program_of
 from envgraph.env.compiled._refused import NotCompiled
 
-__all__ = ["Batch", "CompiledEnv", "CompiledVectorEnv", "NotCompiled", "Program", "enumerated", "program_of"]
+__all__ = [
+    "Batch",
+    "CompiledEnv",
+    "CompiledVectorEnv",
+    "NotCompiled",
+    "Program",
+    "Streams",
+    "enumerated",
+    "explored",
+    "program_of",
+]

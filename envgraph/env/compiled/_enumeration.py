@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from math import prod
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.env._explore import DEFAULT_LIMIT, Progress, too_many_states
+from envgraph.behaviour import Behaviour
+from envgraph.env._explore import DEFAULT_LIMIT, Explored, Progress, TooManyStates, explore
+from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular
 from envgraph.env.compiled._batch import space_of
 from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._listing import DONE, SPACE
-from envgraph.env.compiled._program import Program
+from envgraph.env.compiled._program import Program, has_numba, program_of
+from envgraph.env.compiled._refused import NotCompiled
 from envgraph.errors import EvaluationError
+from envgraph.rewrite import Engine
 
 CHOICES: Final = 1_000
 """Choices that one step may make."""
@@ -42,6 +47,30 @@ def enumerated(
         RuleError: a rule matches but cannot be applied.
     """
     return _Visit(program, member, limit, progress).table()
+
+
+FEW: Final = 2_000
+"""States that the live engine visits in less time than it takes to load a compiled program."""
+
+
+def explored(
+    engine: Engine,
+    behaviour: Behaviour,
+    keys: KeyIndex | None = None,
+    *,
+    limit: int = DEFAULT_LIMIT,
+    pictures: bool = False,
+    progress: Progress | None = None,
+) -> Explored:
+    """As `explore`, with the same result; many states are visited by a compiled program where numba is installed."""
+    if pictures or limit <= FEW or not has_numba():
+        return explore(engine, behaviour, keys, limit=limit, pictures=pictures, progress=progress)
+    with suppress(TooManyStates):
+        return explore(engine, behaviour, keys, limit=FEW, progress=progress)
+    with suppress(NotCompiled):
+        program = program_of(engine, behaviour, keys=keys)
+        return Explored(enumerated(program, limit=limit, progress=progress), ())
+    return explore(engine, behaviour, keys, limit=limit, progress=progress)
 
 
 class _Visit:
@@ -97,7 +126,7 @@ class _Visit:
                 self.ended,
             )
             if states > self._limit:
-                raise too_many_states(self._program.behaviour, self._limit)
+                raise TooManyStates(self._program.behaviour, self._limit)
             if how == DONE:
                 return self._result(states, used, beginnings, chances)
             if how != SPACE:
@@ -139,7 +168,7 @@ class _Visit:
             if how != SPACE:
                 self._raise(-1, 0)
             if states > self._limit:
-                raise too_many_states(self._program.behaviour, self._limit)
+                raise TooManyStates(self._program.behaviour, self._limit)
             self._grow(0, len(self.to))
 
     def _grow(self, states: int, used: int) -> None:

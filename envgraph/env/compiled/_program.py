@@ -124,6 +124,11 @@ def program_of(
         return _compiled(text, arrays, native, data, behaviour, keys)
 
 
+def has_numba() -> bool:
+    """Whether programs can be compiled."""
+    return importlib.util.find_spec("numba") is not None
+
+
 def _check_agents(behaviour: Behaviour, engine: Engine) -> None:
     for agent in behaviour.agents:
         if not engine.model.extent(agent.cls):
@@ -139,7 +144,7 @@ def _compiled(
     keys: KeyIndex,
 ) -> Program:
     source = code.printed(text.functions).text
-    native = importlib.util.find_spec("numba") is not None if native is None else native
+    native = has_numba() if native is None else native
     return Program(
         source,
         arrays,

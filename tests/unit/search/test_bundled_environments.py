@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from pathlib import Path
 
 import gymnasium
@@ -10,11 +11,22 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import envgraph
 import envgraph.env
+from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv
+from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv
 from envgraph.env.registration import BUNDLED
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.lang import bundled_domain, bundled_domains
-from envgraph.search import Family, export_ga4cl, generate, make_environment, open_family, write_family
+from envgraph.search import (
+    Family,
+    export_ga4cl,
+    generate,
+    make_environment,
+    make_vector_environment,
+    open_family,
+    write_family,
+)
 
 IDS = {domain: f"envgraph/{name}-v0" for name, domain, _, _ in BUNDLED}
 ACTIONS = {"burning_forest": 4, "keydoor": 9, "network": 5, "warehouse": 7}
@@ -94,13 +106,47 @@ def test_live_environments_of_what_is_not_there_are_refused() -> None:
 
 
 def test_too_many_states_for_a_table_are_told_with_a_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("envgraph.search._tables.explore", limited)
-    with pytest.raises(EvaluationError, match=r"more than 500 states[\s\S]*hint: .* \(`live=True`\)"):
-        make_environment("network")
+    monkeypatch.setattr("envgraph.search._tables.explored", limited)
+    with pytest.raises(EvaluationError, match=r"more than 500 states[\s\S]*hint: .*`engine=\"compiled\"`"):
+        make_environment("network", engine="table")
+    assert isinstance(make_environment("network"), CompiledEnv)
 
 
-def limited(*arguments: object, **options: object) -> object:
-    return envgraph.env.explore(*arguments, **options, limit=500)  # type: ignore[arg-type]
+def test_what_steps_is_chosen_by_name() -> None:
+    kinds = {"table": EnvgraphEnv, "compiled": CompiledEnv, "live": EnvgraphLiveEnv}
+    for engine, kind in kinds.items():
+        assert type(envgraph.make(domain="keydoor", engine=engine).unwrapped) is kind
+    assert isinstance(envgraph.make_vec(domain="keydoor", num_envs=2, streams="each"), CompiledVectorEnv)
+    with pytest.raises(InvalidArgument, match="unknown engine 'fast'"):
+        make_environment("keydoor", engine="fast")  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match="two engines"):
+        make_environment("keydoor", engine="table", live=True)
+    with pytest.raises(InvalidArgument, match="one environment"):
+        make_vector_environment(2, "keydoor", engine="live")
+
+
+def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = bundled_domain("keydoor")
+    for file in source.iterdir():
+        text = file.read_text("utf-8")
+        if file.suffix == ".environment":
+            text = text.replace("action take            = take(hero)", "action take = grab(hero)")
+        if file.suffix == ".rules":
+            text += "\nunit grab(hero : Hero) { take(hero); }\n"
+        (tmp_path / file.name).write_text(text, "utf-8")
+    with pytest.raises(
+        EvaluationError, match=r"is not compiled: it has the unit `grab`[\s\S]*action take = grab"
+    ):
+        make_environment(str(tmp_path), engine="compiled")
+    monkeypatch.setattr("envgraph.search._tables.explored", partial(limited, limit=5))
+    with pytest.warns(UserWarning, match="it has the unit `grab`; it steps on the live engine"):
+        assert isinstance(make_environment(str(tmp_path)), EnvgraphLiveEnv)
+
+
+def limited(*arguments: object, limit: int = 500, **options: object) -> object:
+    return envgraph.env.explore(*arguments, **options, limit=limit)  # type: ignore[arg-type]
 
 
 def test_many_live_environments_side_by_side() -> None:

@@ -46,7 +46,7 @@ def visited(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
         found.append(pictures)
         return envgraph.env.explore(*arguments, pictures=pictures, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("envgraph.search._tables.explore", explore)
+    monkeypatch.setattr("envgraph.search._tables.explored", explore)
     return found
 
 
@@ -295,7 +295,7 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
 def test_check_generate_and_make_visit_the_states_of_the_initial_model_once(
     cache: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("envgraph.search._measures.explore", None)  # what would visit them each time
+    monkeypatch.setattr("envgraph.search._measures.explored", None)  # what would visit them each time
     for _ in range(2):
         domain = Domain.load("keydoor")
         assert domain_problems(domain.spec, domain.workspace) == []
