@@ -29,7 +29,6 @@ from envgraph.env._program import Types, added, together
 from envgraph.env.compiled._changes import Changes, StaticPatterns, calls_of, plan_of
 from envgraph.env.compiled._facts import Facts, Module, call
 from envgraph.env.compiled._layout import (
-    ENVIRONMENT,
     RI,
     STATE,
     TURN,
@@ -37,6 +36,7 @@ from envgraph.env.compiled._layout import (
     L,
     Layout,
     cell,
+    entry,
     plus,
     table,
 )
@@ -148,6 +148,7 @@ class _Program:
         self._define("begin", (), self._begin())
         self._define("step_one", (ACTION,), self._dispatched(turns, (ACTION,), NOTHING))
         self._define("look", (SEEN,), self._dispatched(looks, (SEEN,), code.Return(ZERO)))
+        self._module.functions.append(code.Function("places", (L,), self._layout.places()))
         levels = max(self._module.levels.values())
         functions = tuple(self._module.functions)
         return Text(functions, self._layout, levels, self._module.width, names, shape)
@@ -218,12 +219,12 @@ class _Program:
             case _:
                 return [(str(number), number) for number in range(domain.low, domain.high + 1)]
 
-    def _parameters(self, writer: Writer, action: Action, entry: code.Expression) -> dict[str, Term]:
+    def _parameters(self, writer: Writer, action: Action, first: code.Expression) -> dict[str, Term]:
         """What the parameters of an action stand for."""
         scope = {}
         for place, (name, domain) in enumerate(action.parameters, 1):
             type_: StaticType = domain_type(domain, self._metamodel) or Scalar.INT
-            number: code.Expression = code.Index(L, plus(entry, place))
+            number: code.Expression = entry(L, plus(first, place))
             local = writer.facts.local(type_)
             if isinstance(type_, ObjectType):
                 keyed = self._layout.offset(Keyed(type_.cls, self._candidates(type_.cls)))
@@ -268,13 +269,13 @@ class _Program:
                 row = [-1] if one is None else [one.clause, *one.values]
                 entries += [*row, *[0] * (width - len(row))]
             place = self._layout.offset(Constants(("actions", number), tuple(entries)))
-            entry, clause = writer.module.fresh("entry"), writer.module.fresh("clause")
-            writer.assign(entry, plus(place, code.Operation("*", (ACTION, code.Constant(width)))))
-            writer.assign(clause, code.Index(L, entry))
+            first, clause = writer.module.fresh("first"), writer.module.fresh("clause")
+            writer.assign(first, plus(place, code.Operation("*", (ACTION, code.Constant(width)))))
+            writer.assign(clause, entry(L, first))
             parameters: list[Mapping[str, Term]] = []
             for clause_number, (action, _) in enumerate(actions):
                 inside = writer.collected(
-                    lambda action=action: parameters.append(self._parameters(writer, action, entry))  # type: ignore[misc]
+                    lambda action=action: parameters.append(self._parameters(writer, action, first))  # type: ignore[misc]
                 )
                 for statement in inside:
                     if isinstance(statement, code.Assign) and isinstance(statement.target, code.Local):
@@ -366,15 +367,15 @@ class _Program:
                 else:
                     self._see_path(writer, observation, types, scope)
             padding = writer.module.fresh("i")
-            rest = code.Assign(code.Index(SEEN, code.tuple_of(ENVIRONMENT, padding)), ZERO)
-            last = code.Index(L, self._facts_of_observations)
+            rest = code.Assign(entry(SEEN, padding), ZERO)
+            last = entry(L, self._facts_of_observations)
             writer.add(code.For(padding, code.call("range", NEXT, last), (rest,)))
             writer.add(code.Return(INDEX))
             return self._module.add("look", (SELF, SEEN), writer.body())
 
     def _see(self, writer: Writer, value: code.Expression) -> None:
-        weight = code.Index(L, plus(self._facts_of_observations, 1, NEXT))
-        writer.add(code.Assign(code.Index(SEEN, code.tuple_of(ENVIRONMENT, NEXT)), value))
+        weight = entry(L, plus(self._facts_of_observations, 1, NEXT))
+        writer.add(code.Assign(entry(SEEN, NEXT), value))
         writer.add(code.Assign(INDEX, code.Operation("*", (value, weight)), "+="))
         writer.add(code.Assign(NEXT, ONE, "+="))
 
@@ -392,7 +393,7 @@ class _Program:
             question = added(self._engine, name, lambda n: count_question(n, observation.call, types))
             values = [scope[bound].value for bound in question.bound]
             rows = writer.call(self._matching.rows(writer.key(question)), *values)
-            counted = code.Index(RI, code.tuple_of(writer.top, ZERO))
+            counted = entry(RI, writer.top, 0)
             most = code.call("min", counted, code.Constant(observation.up_to))
             some = code.Operation(">", (rows, ZERO))
             found = (code.If(some, (code.Assign(local, most),)),)
@@ -426,7 +427,7 @@ class _Program:
             )
 
         count = Constants(("keys", cls), (self._keys.size(cls),))
-        size = code.Index(L, self._layout.offset(count))
+        size = entry(L, self._layout.offset(count))
         writer.add(code.For(index, code.call("range", size), writer.collected(write)))
 
     def _see_value(
@@ -442,16 +443,20 @@ class _Program:
         missing: code.Body = writer.fail()
         if isinstance(observation, ObserveObject) and observation.or_none:
             count = Constants(("keys", observation.among), (self._keys.size(observation.among),))
-            padding = code.Index(L, self._layout.offset(count))
+            padding = entry(L, self._layout.offset(count))
             missing = (code.Assign(local, padding),)
-        term = writer.value(observation.path, scope)
-        found = writer.collected(lambda: self._index(writer, observation, term, local))
-        if term.tests:
-            found = (code.If(code.joined("and", term.tests, True), found, missing),)
-        if gone is None:
+
+        def read() -> None:
+            term = writer.value(observation.path, scope)
+            found = writer.collected(lambda: self._index(writer, observation, term, local))
+            if term.tests:
+                found = (code.If(code.joined("and", term.tests, True), found, missing),)
             writer.add(*found)
+
+        if gone is None:
+            read()
         else:
-            writer.add(code.If(gone, (code.Assign(local, padding),), found))
+            writer.add(code.If(gone, (code.Assign(local, padding),), writer.collected(read)))
         self._see(writer, local)
 
     def _index(
@@ -493,7 +498,7 @@ class _Program:
             return term.value
         places = tuple(literals.index(literal) for literal in sorted(literals))
         offset = self._layout.offset(Constants(("places", term.type.name), places))
-        return code.Index(L, plus(offset, term.value))
+        return entry(L, plus(offset, term.value))
 
 
 def _names(numbered: Sequence[Sequence[_Numbered]]) -> tuple[str, ...]:

@@ -18,6 +18,8 @@ NAN, INFINITY = nan, inf
 FAILED, REFUSED, OVERFLOW = 1, 2, 3
 """What went wrong in an environment: no value, a rule that cannot be applied, more rows than there is space for."""
 U64 = np.uint64
+at = np.uint64
+"""A place in an array, which is never negative: of other numbers it is asked each time."""
 
 
 def pick(D, count):
@@ -134,25 +136,26 @@ def sort_rows(RI, RF, top, count, width, floats, repeated):
     return last - top + 1
 
 
-def reset_one(T, G, L, S, F, RI, RF, D, e, m, S0, F0):
+def reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0):
     """Put an environment into a start state, which `D` decides."""
     for column in range(S.shape[1]):
         S[e, column] = S0[m, column]
     for column in range(F.shape[1]):
         F[e, column] = F0[m, column]
-    begin(T, G, L, S, F, RI, RF, D, e, m, 0)
+    begin(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0)
 
 
 def reset_all(T, G, L, S, F, RI, RF, D, M, S0, F0, R, UNIFORM, WHICH, C, STEPS, OVER, OBS, U):
     """Begin episodes, where `WHICH` says so; the numbers drawn are given, or come from the streams `R`."""
     failed = -1
+    K = places(L)
     for e in range(len(M)):
         if WHICH[e]:
             D[0] = UNIFORM[e] if len(UNIFORM) else uniform(R, e)
             U[e] = D[0]
-            reset_one(T, G, L, S, F, RI, RF, D, e, M[e], S0, F0)
+            reset_one(T, G, L, K, S, F, RI, RF, D, e, M[e], S0, F0)
             if S[e, 0] == 0:
-                OBS[e] = look(T, G, L, S, F, RI, RF, D, e, M[e], 0, C)
+                OBS[e] = look(T[M[e]], G[M[e]], L, K, S[e], F[e], RI, RF, D, 0, C[e])
             if S[e, 0] != 0:
                 failed = e
             STEPS[e] = 0
@@ -169,12 +172,13 @@ def step_all(
     Returns the last environment in which something went wrong; its state before is the second row of `B` and `BF`.
     """
     failed = -1
+    K = places(L)
     for e in range(len(M)):
-        m = M[e]
+        m = at(M[e])
         if AGAIN and OVER[e]:
             D[0] = STARTS[e] if len(STARTS) else uniform(R, e)
             U[e] = D[0]
-            reset_one(T, G, L, S, F, RI, RF, D, e, m, S0, F0)
+            reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0)
             STEPS[e] = 0
             OVER[e] = False
             REWARD[e] = 0.0
@@ -188,14 +192,14 @@ def step_all(
                     BF[0, column] = F[e, column]
             D[0] = UNIFORM[e] if len(UNIFORM) else uniform(R, e)
             U[e] = D[0]
-            REWARD[e], end = step_one(T, G, L, S, F, RI, RF, D, e, m, 0, A[e])
+            REWARD[e], end = step_one(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, A[e])
             END[e] = end
             STEPS[e] += 1
             cut = end == 0 and LIMIT > 0 and STEPS[e] >= LIMIT
             CUT[e] = cut
             OVER[e] = end > 0 or cut
         if S[e, 0] == 0:
-            OBS[e] = look(T, G, L, S, F, RI, RF, D, e, m, 0, C)
+            OBS[e] = look(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, C[e])
         if S[e, 0] != 0:
             failed = e
             if len(B):

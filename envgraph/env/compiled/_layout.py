@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from envgraph import code
 from envgraph.code import dataclass
-from envgraph.env.compiled._member import Cell, Member
+from envgraph.env.compiled._member import NO_OBJECT, Cell, Member
 from envgraph.env.compiled._tables import (
     AttributeColumn,
     ClassSet,
@@ -26,17 +26,17 @@ from envgraph.env.compiled._tables import (
 )
 
 T, G = code.Local("T"), code.Local("G")
-"""What no rule changes, a row for each member: ints, and floats."""
+"""What no rule changes about the member: ints, and floats."""
 S, F = code.Local("S"), code.Local("F")
-"""The states, a row for each environment: ints, and floats."""
-L = code.Local("L")
-"""Offsets, and what is the same for the whole family."""
+"""The state of the environment: ints, and floats."""
+L, K = code.Local("L"), code.Local("K")
+"""Offsets, and behind them what is the same for the whole family; the offsets again, as a tuple."""
 D = code.Local("D")
 """What is drawn from."""
 RI, RF = code.Local("RI"), code.Local("RF")
 """Space for rows: ints, and floats."""
-ENVIRONMENT, MEMBER, TOP = code.Local("e"), code.Local("m"), code.Local("top")
-STATE: Final = (T, G, L, S, F, RI, RF, D, ENVIRONMENT, MEMBER, TOP)
+TOP = code.Local("top")
+STATE: Final = (T, G, L, K, S, F, RI, RF, D, TOP)
 """What each function gets."""
 
 ERROR, TURN, FIRST_COLUMN = 0, 1, 2
@@ -99,7 +99,11 @@ class Layout:
     def offset(self, symbol: Symbol) -> code.Expression:
         """Code for where a table or column begins; of constants, within the vector of offsets."""
         number = self._numbers.setdefault(symbol, len(self._numbers))
-        return code.Index(L, code.Constant(number))
+        return code.Index(K, code.Constant(number))
+
+    def places(self) -> code.Body:
+        """The body of a function that returns the offsets: as values, they need not be read again after a change."""
+        return (code.Return(code.tuple_of(*(entry(L, place) for place in range(len(self._numbers))))),)
 
     def stride(self) -> code.Expression:
         """Code for the number of objects of the largest member."""
@@ -156,12 +160,13 @@ class Layout:
                 tails += symbol.values
             else:
                 where = _where(symbol)
+                ends[where] += where in "TG"  # an entry for what is not there: -1 is a place, too
                 offsets[number] = ends[where]
                 ends[where] += max(len(each[symbol]) for each in filled)
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
-            "T": np.zeros((count, ends["T"]), dtype=np.int32),
-            "G": np.zeros((count, ends["G"])),
+            "T": np.full((count, ends["T"]), NO_OBJECT, dtype=np.int32),
+            "G": np.full((count, ends["G"]), np.nan),
             "S": np.zeros((count, ends["S"]), dtype=np.int64),
             "F": np.zeros((count, ends["F"])),
         }
@@ -191,23 +196,35 @@ def _numbers(symbol: Symbol, member: Member, stride: int) -> Sequence[Cell]:
 
 def plus(*parts: code.Expression | int) -> code.Expression:
     """Code for a sum."""
-    known = sum(part for part in parts if isinstance(part, int))
-    terms = [part for part in parts if not isinstance(part, int)]
+    known = 0
+    terms: list[code.Expression] = []
+    for part in parts:
+        if isinstance(part, code.Constant):
+            known += int(part.value or 0)
+        elif isinstance(part, int):
+            known += part
+        else:
+            terms.append(part)
     if known or not terms:
         terms.append(code.Constant(known))
     return code.joined("+", terms, 0)
 
 
+def entry(array: code.Expression, *places: code.Expression | int) -> code.Index:
+    """Code for an entry of an array."""
+    keys = [code.Constant(place) if isinstance(place, int) else place for place in places]
+    sure = [key if isinstance(key, code.Constant) else code.call("at", key) for key in keys]
+    return code.Index(array, code.tuple_of(*sure) if len(sure) > 1 else sure[0])
+
+
 def table(place: code.Expression, is_float: bool = False) -> code.Expression:
     """Code for an entry of a table of the member."""
-    return code.Index(G if is_float else T, code.tuple_of(MEMBER, place))
+    return entry(G if is_float else T, place)
 
 
 def cell(place: code.Expression | int, is_float: bool = False) -> code.Index:
     """Code for an entry of the state."""
-    if isinstance(place, int):
-        place = code.Constant(place)
-    return code.Index(F if is_float else S, code.tuple_of(ENVIRONMENT, place))
+    return entry(F if is_float else S, place)
 
 
 def bit(word: code.Expression, place: code.Expression) -> code.Expression:

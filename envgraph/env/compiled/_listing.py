@@ -111,13 +111,13 @@ def number_of(S, BITS, HASHED, row):
     return row
 
 
-def enter(T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
+def enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
     """The number of the state in a row, with its observation if it is new; -1 if that has none."""
     S[row, 0] = over
     found = number_of(S, BITS, HASHED, row)
     if found == row:
         S[row, 0] = 0
-        OBS[row] = look(T, G, L, S, F, RI, RF, D, row, m, 0, C)
+        OBS[row] = look(T[m], G[m], L, K, S[row], F[row], RI, RF, D, 0, C[row])
         if S[row, 0] != 0:
             return -1
         S[row, 0] = over
@@ -133,16 +133,17 @@ def hash_all(S, F, BITS, HASHED, count):
 def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, P):
     """The states that an episode may begin in, with their probabilities; how it ended, states, and outcomes."""
     count, used = 0, 0
+    K = places(L)
     begin_script(D)
     while True:
         if count + 1 >= len(S) or used >= len(TO):
             return SPACE, count, used
         begin_outcome(D)
-        reset_one(T, G, L, S, F, RI, RF, D, count, m, S0, F0)
+        reset_one(T, G, L, K, S, F, RI, RF, D, count, m, S0, F0)
         if S[count, 0] != 0 or crowded(D):
             return WRONG, count, used
         chance = D[CHANCE]
-        found = enter(T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, 0)
+        found = enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, 0)
         if found < 0:
             return WRONG, count, used
         count += found == count
@@ -160,6 +161,7 @@ def visit(
 
     Returns how it ended, the state that is left next, how many states there are, and how many outcomes.
     """
+    K = places(L)
     while head < count <= LIMIT:
         first = used
         for action in range(ACTIONS):
@@ -176,14 +178,14 @@ def visit(
                 for column in range(F.shape[1]):
                     F[count, column] = F[head, column]
                 begin_outcome(D)
-                reward, end = step_one(T, G, L, S, F, RI, RF, D, count, m, 0, action)
+                reward, end = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
                 number += 1
                 if number > MOST or crowded(D):
                     return MANY, head, count, first, action
                 if S[count, 0] != 0:
                     return WRONG, head, count, first, action
                 chance = D[CHANCE]
-                found = enter(T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end > 0)
+                found = enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, end > 0)
                 if found < 0:
                     return WRONG, head, count, first, action
                 count += found == count

@@ -9,7 +9,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import StaticPatterns
 from envgraph.env.compiled._facts import Facts, call
-from envgraph.env.compiled._layout import RF, RI, TOP, failed, plus
+from envgraph.env.compiled._layout import RF, RI, TOP, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import Links, Matches, Reached, Relation
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
@@ -141,7 +141,7 @@ class Matching:
             stores: list[code.Statement] = []
             for column, position in enumerate(key.outputs):
                 space = RF if types[column] is Scalar.FLOAT else RI
-                target = code.Index(space, code.tuple_of(row, code.Constant(column)))
+                target = entry(space, row, column)
                 stores.append(code.Assign(target, body.source(parameters[position])))
             room = code.Operation("<", (COUNT, CAPACITY))
             more: code.Body = (*stores, code.Assign(COUNT, code.Constant(1), "+="))
@@ -460,8 +460,7 @@ class _Body:
             type_ = self._matching.types(key)[column]
             space = RF if type_ is Scalar.FLOAT else RI
             local = self._facts.local(type_)
-            place = code.tuple_of(plus(top, row), code.Constant(column))
-            self.block.add(code.Assign(local, code.Index(space, place)))
+            self.block.add(code.Assign(local, entry(space, plus(top, row), column)))
             self._give(variable, local)
 
     # --- aggregates

@@ -174,7 +174,7 @@ def _interpreted(source: str) -> dict[str, Any]:
     """The functions of a text, run by Python."""
     namespace: dict[str, Any] = {"__name__": "program"}
     code.define_text(source, "<program of envgraph>", namespace)
-    namespace.update(uniform=_uniform, hash_row=_hash_row)
+    namespace.update(uniform=_uniform, hash_row=_hash_row, at=int)
     return namespace
 
 
@@ -192,8 +192,9 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
     sys.modules[path.stem] = module  # numba looks there for the functions of what it has cached
     namespace = vars(module)
     code.define_text(source, str(path), namespace)
-    options: Any = {"cache": folder is not None, "error_model": "numpy", "_nrt": False}
-    inner, outer = numba.njit(forceinline=True, **options), numba.njit(nogil=True, **options)
+    options: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+    inside: Any = {**options, "forceinline": True, "no_cpython_wrapper": True}
+    inner, outer = numba.njit(**inside), numba.njit(nogil=True, cache=folder is not None, **options)
     for name, value in list(namespace.items()):
         if inspect.isfunction(value) and value.__module__ == path.stem:
             namespace[name] = (outer if name in called else inner)(value)

@@ -23,7 +23,7 @@ from envgraph.env._program import ENDS, Types, added, stands_before
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
 from envgraph.env.compiled._facts import call
-from envgraph.env.compiled._layout import RF, RI, TOP, D, failed, plus
+from envgraph.env.compiled._layout import RF, RI, TOP, D, entry, failed, plus
 from envgraph.env.compiled._matching import CAPACITY, Matching
 from envgraph.env.compiled._terms import Term, Terms, as_float, named
 from envgraph.match.plan import ViewKey
@@ -205,7 +205,7 @@ class Writer:
         for column, position in enumerate(others):
             space = RF if plan.types[position] is Scalar.FLOAT else RI
             local = slots[position] = self.facts.local(plan.types[position])
-            loads.append(code.Assign(local, code.Index(space, code.tuple_of(row, code.Constant(column)))))
+            loads.append(code.Assign(local, entry(space, row, column)))
         refused = code.Return(_listed(code.Constant(-1), nothing))
         effects = Effects(self.facts, plan, [slots[p] for p in range(len(plan.variables))], refused)
         changes = effects.write()
@@ -476,7 +476,7 @@ class Turn:
         for column, (name, type_) in enumerate(zip(question.free, types, strict=True)):
             local = writer.facts.local(type_)
             space = RF if type_ is Scalar.FLOAT else RI
-            writer.assign(local, code.Index(space, code.tuple_of(place, code.Constant(column))))
+            writer.assign(local, entry(space, place, column))
             cls = type_.cls if sure and isinstance(type_, ObjectType) else None
             scope[name] = named(local, type_, cls)
         return scope
