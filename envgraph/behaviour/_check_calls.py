@@ -8,7 +8,7 @@ from math import isfinite
 from envgraph.behaviour._check_base import Checking, Scope
 from envgraph.behaviour._data import Action, Branch, RuleCall
 from envgraph.behaviour._signatures import callable_names, signature_of, written
-from envgraph.errors import listed, name_hint, with_article
+from envgraph.errors import Note, listed, name_hint, with_article
 from envgraph.metamodel import Scalar
 from envgraph.pattern import (
     Constant,
@@ -89,6 +89,12 @@ class CallChecking(Checking):
             message = f"`{call.rule}` is a group; an environment applies single rules, and runs units"
             self.report("no-rule", message, call.rule_span or call.span, "name a rule or a unit")
             return _supposed(call, scope)
+        firsts = self.engine.first_calls(call.rule)
+        if firsts:
+            message = f"unit `{call.rule}` takes the first match, which may depend on how a state was reached"
+            hint = "leave `first` out, so that each match is an outcome; for `top` write `all`"
+            notes = tuple(Note("here", one.span) for one in firsts[:1])
+            self.report("first-match", message, call.rule_span or call.span, hint, notes=notes)
         if len(call.arguments) != len(signature.parameters):
             message = f"{signature.kind} `{call.rule}` takes {_count(signature)}, not {len(call.arguments)}"
             self.report("wrong-arity", message, call.span, f"write `{written(signature)}`")

@@ -159,19 +159,35 @@ class Catalog:
         Raises:
             InvalidArgument: an unknown name.
         """
-        called = {self.directory.resolve(name): dict(known)}
-        waiting = list(called)
         found: dict[Loss, None] = {}
+        for one in self._reached(name):
+            rule = self.runners.get(one)
+            if isinstance(rule, GraphRule):
+                found |= dict.fromkeys(losses(rule.plan, self.model.metamodel, cls, known))
+            known = {}
+        return tuple(found)
+
+    def first_calls(self, name: str) -> tuple[Call, ...]:
+        """The calls with `first` or `top` in a unit and in the units that it calls.
+
+        Raises:
+            InvalidArgument: an unknown name.
+        """
+        units = [one for one in map(self.written.get, self._reached(name)) if isinstance(one, Unit)]
+        calls = [step for unit in units for step in _steps(unit) if isinstance(step, Call)]
+        return tuple(call for call in calls if call.first or call.limit is not None)
+
+    def _reached(self, name: str) -> list[str]:
+        """Qualified names of a rule, unit or group, and of all that it calls."""
+        found = {self.directory.resolve(name): None}
+        waiting = list(found)
         for one in waiting:
             fresh: Iterable[str] = self.members.get(one, ())
             if isinstance(definition := self.written.get(one), Unit):
                 fresh = sorted(self.called(definition))
-            rule = self.runners.get(one)
-            if isinstance(rule, GraphRule):
-                found |= dict.fromkeys(losses(rule.plan, self.model.metamodel, cls, called[one]))
-            waiting += [each for each in fresh if each not in called]
-            called |= {each: {} for each in fresh if each not in called}
-        return tuple(found)
+            waiting += [each for each in fresh if each not in found]
+            found |= dict.fromkeys(fresh)
+        return waiting
 
     # --- from names to patterns
 
@@ -271,9 +287,7 @@ class Catalog:
 
     def called(self, unit: Unit) -> set[str]:
         """Qualified names of what a unit calls."""
-        steps: list[Step] = [unit.body]
-        for step in steps:
-            steps += inner_steps(step)
+        steps = _steps(unit)
         asked = [applicable(step.condition) for step in steps if isinstance(step, If)]
         names = [one.name for one in (*steps, *asked) if isinstance(one, Call | Applicable)]
         return {found for name in names for found in self.directory.candidates(name, unit.package)}
@@ -323,6 +337,14 @@ class Catalog:
         else:
             wanted = f"`{type_name(type_)}`"
         raise TypeMismatch(f"`{shape.names[position]}` of `{shape.definition}` takes {wanted}, not {value!r}")
+
+
+def _steps(unit: Unit) -> list[Step]:
+    """All steps of a unit, each before those inside of it."""
+    steps: list[Step] = [unit.body]
+    for step in steps:
+        steps += inner_steps(step)
+    return steps
 
 
 def bindings(bound: Mapping[str, object] | None, values: Mapping[str, object]) -> Mapping[str, object]:
