@@ -259,7 +259,7 @@ def match(
 @app.command()
 @_model_or_run
 @_definitions
-@click.argument("name", help="Name of a pattern or rule.")
+@click.argument("name", help="Name of a pattern, rule or environment.")
 @_where
 @_variant
 @_metamodel
@@ -275,7 +275,10 @@ def explain(
     allow_unresolved: bool,
     format: OutputFormat,
 ) -> None:
-    """Print how the matches of a pattern or rule are found: the plan, with the rows of each step, and its source."""
+    """Print how the matches of a pattern or rule are found: the plan, with the rows of each step, and its source.
+
+    Of an environment it says whether it is compiled, and else what keeps it from that.
+    """
     from envgraph.cli._inputs import Inputs
     from envgraph.cli._reasons import print_plan
 

@@ -59,6 +59,11 @@ def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> 
         InvalidArgument: there is no such file, run or variant.
         LoadError: the files have errors, or the model is none of their metamodel.
     """
+    return open_both(model, definitions, inputs, seed)[0]
+
+
+def open_both(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> tuple[Engine, Workspace]:
+    """`open_engine`, and what the files say."""
     if inputs.variant is None:
         take(model, (*MODELS, "toml"), A_MODEL)
     if not Path(definitions).exists() and "." not in Path(definitions).name:
@@ -66,8 +71,10 @@ def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> 
         raise InvalidArgument(f"`{definitions}` is no file: {hint}")
     take(definitions, DEFINITIONS, THE_DEFINITIONS)
     if inputs.variant is None:
-        return inputs.load(definitions, model).engine(seed=seed)
-    return _engine_on_member(model, inputs.variant, inputs.load(definitions), seed)
+        workspace = inputs.load(definitions, model)
+        return workspace.engine(seed=seed), workspace
+    workspace = inputs.load(definitions)
+    return _engine_on_member(model, inputs.variant, workspace, seed), workspace
 
 
 def _engine_on_member(run: str, variant: str, workspace: Workspace, seed: int) -> Engine:

@@ -8,7 +8,7 @@ from typing import Any
 
 from envgraph.cli._inputs import Inputs
 from envgraph.cli._output import OutputFormat, print_json, print_lines
-from envgraph.cli._query import complete, open_engine, parse_values, pattern_types
+from envgraph.cli._query import complete, open_both, open_engine, parse_values, pattern_types
 from envgraph.errors import InvalidArgument, Span
 from envgraph.match import WhyNot
 from envgraph.metamodel import Value
@@ -19,9 +19,15 @@ from envgraph.rewrite import Engine
 def print_plan(
     model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs, format: OutputFormat
 ) -> None:
-    """Print how matches of a pattern or rule are found."""
-    engine = open_engine(model, definitions, inputs)
-    text = engine.explain(name, bound=parse_values(engine, _types(engine, name, bool(where)), where))
+    """Print how matches of a pattern or rule are found, or what steps an environment."""
+    engine, workspace = open_both(model, definitions, inputs)
+    behaviour = next((one for one in workspace.behaviours if one.name == name), None)
+    if behaviour is not None:
+        from envgraph.env.compiled import explanation  # Gymnasium takes long to import
+
+        text = explanation(engine, behaviour)
+    else:
+        text = engine.explain(name, bound=parse_values(engine, _types(engine, name, bool(where)), where))
     if format is OutputFormat.JSON:
         print_json({"name": name, "explanation": text})
     else:

@@ -7,6 +7,7 @@ dialect, with numbers in place of objects. A member of a family is a row of data
 from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._enumeration import enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
+from envgraph.env.compiled._explanation import explanation
 from envgraph.env.compiled._program import Program, program_of
 from envgraph.env.compiled._refused import NotCompiled
 
@@ -18,6 +19,7 @@ __all__ = [
     "Program",
     "Streams",
     "enumerated",
+    "explanation",
     "explored",
     "program_of",
 ]

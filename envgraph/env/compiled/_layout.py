@@ -16,13 +16,17 @@ from envgraph.code import dataclass
 from envgraph.env.compiled._member import NO_OBJECT, Cell, Member
 from envgraph.env.compiled._tables import (
     AttributeColumn,
+    Bits,
     ClassSet,
     Column,
     One,
+    Relation,
     Single,
     SourceColumn,
+    Starts,
     Table,
     TargetColumn,
+    Values,
 )
 
 T, G = code.Local("T"), code.Local("G")
@@ -125,6 +129,11 @@ class Layout:
         """The columns of states, each with the place in the vector of offsets that says where it begins."""
         kinds = AttributeColumn | TargetColumn | SourceColumn | ClassSet
         return [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, kinds)]
+
+    def relations(self) -> list[Relation]:
+        """What is asked of members once."""
+        kinds = Bits | Values | Starts
+        return list(dict.fromkeys(one.keys.relation for one in self._numbers if isinstance(one, kinds)))
 
     @property
     def texts(self) -> set[str]:

@@ -13,6 +13,7 @@ from gymnasium.utils.env_checker import check_env
 
 import envgraph
 import envgraph.env
+from envgraph.cli import main
 from envgraph.env import EnvgraphEnv, EnvgraphLiveEnv
 from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv
 from envgraph.env.registration import BUNDLED
@@ -126,7 +127,7 @@ def test_what_steps_is_chosen_by_name() -> None:
 
 
 def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = bundled_domain("keydoor")
     for file in source.iterdir():
@@ -136,6 +137,12 @@ def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
         if file.suffix == ".rules":
             text += "\nunit grab(hero : Hero) { take(hero); }\n"
         (tmp_path / file.name).write_text(text, "utf-8")
+    files = [str(next(tmp_path.glob("*.model"))), str(tmp_path / "keydoor.environment")]
+    monkeypatch.setattr("sys.argv", ["envgraph", "explain", *files, "KeyDoor"])
+    assert main() == 0
+    said = capsys.readouterr().out
+    assert said.startswith("environment KeyDoor steps on the live engine: it has the unit `grab`\n")
+    assert "action take = grab(hero)\n" in said and said.endswith("^^^^^^^^^^\n")
     with pytest.raises(
         EvaluationError, match=r"is not compiled: it has the unit `grab`[\s\S]*action take = grab"
     ):

@@ -1,0 +1,46 @@
+"""What steps an environment, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from envgraph.behaviour import Behaviour
+from envgraph.env.compiled._program import Program, program_of
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._tables import (
+    AttributeColumn,
+    ClassSet,
+    Matches,
+    Reached,
+    SourceColumn,
+    TargetColumn,
+)
+from envgraph.rewrite import Engine
+
+
+def explanation(engine: Engine, behaviour: Behaviour) -> str:
+    """Whether a behaviour is compiled, and what of it changes; else what keeps it from that, with the place."""
+    try:
+        program = program_of(engine, behaviour, native=False)
+    except NotCompiled as refused:
+        where = f"\n\n{refused.span}\n{refused.span.excerpt()}" if refused.span is not None else ""
+        return f"environment {behaviour.name} steps on the live engine: it has {refused.construct}{where}"
+    return "\n".join([f"environment {behaviour.name} is compiled", *_facts(program)])
+
+
+def _facts(program: Program) -> Iterator[str]:
+    arrays, columns = program.arrays, [column for column, _ in program.layout.columns()]
+    features = [str(one.attribute) for one in columns if isinstance(one, AttributeColumn)]
+    features += [str(one.reference) for one in columns if isinstance(one, TargetColumn | SourceColumn)]
+    classes = [one.cls for one in columns if isinstance(one, ClassSet)]
+    relations = program.layout.relations()
+    patterns = [one.pattern for one in relations if isinstance(one, Matches)]
+    patterns += [f"{one.step}{'*' if one.star else '+'}" for one in relations if isinstance(one, Reached)]
+    size = 8 * (arrays.states.shape[1] + arrays.float_states.shape[1])
+    yield f"  a state:  {size} bytes"
+    yield f"  changes:  {', '.join(dict.fromkeys(features)) or 'no feature'}"
+    if classes:
+        yield f"            which objects are {', '.join(dict.fromkeys(classes))}"
+    if written := [name for name in dict.fromkeys(patterns) if "#" not in name]:
+        yield f"  tables:   {', '.join(written)}, answered once for each member of a family"
+    yield f"  program:  {len(program.source.splitlines())} lines"
