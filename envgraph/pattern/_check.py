@@ -75,7 +75,9 @@ def check_patterns(analysis: Analysis) -> tuple[list[Diagnostic], frozenset[str]
     if not unsound:
         # A type that is still unknown now has no other cause; before, it would repeat another error.
         untyped = {pattern.qualified_name: list(_untyped(pattern, analysis)) for pattern in patterns}
-        problems.extend(chain.from_iterable(untyped.values()))
+        problems.extend(
+            chain.from_iterable(untyped[one.qualified_name] for one in patterns if not one.mended)
+        )
         unsound = analysis.callers(name for name, found in untyped.items() if found)
     if not analysis.unknown:
         problems.extend(_unused(patterns, analysis))
@@ -123,7 +125,8 @@ class _PatternCheck:
             for p in self._pattern.parameters
             if p.type and static_type(p.type, self._metamodel) is None
         }
-        tainted.update(p.name for p in self._pattern.parameters if p.name.startswith("_"))
+        names = Counter(p.name for p in self._pattern.parameters)
+        tainted.update(name for name, count in names.items() if count > 1 or name.startswith("_"))
         tainted.update(self._pattern.unknown)
         bodies = [
             _BodyCheck(self._analysis, self._pattern, number, tainted)
@@ -132,7 +135,7 @@ class _PatternCheck:
         ]
         inside = [problem for body in bodies for problem in body.problems()]
         found.extend(_in_all_bodies(inside, len(self._pattern.bodies)))
-        if not has_errors(found):
+        if not has_errors(found) and not self._pattern.mended:
             for parameter in self._pattern.parameters:
                 found.extend(self._parameter_type(parameter, bodies))
         return found

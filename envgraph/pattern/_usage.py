@@ -85,8 +85,10 @@ class UsageCheck:
 
     def _parameters_unreferenced(self) -> Iterator[Diagnostic]:
         for name, parameter in self._parameters.items():
-            if not self._unclear and not self._reading.occurrences[name] and name not in self._tainted:
-                self._tainted.add(name)
+            if self._reading.occurrences[name] or name in self._tainted:
+                continue
+            self._tainted.add(name)
+            if not self._unclear:
                 message = unreferenced(name, self._where)
                 span = parameter.span or self._pattern.span
                 near, notes = self._mistyped(name)

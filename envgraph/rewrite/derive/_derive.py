@@ -34,7 +34,7 @@ def check_derivation(derivation: Derivation, metamodel: Metamodel) -> list[Diagn
         if annotation.name == "weight" and annotation.named:
             message = "a group of retypings has one weight: all its rules are of one kind"
             problems.append(Diagnostic("bad-annotation", message, annotation.span, "write `@weight(2.0)`"))
-    if len(set(derivation.classes)) < 2:
+    if len(derivation.classes) < 2:
         message = f"`{derivation.name}` needs at least two classes to retype among"
         problems.append(
             Diagnostic("too-few-classes", message, derivation.span, "write `retype among { A, B }`")
