@@ -11,13 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env._simulator import Simulator
-from envgraph.env.compiled._kernels import CAPACITY, FAILED, OVERFLOW
+from envgraph.env.compiled._kernels import BEYOND, CAPACITY, FAILED, OVERFLOW
 from envgraph.env.compiled._program import Program, streams
 from envgraph.env.compiled._twin import Twin
 from envgraph.errors import EvaluationError
 
 NO_NUMBERS: Final = np.zeros(0)
-_SHOWN: Final = {FAILED: "something had no value", OVERFLOW: f"a question has more than {CAPACITY} matches"}
+_SHOWN: Final = {
+    FAILED: "something had no value",
+    OVERFLOW: f"a question has more than {CAPACITY} matches",
+    BEYOND: "an int has more than 32 bits",
+}
 
 
 class Batch:
@@ -152,7 +156,7 @@ class Batch:
         error, arrays = int(self.states[row, 0]), self.program.arrays
         self.over[row] = True
         member = int(self.members[row])
-        if error != OVERFLOW:
+        if error not in (OVERFLOW, BEYOND):
             twin = self._twin(member)
             begun = action is None or self.steps[row] == 0
             before = arrays.states[member] if begun else self._before[0][1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from math import prod
 
@@ -232,7 +233,8 @@ class _Program:
                 self._unless_instance(writer, local, type_.cls)
             else:
                 writer.assign(local, number)
-            scope[name] = named(local, type_)
+            present = (code.Operation(">=", (local, ZERO)),) if isinstance(type_, ObjectType) else ()
+            scope[name] = replace(named(local, type_), present=present)
         return scope
 
     def _unless_instance(self, writer: Writer, local: code.Local, cls: str) -> None:

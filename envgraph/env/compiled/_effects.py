@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from envgraph import code
 from envgraph.env.compiled._facts import Facts, Stored, call
-from envgraph.env.compiled._layout import cell, failed, plus
-from envgraph.env.compiled._member import MOST_INT, NO_INT, absent
+from envgraph.env.compiled._layout import BEYOND, cell, failed, plus
+from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import WORD, ClassSet
 from envgraph.env.compiled._terms import Term, Terms, as_float, named
@@ -113,18 +113,28 @@ class Effects:
             sure = self._body.classes[slot] if slot < len(self._body.classes) else None
             names[name] = named(self._slots[slot], type_, sure)
         terms = Terms(self._facts, names)
-        term = terms.write(compute.expression)
+        term = terms.write(compute.expression, self._expected(compute.slot))
         self._add(*terms.steps)
         for test in term.valid if not compute.needed else term.tests:
             self._unless(test)
         self._types[compute.slot] = term.type
         local = self._facts.local(term.type or ObjectType(""))
         value = term.number
-        if not compute.needed and term.present:
-            there = code.joined("and", term.present, True)
-            value = code.Choice(there, value, absent(term.type or ObjectType("")))
+        optional = term.present if not compute.needed else ()
+        if term.beyond is not None and self._expected(compute.slot) is not Scalar.FLOAT:
+            self._unless_beyond(code.joined("and", [*optional, term.beyond], True))
+        if optional:
+            value = code.Choice(
+                code.joined("and", optional, True), value, absent(term.type or ObjectType(""))
+            )
         self._add(code.Assign(local, value))
         self._slots[compute.slot] = local
+
+    def _expected(self, slot: int) -> StaticType | None:
+        """The type of what gets the value of a slot."""
+        values = (SetValue, Increase)
+        found = (one.attribute for one in self._body.sets if isinstance(one, values) and one.value == slot)
+        return next((attribute.type for attribute in found), None)
 
     def _fitting(self, slot: int, attribute: Attribute) -> code.Expression:
         """The value of a slot as one of an attribute."""
@@ -133,11 +143,9 @@ class Effects:
             return as_float(Term(value, Scalar.INT))
         return value
 
-    def _check_int(self, value: code.Expression, attribute: Attribute) -> None:
-        if attribute.type is Scalar.INT:
-            low = code.Operation(">", (value, code.Constant(NO_INT)))
-            high = code.Operation("<=", (value, code.Constant(MOST_INT)))
-            self._unless(code.Operation("and", (low, high)))
+    def _unless_beyond(self, test: code.Expression) -> None:
+        """The rule is refused if an int is too large for the state."""
+        self._add(code.If(test, (failed(BEYOND), self._leave)))
 
     def _cell(self, slot: int, attribute: Attribute) -> code.Index:
         node = self._slots[slot]
@@ -152,7 +160,6 @@ class Effects:
             self._add(code.Assign(self._cell(change.object, attribute), absent(attribute.type)))
             return
         value = self._fitting(change.value, attribute)
-        self._check_int(value, attribute)
         self._add(code.Assign(self._cell(change.object, attribute), value))
 
     def _increase(self, change: Increase) -> None:
@@ -164,7 +171,8 @@ class Effects:
         self._add(code.Assign(local, made))
         if attribute.type is Scalar.FLOAT:
             self._unless(code.Operation("<", (code.call("abs", local), code.Name("INFINITY"))))
-        self._check_int(local, attribute)
+        if (beyond := Term(local, attribute.type, bits=WORD + 1).beyond) is not None:
+            self._unless_beyond(beyond)
         self._add(code.Assign(place, local))
 
     # --- links

@@ -4,10 +4,10 @@ The text of these functions becomes part of each program, which `_program` compi
 installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`.
 """
 
-# ruff: noqa: F821
+# ruff: noqa: F401, F821
 # mypy: ignore-errors
 
-from math import inf, nan
+from math import fmod, inf, nan
 
 import numpy as np
 
@@ -15,8 +15,9 @@ CAPACITY = 4096
 """Rows of one question; more are an error."""
 BELOW = 1.0 - 2.0**-53
 NAN, INFINITY = nan, inf
-FAILED, REFUSED, OVERFLOW = 1, 2, 3
-"""What went wrong in an environment: no value, a rule that cannot be applied, more rows than there is space for."""
+FAILED, REFUSED, OVERFLOW, BEYOND = 1, 2, 3, 4
+"""What went wrong in an environment: no value, a rule that cannot be applied, more rows or a larger int than there
+is space for."""
 U64 = np.uint64
 at = np.uint64
 """A place in an array, which is never negative: of other numbers it is asked each time."""

@@ -241,6 +241,9 @@ def bit(word: code.Expression, place: code.Expression) -> code.Expression:
     return code.Operation("==", (code.call("bit", word, place), code.Constant(1)))
 
 
+BEYOND: Final = code.Name("BEYOND")
+
+
 def failed(error: code.Expression) -> code.Assign:
     """Code for what is done where the live engine raises an error."""
     return code.Assign(cell(ERROR), error)

@@ -9,7 +9,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import StaticPatterns
 from envgraph.env.compiled._facts import Facts, call
-from envgraph.env.compiled._layout import RF, RI, TOP, entry, failed, plus
+from envgraph.env.compiled._layout import BEYOND, RF, RI, TOP, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import Links, Matches, Reached, Relation
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
@@ -294,12 +294,15 @@ class _Body:
             case UnequalAtom(left, right):
                 self.block.test(code.Operation("!=", (self.source(left), self.source(right))))
             case Condition(expression, reads):
-                self._holds(self._term(expression, reads))
+                self._holds(self._term(expression, reads, Scalar.BOOL))
             case Valuation(expression, reads, result):
-                term = self._term(expression, reads)
+                term = self._term(expression, reads, self.conjunction.types[result])
                 for test in term.tests:
                     self.block.test(test)
-                number = as_float(term) if self.conjunction.types[result] is Scalar.FLOAT else term.number
+                is_float = self.conjunction.types[result] is Scalar.FLOAT
+                if term.beyond is not None and not is_float:
+                    self.block.add(code.If(term.beyond, (failed(BEYOND),)))
+                number = as_float(term) if is_float else term.number
                 self._give(result, number)
             case AggregateAtom():
                 self._aggregate(goal, step)
@@ -318,10 +321,10 @@ class _Body:
         for test in (*term.tests, term.value):
             self.block.test(test)
 
-    def _term(self, expression: Expression, reads: Sequence[tuple[str, int]]) -> Term:
+    def _term(self, expression: Expression, reads: Sequence[tuple[str, int]], expected: StaticType) -> Term:
         names = {name: named(self.source(v), self.conjunction.types[v]) for name, v in reads}
         terms = Terms(self._facts, names)
-        term = terms.write(expression)
+        term = terms.write(expression, expected)
         if terms.steps:
             self.block.add(*terms.steps)
         return term

@@ -8,8 +8,9 @@ from typing import Protocol, TypeAlias
 from envgraph import code
 from envgraph.env._keys import KeyIndex
 from envgraph.env.compiled._refused import NotCompiled
+from envgraph.errors import InvalidArgument
 from envgraph.metamodel import Attribute, EnumType, Reference, Scalar, Value
-from envgraph.pattern import ObjectType, StaticType
+from envgraph.pattern import Library, ObjectType, StaticType
 from envgraph.rewrite import Engine
 
 NO_OBJECT = -1
@@ -54,9 +55,10 @@ class Member:
         engine: its model is that state, now and whenever something is asked.
         keys: the indices of objects over the family.
         strings: number of each string that the family has, in alphabetical order.
+        library: of the domain: has the patterns that are asked about.
     """
 
-    def __init__(self, engine: Engine, keys: KeyIndex, strings: dict[str, int]) -> None:
+    def __init__(self, engine: Engine, keys: KeyIndex, strings: dict[str, int], library: Library) -> None:
         self.engine = engine
         self.keys = keys
         self.model = engine.model
@@ -67,6 +69,7 @@ class Member:
         self.number = {node: number for number, node in enumerate(self.objects)}
         self._extents = {cls: [self.number[node] for node in nodes] for cls, nodes in extents.items()}
         self._strings = strings
+        self._library = library
         self._rows: dict[Relation, list[Row]] = {}
 
     def rows(self, relation: Relation) -> list[Row]:
@@ -141,9 +144,19 @@ class Member:
 
     def matches(self, pattern: str) -> list[Row]:
         """The matches of a pattern."""
-        types = self.engine.library.parameter_types(pattern)
+        types = self._library.parameter_types(pattern)
+        if not self._knows(pattern):
+            self.engine.add(self._library.get(pattern))
         rows = self.engine.matcher.prepare(pattern, ())()
         return [tuple(map(self.encoded, row, types)) for row in rows]
+
+    def _knows(self, pattern: str) -> bool:
+        """Whether the engine has a pattern; those of paths come when what has the path is asked for."""
+        try:
+            self.engine.library.get(pattern)
+        except InvalidArgument:
+            return False
+        return True
 
     def reached(self, step: str, star: bool) -> list[Row]:
         """The pairs of a closure."""
@@ -160,7 +173,7 @@ class Member:
                 todo += dict.fromkeys(new)
                 seen.update(new)
         if star:
-            type_ = self.engine.library.parameter_types(step)[0]
+            type_ = self._library.parameter_types(step)[0]
             assert isinstance(type_, ObjectType)
             found.update(((node, node), None) for node in self.extent(type_.cls))
         return list(found)

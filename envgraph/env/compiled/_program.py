@@ -115,7 +115,7 @@ def program_of(
         text = written(engine, behaviour, keys, layout)
         texts = sorted({*known, *layout.texts})
         strings = {one: number for number, one in enumerate(texts)}
-        data = [Member(each, keys, strings) for each in engines]
+        data = [Member(each, keys, strings, engine.library) for each in engines]
         try:
             arrays = layout.arrays(data, max(len(each.objects) for each in data), strings)
         except Misfit as misfit:
@@ -167,7 +167,8 @@ def _functions(source: str, native: bool, listing: bool) -> Mapping[str, Callabl
     called: Sequence[str] = LISTING if listing else STEPPING
     text = "\n\n".join([*map(inspect.getsource, modules), source])
     namespace = _native(text, called) if native else _interpreted(text)
-    return {name: namespace[name] for name in called}
+    quiet: Any = (lambda function: function) if native else np.errstate(all="ignore")
+    return {name: quiet(namespace[name]) for name in called}
 
 
 def _interpreted(source: str) -> dict[str, Any]:

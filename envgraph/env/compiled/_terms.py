@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._facts import Facts
-from envgraph.env.compiled._member import absent, checked, ranks
+from envgraph.env.compiled._member import MOST_INT, NO_INT, absent, checked, ranks
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value
 from envgraph.pattern import (
@@ -31,7 +31,7 @@ Test: TypeAlias = code.Expression
 
 _COMPARISONS: Final = ("<", "<=", ">", ">=")
 _INT_BITS: Final = 32
-_MOST_BITS: Final = 63
+_MOST_BITS: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Term:
         valid: what has to hold for the expression not to fail; each may rely on those before it.
         present: what has to hold besides for there to be a value.
         sure: the class that an object certainly is of.
-        bits: how many an int may have.
+        bits: how many an int may have; those of variables have 32.
     """
 
     value: code.Expression
@@ -58,6 +58,15 @@ class Term:
     def tests(self) -> tuple[Test, ...]:
         """What has to hold for there to be a value."""
         return (*self.valid, *self.present)
+
+    @property
+    def beyond(self) -> Test | None:
+        """Code for whether an int is too large for a variable, if that can be."""
+        if self.type is not Scalar.INT or self.bits <= _INT_BITS:
+            return None
+        low = code.Operation("<=", (self.value, code.Constant(NO_INT)))
+        high = code.Operation(">", (self.value, code.Constant(MOST_INT)))
+        return code.Operation("or", (low, high))
 
     @property
     def number(self) -> code.Expression:
@@ -95,8 +104,12 @@ class Terms:
         self.steps.append(code.Assign(local, value))
         return local
 
-    def write(self, node: Expression) -> Term:
+    def write(self, node: Expression, expected: StaticType | None = None) -> Term:
         """Code for an expression.
+
+        Args:
+            node: the expression.
+            expected: the type of the value, if that is known: a literal of an enum tells no more than its name.
 
         Raises:
             NotCompiled: something in it is not compiled.
@@ -108,9 +121,13 @@ class Terms:
                 return Term(code.Constant(-1), None, present=(code.FALSE,))
             case Constant(value):
                 assert value is not None
-                return literal(self._facts, value, _type_of(value))
+                of_enum = isinstance(expected, EnumType) and isinstance(value, str)
+                return literal(self._facts, value, expected if of_enum and expected else _type_of(value))
             case EnumLiteral():
-                raise NotCompiled(f"the literal `{node.literal}` where its type is not clear", node.span)
+                type_ = expected if node.enum is None else self._facts.metamodel.enums.get(node.enum)
+                if not isinstance(type_, EnumType):
+                    raise NotCompiled(f"the literal `{node.literal}` where its type is not clear", node.span)
+                return literal(self._facts, node.literal, type_)
             case Navigation():
                 return self._read(node)
             case Unary("!", operand):
@@ -122,7 +139,7 @@ class Terms:
             case Binary():
                 return self._binary(node)
             case Conditional():
-                return self._conditional(node)
+                return self._conditional(node, expected)
             case FunctionCall():
                 return self._function(node)
 
@@ -132,7 +149,7 @@ class Terms:
         return replace(term, valid=term.tests, present=())
 
     def _read(self, node: Navigation) -> Term:
-        owner = self.write(node.object)
+        owner = self._not_gone(self.write(node.object))
         if not isinstance(owner.type, ObjectType):
             raise NotCompiled(f"`.{node.feature}` of a string", node.span)
         feature = self._facts.metamodel.feature(owner.type.cls, node.feature)
@@ -153,6 +170,18 @@ class Terms:
         local = self._kept(found, type_)
         present = (*owner.present, self._facts.present(local, type_))
         return Term(named(local, type_).value, type_, owner.valid, present, sure)
+
+    def _not_gone(self, owner: Term) -> Term:
+        """An object that features are read of: that fails where it has been deleted."""
+        if owner.sure is not None or not isinstance(owner.type, ObjectType):
+            return owner
+        alive = self._facts.alive(owner.value, owner.type.cls)
+        if alive is None:
+            return owner
+        if owner.present:
+            missing = code.inverse(code.joined("and", owner.present, True))
+            alive = code.Operation("or", (missing, alive))
+        return replace(owner, valid=(*owner.valid, alive))
 
     # --- operators
 
@@ -178,13 +207,17 @@ class Terms:
             valid = (*valid, there)
             right = replace(right, value=code.Choice(there, other, code.Constant(1)))
         if left.type is Scalar.INT and right.type is Scalar.INT:
-            bits = left.bits + right.bits if operator == "*" else max(left.bits, right.bits) + 1
+            bits = {
+                "*": left.bits + right.bits - 1,
+                "/": left.bits,
+                "%": min(left.bits, right.bits),
+            }.get(operator, max(left.bits, right.bits) + 1)
             if bits > _MOST_BITS:
                 raise NotCompiled("a product of products", node.span)
             made: code.Expression
             if operator in "/%":
                 function = "quotient" if operator == "/" else "rest"
-                made, bits = code.call(function, left.value, right.value), left.bits
+                made = code.call(function, left.value, right.value)
             else:
                 made = code.Operation(operator, (left.value, right.value))
             return Term(made, Scalar.INT, valid, bits=bits)
@@ -230,18 +263,11 @@ class Terms:
             other, one = self._sides(right, left)
             return one, other
         first = self.write(left)
-        if isinstance(first.type, EnumType) and _is_literal(right):
-            return first, self.enum_literal(right, first.type)
-        return first, self.write(right)
+        return first, self.write(right, first.type)
 
-    def enum_literal(self, node: Expression, type_: EnumType) -> Term:
-        """A literal of an enum."""
-        value = node.literal if isinstance(node, EnumLiteral) else getattr(node, "value", "")
-        return literal(self._facts, value, type_)
-
-    def _conditional(self, node: Conditional) -> Term:
+    def _conditional(self, node: Conditional, expected: StaticType | None) -> Term:
         test = self._present(node.test)
-        then, otherwise = self.write(node.then), self.write(node.otherwise)
+        then, otherwise = self.write(node.then, expected), self.write(node.otherwise, expected)
         type_ = then.type or otherwise.type
         if Scalar.FLOAT in (then.type, otherwise.type):
             type_ = Scalar.FLOAT
@@ -291,7 +317,10 @@ def as_float(term: Term) -> code.Expression:
 
 
 def _is_literal(node: Expression) -> bool:
-    return isinstance(node, EnumLiteral) or (isinstance(node, Constant) and isinstance(node.value, str))
+    """Whether an expression does not tell which enum its value is of."""
+    if isinstance(node, Conditional):
+        return _is_literal(node.then) and _is_literal(node.otherwise)
+    return isinstance(node, EnumLiteral | Constant)
 
 
 def _type_of(value: Value) -> StaticType:

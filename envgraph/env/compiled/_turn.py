@@ -23,7 +23,7 @@ from envgraph.env._program import ENDS, Types, added, stands_before
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
 from envgraph.env.compiled._facts import call
-from envgraph.env.compiled._layout import RF, RI, TOP, D, entry, failed, plus
+from envgraph.env.compiled._layout import BEYOND, RF, RI, TOP, D, entry, failed, plus
 from envgraph.env.compiled._matching import CAPACITY, Matching
 from envgraph.env.compiled._terms import Term, Terms, as_float, named
 from envgraph.match.plan import ViewKey
@@ -103,10 +103,12 @@ class Writer:
 
     # --- values
 
-    def value(self, expression: Expression, scope: Mapping[str, Term]) -> Term:
+    def value(
+        self, expression: Expression, scope: Mapping[str, Term], expected: StaticType | None = None
+    ) -> Term:
         """Code for an expression."""
         terms = Terms(self.facts, scope)
-        term = terms.write(expression)
+        term = terms.write(expression, expected)
         self.add(*terms.steps)
         return term
 
@@ -147,13 +149,15 @@ class Writer:
         tests: list[code.Expression] = []
         for argument, taken in pairs:
             if not taken.output:
-                term = self.value(argument, scope)
+                term = self.value(argument, scope, taken.type)
                 if term.valid:
                     self._check_argument(argument, scope, term)
                 tests += term.tests
                 if isinstance(term.type, ObjectType):
-                    tests.append(code.Operation(">=", (term.value, ZERO)))
                     tests += [alive] if (alive := self.alive(term)) is not None else []
+                elif term.beyond is not None and taken.type is not Scalar.FLOAT:
+                    wrong = code.joined("and", [*term.tests, term.beyond], True)
+                    self.add(code.If(wrong, (failed(BEYOND), self.leave)))
                 values.append(as_float(term) if taken.type is Scalar.FLOAT else term.number)
         names = [taken.name for _, taken in pairs if not taken.output]
         wanted = {
@@ -175,9 +179,12 @@ class Writer:
 
     def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:
         """An argument that fails is an error, unless it reads from an object that is gone."""
-        gone = [alive for root in roots(argument) if (alive := self.alive(scope[root.name])) is not None]
+        there: list[code.Expression] = []
+        for root in roots(argument):
+            there += scope[root.name].present
+            there += [alive] if (alive := self.alive(scope[root.name])) is not None else []
         wrong = code.inverse(code.joined("and", term.valid, True))
-        self.add(code.If(code.joined("and", [*gone, wrong], True), self.fail()))
+        self.add(code.If(code.joined("and", [*there, wrong], True), self.fail()))
 
     def _applying(self, rule: RuleCall, bound: tuple[str, ...], wanted: tuple[str, ...]) -> str:
         """The function that applies a rule: 1 and the outputs, 0 without a match, -1 where that is refused."""

@@ -1,0 +1,697 @@
+"""What behaviours may say, construct by construct: the compiled environment does what the live one does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from envgraph.env import Behaviour
+from envgraph.rewrite import Engine
+from tests.profile import NIGHTLY
+from tests.unit.env.side_by_side import mutants, opened, step_side_by_side
+
+STEPS = 2_000 if NIGHTLY else 150
+
+METAMODEL = """
+metamodel yard
+
+enum Kind { zebra, ant, mole }
+enum Way { west, east }
+
+class Yard {
+    contains Spot[*] spots
+    contains Box[*] boxes
+    contains Man[*] men
+    contains Item[*] items
+}
+
+@key(x) class Spot {
+    int x
+    int n = 0
+    float f = 0.5
+    bool lit = false
+    Kind kind = zebra
+    string tag
+    int[0..1] maybe
+    refers Spot[0..1] east opposite west
+    refers Spot[0..1] west opposite east
+    refers Man[0..2] men opposite at
+    refers Spot[0..1] mark
+}
+class Pit extends Spot
+
+@key(name) class Man {
+    string name
+    int hunger = 3
+    float power = 1.5
+    bool awake = true
+    Kind kind = ant
+    refers Spot[0..1] at opposite men
+    contains Item[0..2] bag
+    refers Item[0..1] wants
+}
+
+@key(id) class Item {
+    int id
+    float weight = 0.25
+    Kind kind = mole
+    string tag
+    refers Spot[0..1] at
+    refers Item[0..1] pair opposite paired
+    refers Item[0..1] paired opposite pair
+}
+class Heavy extends Item
+
+class Box { contains Item[0..1] item int size = 1 }
+"""
+
+MODEL = """
+import "yard.metamodel"
+
+model small : yard {
+    yard : Yard {
+        spots = [
+            s0 : Spot { x = 0 tag = "b" kind = ::zebra east = s1 maybe = 4 },
+            s1 : Spot { x = 1 tag = "a" kind = ::ant east = s2 f = 0.1 },
+            s2 : Pit { x = 2 tag = "c" kind = ::mole east = s3 n = 2 f = 0.7 },
+            s3 : Spot { x = 3 tag = "a" kind = ::ant lit = true f = 0.3 },
+        ]
+        boxes = [ b0 : Box { size = 2 }, b1 : Box { item = i3 : Item { id = 3 tag = "q" } } ]
+        men = [
+            adam : Man { name = "adam" at = s0 wants = i1 bag = [i4 : Item { id = 4 weight = 1.1 kind = ::ant }] },
+            eve : Man { name = "eve" at = s3 hunger = 1 kind = ::mole },
+            seth : Man { name = "seth" },
+        ]
+        items = [
+            i0 : Item { id = 0 at = s1 tag = "z" pair = i1 },
+            i1 : Heavy { id = 1 at = s1 weight = 2.5 kind = ::zebra },
+            i2 : Item { id = 2 at = s2 tag = "b" },
+        ]
+    }
+}
+"""
+
+STEP = """
+pattern step(a : Spot, way : Way, b : Spot) {
+    Spot.east(a, b);
+    way == Way::east;
+} or {
+    Spot.west(a, b);
+    way == Way::west;
+}
+"""
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A behaviour of the yard, with its rules and queries."""
+
+    rules: str
+    behaviour: str
+    query: str = ""
+    head: str = "adam : Man"
+    model: str = MODEL
+
+
+def written(folder: Path, corner: Corner) -> tuple[Engine, Behaviour]:
+    """The engine and the behaviour of a corner."""
+    texts = {
+        "yard.metamodel": METAMODEL,
+        "yard.query": f'package yard\nimport "yard.metamodel"\n{STEP}{corner.query}',
+        "yard.rules": f'package yard\nimport "yard.query"\n{corner.rules}',
+        "yard.model": corner.model,
+        "yard.environment": 'import "yard.query"\nimport "yard.rules"\n\n'
+        f"environment Corner({corner.head}) {{\n{corner.behaviour}\n}}\n",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    return opened(folder / "yard.model", folder / "yard.environment")
+
+
+CORNERS = {
+    "deletion under dpo": Corner(
+        """
+        rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        """,
+        """
+        action kill(i : Item) = kill(i) reward 1.0 else reward -1.0
+        on find items(k) reward k * 0.1
+        observe count find alive(_) up to 9
+        observe i.at among Spot or none for i : Item
+        """,
+        """
+        pattern alive(i : Item) { Item(i); }
+        pattern items(k : int) { k == count Item(_); }
+        """,
+    ),
+    "deletion under spo": Corner(
+        """
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        """,
+        """
+        action kill(i : Item) = kill(i) reward 1.0 else reward -1.0
+        observe count find alive(_) up to 9
+        observe i.at among Spot or none for i : Item
+        observe i.kind for i : Item
+        observe i.pair among Item or none for i : Item
+        observe adam.wants among Item or none
+        """,
+        "pattern alive(i : Item) { Item(i); }",
+    ),
+    "two that are linked are deleted": Corner(
+        """
+        @semantics(spo) rule kill { lhs { i : Item -pair-> j : Item; } modify { delete i; delete j; } }
+        rule killWhole { lhs { i : Item -pair-> j : Item; } modify { delete i; delete j; } }
+        rule wed(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { set i.pair = j; } }
+        rule lift { lhs { i : Item -at-> s : Spot; } modify { set i.at = none; } }
+        rule forget { lhs { m : Man -wants-> i : Item; } modify { set m.wants = none; } }
+        """,
+        """
+        action kill = kill()
+        action killWhole = killWhole() reward 1
+        action wed(i : Item, j : Item) = wed(i, j) reward 0.5 else reward 0.1
+        action lift = lift()
+        action forget = forget()
+        observe i.pair among Item or none for i : Item
+        """,
+    ),
+    "one to one": Corner(
+        """
+        rule wed(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { set i.pair = j; } }
+        rule back(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { set i.paired = j; } }
+        rule part(i : Item) { lhs { i : Item; } modify { set i.pair = none; } }
+        rule partBack(i : Item) { lhs { i : Item; } modify { set i.paired = none; } }
+        @hom(i, j) rule add(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { create i -pair-> j; } }
+        rule other { lhs { i : Item -pair-> j : Item; k : Item; } modify { redirect i -pair-> j to k; } }
+        """,
+        """
+        action wed(i : Item, j : Item) = wed(i, j) reward 0.5 else reward 0.1
+        action back(i : Item, j : Item) = back(i, j) reward 0.5 else reward 0.1
+        action part(i : Item) = part(i)
+        action partBack(i : Item) = partBack(i)
+        action add(i : Item, j : Item) = add(i, j) reward 1 else reward -1
+        action other = other()
+        observe i.pair among Item or none for i : Item
+        observe i.paired among Item or none for i : Item
+        """,
+    ),
+    "ends that are full": Corner(
+        """
+        rule enter(m : Man, s : Spot) { lhs { m : Man; s : Spot; } modify { create s -men-> m; } }
+        rule leave(m : Man) { lhs { m -at-> s : Spot; } modify { delete m -at-> s; } }
+        rule go(m : Man, s : Spot) { lhs { m : Man; s : Spot; } modify { set m.at = s; } }
+        rule give(m : Man, i : Item) { lhs { m : Man; i : Item; } modify { move i to m.bag; } }
+        rule store(b : Box, i : Item) { lhs { b : Box; i : Item; } modify { move i to b.item; } }
+        rule out { lhs { y : Yard; b : Box -item-> i : Item; } modify { move i to y.items; } }
+        """,
+        """
+        action enter(m : Man, s : Spot) = enter(m, s) reward 1 else reward -1
+        action leave(m : Man) = leave(m)
+        action go(m : Man, s : Spot) = go(m, s) reward 1 else reward -1
+        action give(m : Man, i : Item) = give(m, i) reward 1 else reward -1
+        action store(b : Box, i : Item) = store(b, i) reward 2
+        action out = out()
+        observe m.at among Spot or none for m : Man
+        """,
+    ),
+    "enums": Corner(
+        """
+        rule paint(s : Spot, k : Kind) { lhs { s : Spot; } modify { set s.kind = k; } }
+        rule ant(s : Spot) { lhs { s : Spot; } modify { set s.kind = ::ant; } }
+        rule turn(s : Spot) {
+            lhs { s : Spot; check s.n < 3; }
+            modify { set s.kind = s.kind == ::ant ? ::mole : Kind::zebra; }
+        }
+        rule copy { lhs { s : Spot; t : Spot; check s.kind != t.kind; } modify { set s.kind = t.kind; } }
+        rule seen(out k : Kind) { lhs { s : Spot; Spot.kind(s, k); } modify { } }
+        """,
+        """
+        action paint(s : Spot, k : Kind) = paint(s, k)
+        action ant(s : Spot) = ant(s)
+        action turn(s : Spot) = turn(s)
+        action mole(s : Spot) = paint(s, ::mole)
+        action zebra(s : Spot) = paint(s, Kind::zebra)
+        action ofHis(s : Spot) = paint(s, adam.awake ? ::mole : ::ant)
+        action copy = copy()
+        action seen = seen(k) reward k == ::ant ? 1.0 : (k == Kind::mole ? 2.0 : 3.0)
+        on find ants(n) reward n
+        on find painted(s, k) reward k == ::zebra ? 0.1 : 0.7
+        on find painted(s, k) reward k == (s.lit ? Kind::ant : Kind::mole) ? 0.1 : 0.7
+        on find other(k, n) reward n * (k == ::ant ? 0.1 : 0.3)
+        observe s.kind for s : Spot
+        observe count find painted(_, Kind::ant) up to 3
+        observe find painted(_, Kind::mole)
+        """,
+        """
+        pattern painted(s : Spot, k : Kind) { Spot.kind(s, k); }
+        pattern ants(n : int) { n == count find painted(_, Kind::ant); }
+        pattern other(k : Kind, n : int) {
+            Spot.kind(s, now);
+            k == eval(now == Kind::ant ? Kind::mole : Kind::ant);
+            Spot.n(s, n);
+        }
+        """,
+    ),
+    "strings": Corner(
+        """
+        rule copy(s : Spot, t : Spot) { lhs { find less(s, t); } modify { set s.tag = t.tag; } }
+        rule mark(s : Spot) { lhs { find isA(s); } modify { set s.tag = "zz"; } }
+        rule seen(out t : string) { lhs { s : Spot; Spot.tag(s, t); } modify { } }
+        rule given(s : Spot, t : string) { lhs { s : Spot; } modify { set s.tag = t; } }
+        """,
+        """
+        action copy(s : Spot, t : Spot) = copy(s, t)
+        action mark(s : Spot) = mark(s)
+        action given(s : Spot) = given(s, "new")
+        action seen = seen(t) reward t == "a" ? 1.0 : (t < "c" ? 2.0 : 3.0)
+        on find same(a, b) reward a.tag == "zz" ? 0.1 : 0.2
+        observe count find same(_, _) up to 12
+        """,
+        """
+        pattern same(a : Spot, b : Spot) { Spot.tag(a, t); Spot.tag(b, t); a != b; }
+        pattern less(a : Spot, b : Spot) { Spot(a); Spot(b); check(a.tag < b.tag); }
+        pattern isA(a : Spot) { Spot.tag(a, "a"); } or { Spot.tag(a, "nowhere"); }
+        """,
+    ),
+    "floats": Corner(
+        """
+        rule more(i : Item) { lhs { i : Item; } modify { set i.weight += 0.1; } }
+        rule third(i : Item) { lhs { i : Item; } modify { set i.weight = i.weight / 3; } }
+        rule whole(i : Item) { lhs { i : Item; } modify { set i.weight = i.id; } }
+        rule add(i : Item) { lhs { i : Item; } modify { set i.weight += i.id; } }
+        rule huge(i : Item) { lhs { i : Item; } modify { set i.weight = i.weight * 1e200; } }
+        rule given(i : Item, w : float) { lhs { i : Item; } modify { set i.weight = w; } }
+        rule seen(out w : float) { lhs { find heavy(_, w); } modify { } }
+        """,
+        """
+        action more(i : Item) = more(i)
+        action third(i : Item) = third(i)
+        action whole(i : Item) = whole(i)
+        action add(i : Item) = add(i)
+        action huge(i : Item) = huge(i)
+        action given(i : Item, n : -2..2) = given(i, n)
+        action half(i : Item, n : -2..2) = given(i, n * 0.3 - i.weight)
+        action seen = seen(w) reward w * 0.1 + 0.2
+        on find heavy(i, w) reward w * 0.1
+        on find heavy(i, w) reward i.weight % 0.3
+        on find heavy(i, w) reward min(w, 1) - max(i.id, w) + abs(w - 2)
+        """,
+        """
+        pattern heavy(i : Item, w : float) { Item.weight(i, w); check(w > 0.3); }
+        """,
+    ),
+    "division by zero in rewards": Corner(
+        """
+        rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }
+        rule down(s : Spot) { lhs { s : Spot; } modify { set s.n -= 1; } }
+        """,
+        """
+        action up(s : Spot) = up(s) reward 6 / s.n
+        action down(s : Spot) = down(s) reward 6.0 / s.n
+        action other(s : Spot) = nothing() reward s.n == 0 || 7 % s.n == 1 ? -7 / 2 : 2
+        action both(s : Spot) = nothing() reward s.n != 0 && -7 / s.n < 3 ? 1 : 7 % s.n
+        """,
+    ),
+    "division by zero in queries": Corner(
+        """
+        rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }
+        rule down(s : Spot) { lhs { s : Spot; } modify { set s.n -= 1; } }
+        """,
+        """
+        action up(s : Spot) = up(s)
+        action down(s : Spot) = down(s)
+        on find share(s, w) reward w
+        on find check(s) reward s.n * 0.01
+        on find guarded(s) reward 12 / s.n
+        """,
+        """
+        pattern share(s : Spot, w : float) { Spot.n(s, n); w == eval(10 / n * 0.1); }
+        pattern check(s : Spot) { Spot(s); check(7 / s.n > 2); }
+        pattern guarded(s : Spot) { Spot(s); check(s.n != 0 && 7 % s.n == 1); }
+        """,
+    ),
+    "division by zero in rules": Corner(
+        """
+        rule down(s : Spot) { lhs { s : Spot; } modify { set s.n -= 1; } }
+        rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }
+        rule divide(s : Spot) { lhs { s : Spot; } modify { set s.n = 5 / s.n; } }
+        """,
+        """
+        action up(s : Spot) = up(s)
+        action down(s : Spot) = down(s)
+        action divide(s : Spot) = divide(s)
+        observe s.n in -1..2 for s : Spot
+        """,
+    ),
+    "no value": Corner(
+        """
+        rule give(s : Spot) { lhs { s : Spot; } modify { set s.maybe = s.n + s.x; } }
+        rule take(s : Spot) { lhs { s : Spot; } modify { set s.maybe = none; } }
+        rule copy(s : Spot, t : Spot) { lhs { s : Spot; t : Spot; } modify { set s.maybe = t.maybe; } }
+        rule more(s : Spot) { lhs { s : Spot; } modify { set s.maybe += 1; } }
+        """,
+        """
+        action give(s : Spot) = give(s)
+        action take(s : Spot) = take(s)
+        action copy(s : Spot, t : Spot) = copy(s, t) reward s.maybe == none ? 0.5 : s.maybe * 1.0
+        action more(s : Spot) = more(s)
+        action ask(s : Spot) = nothing() reward s.maybe
+        on find no(s) reward s.maybe == none ? 1.0 : 2.0
+        on find yes(s) reward s.maybe
+        on find checked(s) reward s.maybe
+        observe find no(_)
+        """,
+        """
+        pattern no(s : Spot) { Spot(s); check(s.maybe == none); }
+        pattern yes(s : Spot) { Spot(s); check(s.maybe != none && s.maybe > 2); }
+        pattern checked(s : Spot) { Spot(s); check(s.maybe > 2); }
+        """,
+    ),
+    "moves between containers": Corner(
+        """
+        rule grab(m : Man) { lhs { m -at-> s : Spot <-at- i : Item; } modify { set i.at = none; move i to m.bag; } }
+        rule drop(m : Man) {
+            lhs { y : Yard; m -at-> s : Spot; m -bag-> i : Item; }
+            modify { move i to y.items; set i.at = s; }
+        }
+        rule pack(m : Man) { lhs { m -bag-> i : Item; b : Box; neg Box.item(b, _); } modify { move i to b.item; } }
+        rule swap { lhs { b : Box -item-> i : Item; m : Man -bag-> j : Item; }
+            modify { move i to m.bag; move j to b.item; } }
+        rule again(m : Man) { lhs { m -bag-> i : Item; } modify { move i to m.bag; } }
+        """,
+        """
+        action grab(m : Man) = grab(m) reward 1 else reward -1
+        action drop(m : Man) = drop(m) reward 1 else reward -1
+        action pack(m : Man) = pack(m) reward 1 else reward -1
+        action swap = swap() reward 3
+        action again(m : Man) = again(m) reward 3
+        on find loaded(m, n) reward n * 0.1 + m.hunger
+        on find boxed(b, i) reward i.weight * b.size
+        observe count find held(_) up to 5
+        """,
+        """
+        pattern loaded(m : Man, n : int) { Man(m); n == count Man.bag(m, _); }
+        pattern boxed(b : Box, i : Item) { Box.item(b, i); }
+        pattern held(i : Item) { Man.bag(_, i); }
+        """,
+    ),
+    "opposites asked from both ends": Corner(
+        """
+        rule walk(m : Man, way : Way) { lhs { m -at-> here : Spot; find step(here, way, there); }
+            modify { set m.at = there; } }
+        rule fetch(s : Spot) { lhs { s -men-> m : Man; t : Spot; neg Spot.men(t, _); } modify { set m.at = t; } }
+        rule link(s : Spot, t : Spot) { lhs { s : Spot; t : Spot; } modify { set s.east = t; } }
+        rule cut(s : Spot) { lhs { s -west-> t : Spot; } modify { delete s -west-> t; } }
+        """,
+        """
+        action walk(m : Man, way : Way) = walk(m, way) reward m.at.x else reward -1
+        action fetch(s : Spot) = fetch(s)
+        action link(s : Spot, t : Spot) = link(s, t)
+        action cut(s : Spot) = cut(s) reward s.west == none ? 0.1 : 0.2
+        on find together(a, b) reward a.hunger * 0.1
+        on find crowd(s, n) reward n * s.x
+        on find between(a, b) reward a.x - b.x
+        observe m.at among Spot or none for m : Man
+        observe s.east among Spot or none for s : Spot
+        observe s.west among Spot or none for s : Spot
+        """,
+        """
+        pattern together(a : Man, b : Man) { Spot.men(s, a); Man.at(b, s); a != b; }
+        pattern crowd(s : Spot, n : int) { Spot(s); n == count Spot.men(s, _); }
+        pattern between(a : Spot, b : Spot) { Spot.east.east(a, b); neg Spot.men(b, _); }
+        or { Spot.west(a, m); Man.at(_, b); m == b; }
+        """,
+    ),
+    "outputs": Corner(
+        """
+        rule bool(m : Man, out b : bool) { lhs { Man.awake(m, b); } modify { set m.awake = !b; } }
+        rule made(m : Man, out k : int, out w : float, out s : Spot) {
+            lhs { m -at-> s; k == eval(m.hunger * 2 + s.n); w == eval(m.power * k); }
+            modify { set m.hunger -= 1; set m.power = w / 2; }
+        }
+
+        """,
+        """
+        action bool(m : Man) = bool(m, b) reward b ? 1.0 : 2.0 else reward -9
+        action made(m : Man) = made(m, k, w, s) reward k * 0.1 + w + s.f else reward -0.2
+        action mixed(m : Man) = 0.3: made(m, k, w, _) | 0.5: made(adam, k, w, _) reward k + w else reward 7
+        observe adam.awake
+        """,
+    ),
+    "bool parameters": Corner(
+        """
+        rule wake(m : Man, in b : bool) { lhs { m : Man; check m.awake != b; } modify { set m.awake = b; } }
+        rule light(s : Spot, in b : bool) { lhs { s : Spot; Spot.lit(s, b); } modify { set s.lit = !b; } }
+        """,
+        """
+        action wake(m : Man) = wake(m, true)
+        action sleep(m : Man) = wake(m, m.hunger > 2) reward m.awake ? 1 : 2 else reward 3
+        action light(s : Spot) = light(s, adam.awake)
+        action dark(s : Spot) = light(s, !s.lit || s.n == 2)
+        on find same(m, b) reward b ? 0.1 : 0.2
+        on find same(m, true) reward 1
+        observe s.lit for s : Spot
+        """,
+        "pattern same(m : Man, b : bool) { Man.awake(m, b); Spot.lit(s, b); check(b == s.lit || m.awake); }",
+    ),
+    "arithmetic of ints and floats": Corner(
+        """
+        rule calc(s : Spot, d : int) { lhs { s : Spot; }
+            modify { set s.n = (s.n * 7 + d * s.x) % 23 - s.n / 2; set s.f = s.f * s.n - d / 3.0; } }
+        rule big(s : Spot) { lhs { s : Spot; } modify { set s.n = s.n * 1000 + 7; } }
+        rule neg(s : Spot) { lhs { s : Spot; check s.n * s.n > s.x - 1.5; } modify { set s.n = -s.n; } }
+        """,
+        """
+        action calc(s : Spot, d : -2..2) = calc(s, d) reward s.f * d
+        action neg(s : Spot) = neg(s) reward -s.n % 3 + abs(-s.n) - min(s.n, s.x)
+        on find p(s, v) reward v
+        """,
+        """
+        pattern p(s : Spot, v : float) { Spot.n(s, n); Spot.f(s, f); v == eval((n + 1) * f - n % 5 + n / 2);
+            check(v < n || n <= 3 && -v < 2.5); }
+        """,
+    ),
+    "branches that do not add up to 1": Corner(
+        """
+        rule walk(m : Man, way : Way) { lhs { m -at-> here : Spot; find step(here, way, there); }
+            modify { set m.at = there; } }
+        rule jump(m : Man) { lhs { s : Spot; neg Man.at(m, s); } modify { set m.at = s; } }
+        rule light { lhs { s : Spot; check !s.lit; } modify { set s.lit = true; } }
+        rule dark { lhs { s : Spot; check s.lit; } modify { set s.lit = false; } }
+        rule start(m : Man) { lhs { s : Spot; } modify { set m.at = s; } }
+        rule fill { lhs { s : Spot; i : Item; } modify { set i.at = s; } }
+        """,
+        """
+        action walk(m : Man, way : Way) = 0.6: walk(m, way) | 0.1: jump(m) | 0.1: nothing() reward 1 else reward -1
+        action third = 0.3: light() | 0.3: dark() | 0.4: jump(adam) reward 2
+        action tenth = 0.1: light() | 0.1: dark() | 0.1: light() | 0.1: dark() | 0.1: light()
+            | 0.1: dark() | 0.1: light() | 0.1: dark() | 0.1: light() | 0.1: nothing() reward 2
+        each step reward -0.01 apply 0.2: light() | 0.7: jump(adam)
+        each step apply dark()
+        each step apply 0.05: nothing()
+        on reset apply start(adam)
+        on reset apply fill()
+        on reset apply fill()
+        on find lit(s) reward s.f apply dark()
+        observe m.at among Spot or none for m : Man
+        observe s.lit for s : Spot
+        observe i.at among Spot or none for i : Item
+        """,
+        "pattern lit(s : Spot) { Spot.lit(s, true); Spot.men(s, _); }",
+    ),
+    "matches that each other's `apply` takes away": Corner(
+        """
+        rule eat(i : Item) { lhs { i : Item -pair-> j : Item; }
+            modify { delete i -pair-> j; set i.pair = none; set i.weight += 1.0; } }
+        rule mate(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { set i.pair = j; } }
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; check i.weight > 3.0; } modify { delete i; } }
+        rule steal(s : Spot, t : Spot) { lhs { s -men-> m : Man; t : Spot; } modify { set m.at = t; } }
+        rule light(s : Spot) { lhs { s : Spot; } modify { set s.lit = true; } }
+        rule dark { lhs { s : Spot -men-> m : Man; } modify { set s.lit = false; } }
+        """,
+        """
+        action mate(i : Item, j : Item) = mate(i, j)
+        action steal(s : Spot, t : Spot) = steal(s, t)
+        on find pairs(i, j) reward j.weight apply eat(i)
+        on find pairs(i, j) reward i.weight * 0.1 apply mate(j, i)
+        on find pairs(i, j) apply kill(j)
+        on find full(s) apply steal(s, adam.at)
+        on neg find lit(_) apply light(adam.at)
+        on neg find full(_) reward 0.3 apply dark()
+        on find full(s) reward 0.4 terminate success
+        on neg find pairs(_, _) reward 0.4 terminate failure
+        observe i.pair among Item or none for i : Item
+        observe s.lit for s : Spot
+        """,
+        """
+        pattern pairs(i : Item, j : Item) { Item.pair(i, j); }
+        pattern full(s : Spot) { n == count Spot.men(s, _); check(n > 1); Spot(s); }
+        pattern lit(s : Spot) { Spot.lit(s, true); }
+        """,
+    ),
+    "agents with blocks of their own": Corner(
+        """
+        rule walk(m : Man, way : Way) { lhs { m -at-> here : Spot; find step(here, way, there); }
+            modify { set m.at = there; } }
+        rule light(s : Spot) { lhs { s : Spot; } modify { set s.lit = true; } }
+        rule dark { lhs { s : Spot; } modify { set s.lit = false; } }
+        rule grow(b : Box) { lhs { b : Box; check b.size < 4; } modify { set b.size += 1; } }
+        rule land(m : Man) { lhs { s : Spot; } modify { set m.at = s; } }
+        """,
+        """
+        action rest = nothing() reward 0.5
+        agent man : Man {
+            action walk(way : Way) = walk(man, way) reward man.hunger else reward -0.1
+            action both = land(man) reward 3
+            action take(s : Spot) = light(s)
+            each step reward man.power * 0.1
+            on find here(man) reward -1.0
+            on find far(man, x) reward x.n
+            observe man.at among Spot or none
+            observe find here(man)
+            observe man.kind
+        }
+        action dark = 0.5: dark()
+        agent box : Box {
+            action grow = grow(box) reward box.size
+            action both = grow(box) reward 4
+            observe box.size in 0..3
+            on neg find big(box) reward 0.7
+        }
+        each step reward -0.01 apply 0.2: dark()
+        on find here(_) reward 0.25
+        observe s.lit for s : Spot
+        observe count find here(_) up to 2
+        """,
+        """
+        pattern here(m : Man) { Man.at(m, s); Spot.lit(s, true); }
+        pattern far(m : Man, s : Spot) { Man.at(m, t); Spot.east+(t, s); neg Spot.men(s, _); }
+        pattern big(b : Box) { Box.size(b, n); check(n > 2); }
+        """,
+        head="",
+    ),
+    "parameters whose object goes": Corner(
+        """
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        rule heavy(i : Item) { lhs { i : Item; } modify { retype i : Heavy; } }
+        rule light(i : Heavy) { lhs { i : Heavy; } modify { retype i : Item; } }
+        rule put(i : Item, s : Spot) { lhs { i : Item; s : Spot; } modify { set i.at = s; } }
+        rule lift(i : Item) { lhs { i : Item; } modify { set i.at = none; } }
+        rule lit(s : Spot) { lhs { s : Spot; } modify { set s.lit = !s.lit; } }
+        rule copy(w : float) { lhs { b : Box; check w > 0.3; } modify { set b.size += 1; } }
+        rule kind(k : Kind) { lhs { m : Man; } modify { set m.kind = k; } }
+        """,
+        """
+        action kill(i : Item) = 0.2: kill(i) | 0.1: nothing() reward i.weight == none ? 0.1 : 0.2 else reward 0.3
+        action rest(i : Item) = nothing() reward i.at == none ? 0.1 : 0.2
+        action heavy(i : Item) = heavy(i) reward i.weight else reward 5
+        action light(i : Heavy) = light(i) reward i.weight else reward 4
+        action put(i : Heavy, s : Spot) = put(i, s) reward 1 else reward -1
+        action lift(i : Item) = lift(i) reward 1 else reward -1
+        action lit(i : Item) = lit(i.at) reward 1 else reward -1
+        action lit2(i : Heavy) = lit(i.at) reward 1 else reward -1
+        action copy(i : Item) = copy(i.weight) reward 1 else reward -1
+        action copy2(i : Item) = copy(i.weight + 1) reward 1 else reward -1
+        action copy3(i : Heavy) = copy(i.pair.weight * 2) reward 1 else reward -1
+        action kind(i : Heavy) = kind(i.kind) reward 1 else reward -1
+        on find heavies(i) reward i.weight
+        observe i.at among Spot or none for i : Item
+        observe h.at among Spot or none for h : Heavy
+        observe h.kind for h : Heavy
+        observe i.pair among Heavy or none for i : Item
+        observe count find heavies(_) up to 9
+        """,
+        "pattern heavies(i : Heavy) { Heavy(i); }",
+    ),
+    "parameters of the environment that go": Corner(
+        """
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        rule light(i : Heavy) { lhs { i : Heavy; } modify { retype i : Item; } }
+        rule weigh { lhs { i : Item; neg Heavy(i); } modify { retype i : Heavy; } }
+        rule lit(s : Spot) { lhs { s : Spot; } modify { set s.lit = !s.lit; } }
+        """,
+        """
+        action kill(i : Item) = kill(i) reward 1
+        action light(i : Heavy) = light(i)
+        action heavy = weigh()
+        action lit = lit(i1.at) reward 2 else reward 3
+        each step apply 0.3: kill(i2)
+        on find there(i1) reward i1.weight
+        on find there(i2) reward i2.weight
+        on neg find there(i1) reward 7
+        on neg find there(i2) reward 8 terminate failure
+        on neg find heavy(i1) reward 9
+        on find heavy(i1) reward 11
+        on find near(i2, i) reward i.weight
+        observe i2.at among Spot or none
+        observe find there(i2)
+        observe find heavy(i1)
+        observe count find near(i2, _) up to 4
+        """,
+        """
+        pattern there(i : Item) { Item(i); }
+        pattern heavy(i : Heavy) { Heavy(i); }
+        pattern near(i : Item, j : Item) { Item.at(i, s); Item.at(j, s); }
+        """,
+        head="i1 : Heavy, i2 : Item",
+    ),
+    "what is observed of one that goes": Corner(
+        """
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        rule light(i : Heavy) { lhs { i : Heavy; } modify { retype i : Item; } }
+        rule lit(s : Spot) { lhs { s : Spot; } modify { set s.lit = !s.lit; } }
+        """,
+        """
+        action kill(i : Item) = kill(i) reward 1
+        action light = light(i1) reward i1.weight
+        action lit(s : Spot) = lit(s)
+        each step reward i1.weight
+        observe i1.at among Spot or none
+        observe i1.kind
+        observe i2.kind
+        """,
+        head="i1 : Heavy, i2 : Item",
+    ),
+    "counts in patterns": Corner(
+        """
+        rule put(i : Item, s : Spot) { lhs { i : Item; s : Spot; } modify { set i.at = s; } }
+        rule lone { lhs { s : Spot; n == count Item.at(_, s); check n == 0; i : Item; } modify { set i.at = s; } }
+        rule kind { lhs { i : Item; k == count find sameKind(i, _); check k > 1; }
+            modify { set i.kind = i.kind == ::mole ? ::ant : ::mole; } }
+        """,
+        """
+        action put(i : Item, s : Spot) = put(i, s)
+        action lone = lone() else reward 1
+        action kind = kind() else reward 2
+        on find most(s, n) reward n * 0.1
+        on find kinds(k, n) reward n * (k == ::ant ? 2 : 3)
+        on find two(s) reward 0.3
+        on find none() reward 5
+        observe count find sameKind(_, _) up to 7
+        observe count find most(_, 1) up to 7
+        """,
+        """
+        pattern most(s : Spot, n : int) { Spot(s); n == count Item.at(_, s); check(n >= 1); }
+        pattern sameKind(i : Item, j : Item) { Item.kind(i, k); Item.kind(j, k); }
+        pattern kinds(k : Kind, n : int) { n == count Item.kind(_, k); Spot.kind(_, k); }
+        pattern two(s : Spot) { Spot(s); 2 == count Item.at(_, s); }
+        or { Spot(s); Spot.n(s, n); n == count find most(s, _); }
+        pattern none() { 0 == count find most(_, _); } or { neg find two(_); }
+        """,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_it_steps_as_the_live_engine_does(name: str, tmp_path: Path) -> None:
+    engine, behaviour = written(tmp_path, CORNERS[name])
+    step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False)
+
+
+@pytest.mark.parametrize("name", ["enums", "parameters whose object goes"])
+def test_compiled_by_numba_too(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    engine, behaviour = written(tmp_path, CORNERS[name])
+    step_side_by_side(mutants(engine, behaviour, 4), behaviour, 4 * STEPS, native=True)
