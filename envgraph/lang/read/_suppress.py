@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from lark import Token, Tree
 
 from envgraph.code import dataclass
-from envgraph.errors import Diagnostic, Severity, Span, name_hint
+from envgraph.errors import Diagnostic, Severity, Span, has_errors, name_hint
 from envgraph.lang.syntax._parsing import Parsed, span_of, tokens, trees
 from envgraph.metamodel import SUPPRESS
 
@@ -65,13 +65,13 @@ def _codes(annotation: Tree[Token]) -> Iterator[Token]:
 def unsuppressed(
     diagnostics: Iterable[Diagnostic], suppressions: Sequence[Suppression]
 ) -> Iterator[Diagnostic]:
-    """The diagnostics without warnings that are suppressed, and a warning for each code that suppresses none."""
+    """The diagnostics without warnings that are suppressed, and a warning for each code that suppresses none.
+
+    Where there are errors, in this file or in one that it is checked with, not all warnings are known yet.
+    """
     given = list(diagnostics)
-    broken = {one.span.source.name for one in given if one.severity is Severity.ERROR and one.span}
     yield from (one for one in given if not any(each.silences(one) for each in suppressions))
-    for suppression in suppressions:
-        if suppression.place.source.name in broken:
-            continue  # not all warnings are known
+    for suppression in () if has_errors(given) else suppressions:
         if not any(map(suppression.silences, given)):
             message = f"there is no warning `{suppression.code}` to suppress here"
             hint = name_hint(suppression.code, [one.code for one in given if suppression.has(one)])
