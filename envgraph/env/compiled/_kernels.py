@@ -4,10 +4,10 @@ The text of these functions becomes part of each program, which `_program` compi
 installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`.
 """
 
-# ruff: noqa: F401, F821
+# ruff: noqa: F821
 # mypy: ignore-errors
 
-from math import fmod, inf, nan
+from math import inf, nan
 
 import numpy as np
 
@@ -103,6 +103,11 @@ def quotient(left, right):
 def rest(left, right):
     """The remainder, with the sign of the left side."""
     return left - quotient(left, right) * right
+
+
+def fmod(left, right):
+    """The remainder of floats, with the sign of the left side."""
+    return np.fmod(left, right)
 
 
 def less(RI, RF, one, other, width, floats):
