@@ -134,6 +134,10 @@ class CallChecking(Checking):
         return outputs
 
     def _argument(self, argument: Expression, expected: StaticType | None, scope: Scope) -> None:
+        if isinstance(argument, Variable) and argument.anonymous:
+            hint = "bind it: `on find p(x) apply r(x)`; a rule without this parameter leaves it to the match"
+            self.report("wrong-type", "an argument needs a value", argument.span, hint)
+            return
         wanted = None if isinstance(expected, ObjectType) else expected
         type_, problems = check_expression(argument, scope, self.metamodel, expected=wanted)
         self.problems.extend(problems)

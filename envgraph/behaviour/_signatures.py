@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from envgraph.errors import InvalidArgument
-from envgraph.pattern import type_text
 from envgraph.rewrite import Engine, Signature
 
 
@@ -23,8 +22,4 @@ def callable_names(engine: Engine) -> list[str]:
 
 def written(signature: Signature) -> str:
     """How a call is written: `forward(packet, hop, latency)`."""
-    parts = []
-    for parameter in signature.parameters:
-        type_ = f" : {type_text(parameter.type)}" if parameter.type else ""
-        parts.append(f"{'out ' if parameter.output else ''}{parameter.name}{type_}")
-    return f"{signature.simple}({', '.join(parts)})"
+    return f"{signature.simple}({', '.join(parameter.name for parameter in signature.parameters)})"

@@ -84,6 +84,8 @@ class TypeCheck:
             hint = (
                 "an int variable and a float variable are never the same; `eval(toFloat(..))` makes a float"
             )
+            if earlier.origin == "declaration" and fact.origin == "value":
+                hint = f"write `{name} : {type_text(fact.type)}`"
         notes = (Note(f"`{type_text(type_)}` because of {earlier.what}", earlier.span),)
         earlier_type, later_type = with_article(type_text(type_)), with_article(type_text(fact.type))
         link = self._link(earlier.term, fact.term)
