@@ -181,9 +181,10 @@ class _Program:
         """The objects that names stand for, and the classes of names that shared clauses and those of a block know."""
         scope, shared = {}, {}
         for parameter in self._behaviour.parameters:
-            shared[parameter.name] = parameter.type or ""
+            cls = shared[parameter.name] = parameter.type or ""
             node = table(self._layout.offset(Bound(parameter)))
-            scope[parameter.name] = named(node, ObjectType(parameter.type or ""))
+            sure = cls if self._changes.fixed_class(cls) else None
+            scope[parameter.name] = named(node, ObjectType(cls), sure)
         own = dict(shared)
         if block is not None:
             own[block.variable] = block.cls

@@ -76,6 +76,14 @@ class Module:
         yield
         self._open.pop()
 
+    @contextmanager
+    def trial(self) -> Iterator[None]:
+        """Meanwhile functions are written that are given up afterwards."""
+        functions, levels, names = [*self.functions], {**self.levels}, {**self._names}
+        with self.writing():
+            yield
+        self.functions[:], self.levels, self._names = functions, levels, names
+
     def uses(self, name: str, above: int) -> None:
         """The function that is being written calls another, so many stretches above its own."""
         self._open[-1] = max(self._open[-1], above + self.levels[name])

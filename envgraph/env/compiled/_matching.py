@@ -9,7 +9,7 @@ from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import StaticPatterns
 from envgraph.env.compiled._facts import Facts, call
-from envgraph.env.compiled._layout import BEYOND, RF, RI, TOP, entry, failed, plus
+from envgraph.env.compiled._layout import BEYOND, RF, RI, TOP, D, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import Links, Matches, Reached, Relation
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
@@ -45,9 +45,14 @@ Found = Callable[["_Body"], None]
 
 @dataclass(frozen=True, slots=True)
 class RowsOf:
-    """Asks for the different values at some positions, of the matches with values at others."""
+    """Asks for the different values at some positions, of the matches with values at others.
+
+    Attributes:
+        sure: whether the objects given are certainly of the classes of the parameters.
+    """
 
     key: ViewKey
+    sure: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +60,7 @@ class Exists:
     """Asks whether there is a match with values at some positions."""
 
     key: ViewKey
+    sure: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +68,7 @@ class CountOf:
     """Asks for the number of different values at some positions."""
 
     key: ViewKey
+    sure: bool
 
 
 class Matching:
@@ -80,18 +87,60 @@ class Matching:
         self.planner = planner
         self.static = static
         self.calls = calls
+        self._singles: dict[RowsOf, bool] = {}
 
-    def rows(self, key: ViewKey) -> str:
+    def rows(self, key: ViewKey, sure: bool = True) -> str:
         """The function that writes rows from `top` on, sorted, each once, and returns their number."""
-        return self._function(RowsOf(key), "rows", self._rows)
+        return self._function(RowsOf(key, sure), "rows", self._rows)
 
-    def exists(self, key: ViewKey) -> str:
+    def exists(self, key: ViewKey, sure: bool = True) -> str:
         """The function that says whether there is a match."""
-        return self._function(Exists(key), "exists", self._exists)
+        return self._function(Exists(key, sure), "exists", self._exists)
 
-    def count(self, key: ViewKey) -> str:
+    def count(self, key: ViewKey, sure: bool = True) -> str:
         """The function that counts rows."""
-        return self._function(CountOf(key), "count", self._count)
+        return self._function(CountOf(key, sure), "count", self._count)
+
+    def chosen(
+        self,
+        key: ViewKey,
+        given: Sequence[code.Local],
+        then: Callable[[Sequence[code.Expression]], code.Body],
+        nothing: code.Return,
+    ) -> code.Body:
+        """The body of a function that picks a row, and does something with its values.
+
+        Args:
+            key: says which rows.
+            given: the values at the bound positions.
+            then: what is done; it ends with a return.
+            nothing: what is returned where there is no row.
+        """
+        if self._single(key, True):
+            found = self._bodies(key, given, True, lambda body: body.block.add(*then(body.values(key))))
+            return (*found, nothing)
+        number, row = self.module.fresh("n"), self.module.fresh("k")
+        loads, values = self.loaded(key, row)
+        return (
+            *self._collected(key, given, True, number),
+            code.If(code.equal(number, code.Constant(0)), (nothing,)),
+            code.Assign(row, plus(TOP, code.call("pick", D, number))),
+            *loads,
+            *then(values),
+        )
+
+    def loaded(self, key: ViewKey, row: code.Expression) -> tuple[code.Body, list[code.Local]]:
+        """Statements that read a row into variables, and these."""
+        found = [self.facts.local(type_) for type_ in self.types(key)]
+        places = self._places(key, row)
+        return tuple(code.Assign(local, place) for local, place in zip(found, places, strict=True)), found
+
+    def _places(self, key: ViewKey, row: code.Expression) -> list[code.Index]:
+        """Where the values of a row are."""
+        types = self.types(key)
+        self.module.width = max(self.module.width, len(types))
+        spaces = [RF if type_ is Scalar.FLOAT else RI for type_ in types]
+        return [entry(space, row, column) for column, space in enumerate(spaces)]
 
     def types(self, key: ViewKey) -> list[StaticType]:
         """Types of the columns of rows."""
@@ -102,25 +151,26 @@ class Matching:
         self,
         question: RowsOf | Exists | CountOf,
         prefix: str,
-        write: Callable[[ViewKey, Sequence[code.Local]], code.Body],
+        write: Callable[[ViewKey, Sequence[code.Local], bool], code.Body],
     ) -> str:
         name = self.module.named(question)
         if name is None:
             key = question.key
             if self.calls.recursive(key.pattern):
                 raise NotCompiled(f"recursion over what changes (`{key.pattern}`)")
-            types = self.facts.library.parameter_types(key.pattern)
-            given = [self.facts.local(types[position]) for position in key.bound]
+            given = [self.facts.local(type_) for type_ in self._given(key)]
             with self.module.writing():
-                name = self.module.keep(question, self.module.add(prefix, given, write(key, given)))
+                name = self.module.keep(
+                    question, self.module.add(prefix, given, write(key, given, question.sure))
+                )
         return name
 
-    def _bodies(self, key: ViewKey, given: Sequence[code.Local], found: Found) -> code.Body:
+    def _bodies(self, key: ViewKey, given: Sequence[code.Local], sure: bool, found: Found) -> code.Body:
         block = code.Block()
         for each in self._view(key).bodies:
             body = _Body(self, each.conjunction, block)
             place = block.place
-            body.begin(key, given)
+            body.begin(key, given, sure)
             body.steps(each.plan.steps, found)
             block.back_to(place)
         return block.body()
@@ -131,44 +181,71 @@ class Matching:
         except Unplannable:
             raise NotCompiled(f"`{key.pattern}`, asked without its inputs") from None
 
-    def _rows(self, key: ViewKey, given: Sequence[code.Local]) -> code.Body:
-        types = self.types(key)
-        self.module.width = max(self.module.width, len(types))
+    def _single(self, key: ViewKey, sure: bool) -> bool:
+        """Whether there is one match at most, for that it takes no loop to find it."""
+        question = RowsOf(key, sure)
+        if question not in self._singles:
+            looped: list[int] = []
+            with self.module.trial():
+                given = [self.facts.local(type_) for type_ in self._given(key)]
+                self._bodies(key, given, sure, lambda body: looped.extend(body.looped))
+            self._singles[question] = len(self._view(key).bodies) == 1 and not looped
+        return self._singles[question]
+
+    def _given(self, key: ViewKey) -> list[StaticType]:
+        types = self.facts.library.parameter_types(key.pattern)
+        return [types[position] for position in key.bound]
+
+    def _stored(self, body: _Body, key: ViewKey, row: code.Expression) -> code.Body:
+        """Statements that write a row."""
+        places = zip(self._places(key, row), body.values(key), strict=True)
+        return tuple(code.Assign(place, value) for place, value in places)
+
+    def _collected(
+        self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
+    ) -> code.Body:
+        """Statements that write rows, sorted, and their number."""
+        view, types = self._view(key), self.types(key)
+        ordered = view.distinct and len(view.bodies) == 1
 
         def write(body: _Body) -> None:
-            parameters = body.conjunction.parameters
-            row = plus(TOP, COUNT)
-            stores: list[code.Statement] = []
-            for column, position in enumerate(key.outputs):
-                space = RF if types[column] is Scalar.FLOAT else RI
-                target = entry(space, row, column)
-                stores.append(code.Assign(target, body.source(parameters[position])))
-            room = code.Operation("<", (COUNT, CAPACITY))
-            more: code.Body = (*stores, code.Assign(COUNT, code.Constant(1), "+="))
+            nonlocal ordered
+            ordered = ordered and body.in_order(key)
+            room = code.Operation("<", (number, CAPACITY))
+            stores = self._stored(body, key, plus(TOP, number))
+            more = (*stores, code.Assign(number, code.Constant(1), "+="))
             body.block.add(code.If(room, more, (failed(OVERFLOW),)))
 
-        whole = self._bodies(key, given, write)
-        distinct = self._view(key).distinct
+        whole = (code.Assign(number, code.Constant(0)), *self._bodies(key, given, sure, write))
+        if not types:
+            return (*whole, code.Assign(number, code.call("min", number, code.Constant(1))))
+        if ordered:
+            return whole
         kinds = sum(1 << column for column, type_ in enumerate(types) if type_ is Scalar.FLOAT)
-        numbers = (len(types), kinds, 0 if distinct else 1)
-        in_order = code.call("sort_rows", RI, RF, TOP, COUNT, *map(code.Constant, numbers))
-        end = in_order if types else code.call("min", COUNT, code.Constant(1))
-        return (code.Assign(COUNT, code.Constant(0)), *whole, code.Return(end))
+        numbers = (len(types), kinds, 0 if view.distinct else 1)
+        in_order = code.call("sort_rows", RI, RF, TOP, number, *map(code.Constant, numbers))
+        return (*whole, code.Assign(number, in_order))
 
-    def _exists(self, key: ViewKey, given: Sequence[code.Local]) -> code.Body:
-        found = self._bodies(key, given, lambda body: body.block.add(code.Return(code.TRUE)))
+    def _rows(self, key: ViewKey, given: Sequence[code.Local], sure: bool) -> code.Body:
+        if not self._single(key, sure):
+            return (*self._collected(key, given, sure, COUNT), code.Return(COUNT))
+
+        def write(body: _Body) -> None:
+            body.block.add(*self._stored(body, key, TOP), code.Return(code.Constant(1)))
+
+        return (*self._bodies(key, given, sure, write), code.Return(code.Constant(0)))
+
+    def _exists(self, key: ViewKey, given: Sequence[code.Local], sure: bool) -> code.Body:
+        found = self._bodies(key, given, sure, _found_one)
         return (*found, code.Return(code.FALSE))
 
-    def _count(self, key: ViewKey, given: Sequence[code.Local]) -> code.Body:
-        if not self._view(key).distinct:
-            name = self.rows(key)
+    def _count(self, key: ViewKey, given: Sequence[code.Local], sure: bool) -> code.Body:
+        if not (self._view(key).distinct or self._single(key, sure)):
+            name = self.rows(key, sure)
             self.module.uses(name, 1)
             return (code.Return(call(name, *given, top=plus(TOP, CAPACITY))),)
-        return (
-            code.Assign(COUNT, code.Constant(0)),
-            *self._bodies(key, given, _counted),
-            code.Return(COUNT),
-        )
+        counted = self._bodies(key, given, sure, _counted)
+        return (code.Assign(COUNT, code.Constant(0)), *counted, code.Return(COUNT))
 
 
 def _counted(body: _Body) -> None:
@@ -180,6 +257,7 @@ class _Body:
 
     Attributes:
         block: where they go.
+        looped: the variables that get their values from loops, from the outermost on; -1 for a loop without one.
     """
 
     def __init__(self, matching: Matching, conjunction: Conjunction, block: code.Block) -> None:
@@ -190,6 +268,8 @@ class _Body:
         self._constants = dict(conjunction.constants)
         self._names: dict[int, code.Expression] = {}
         self._sure: dict[int, set[str]] = {}
+        self.looped: list[int] = []
+        self._depth: dict[int, int] = {}
         self._top: code.Expression = TOP
         self._levels = 0
 
@@ -198,14 +278,33 @@ class _Body:
         self._matching.module.uses(name, self._levels)
         return call(name, *values, top=self._top)
 
-    def begin(self, key: ViewKey, given: Sequence[code.Expression]) -> None:
-        """Give variables the values at the bound positions."""
+    def values(self, key: ViewKey) -> list[code.Expression]:
+        """The values at the positions that are asked for."""
+        return [self.source(self.conjunction.parameters[position]) for position in key.outputs]
+
+    def in_order(self, key: ViewKey) -> bool:
+        """Whether rows are found in ascending order: every loop is ascending."""
+        known = 0
+        for position in key.outputs:
+            variable = self.conjunction.parameters[position]
+            if known < len(self.looped) and self.looped[known] == variable:
+                known += 1
+            elif self._depth.get(variable, 0) > known:
+                return False
+        return True
+
+    def begin(self, key: ViewKey, given: Sequence[code.Expression], sure: bool) -> None:
+        """Give variables the values at the bound positions; `sure` if objects are of the classes of the parameters."""
+        types = self._facts.library.parameter_types(key.pattern)
         for position, value in zip(key.bound, given, strict=True):
             variable = self.conjunction.parameters[position]
             if self._known(variable):
                 self.block.test(code.equal(self.source(variable), value))
             else:
                 self._names[variable] = value
+            type_ = types[position]
+            if sure and isinstance(type_, ObjectType) and self._facts.changes.fixed_class(type_.cls):
+                self._learn(variable, type_)
 
     def source(self, variable: int) -> code.Expression:
         """Code for the number of a variable's value."""
@@ -231,7 +330,12 @@ class _Body:
         for step in steps:
             if self.block.full:
                 raise NotCompiled("too many loops inside each other")
+            loops, known = self.block.loops, {*self._names}
             self._step(step)
+            new = [v for v in self._names if v not in known and v not in self._constants]
+            if self.block.loops > loops:
+                self.looped += new or [-1]
+            self._depth.update((variable, len(self.looped)) for variable in new)
         found(self)
 
     def _step(self, step: Step) -> None:
@@ -257,8 +361,10 @@ class _Body:
 
     def _existence(self, plan: Plan) -> code.Expression:
         """Whether a plan has a solution: the call of a function."""
-        inner = self._inside(lambda body: body.steps(plan.steps, _found_one), code.FALSE)
-        return inner
+        *first, last = plan.steps
+        if isinstance(last.goal, CallAtom) and len(set(last.goal.arguments)) == len(last.goal.arguments):
+            last = replace(last, binds=())  # which values it has makes no difference
+        return self._inside(lambda body: body.steps([*first, last], _found_one), code.FALSE)
 
     def _inside(
         self, write: Callable[[_Body], None], last: code.Expression, head: code.Body = ()
@@ -443,12 +549,18 @@ class _Body:
         values = [self.source(goal.arguments[position]) for position in key.bound]
         types = self._facts.library.parameter_types(goal.pattern)
         if not key.outputs:
-            self.block.test(self._called(self._matching.exists(key), values))
+            self.block.test(self._called(self._matching.exists(key, self._suits(goal, key)), values))
         else:
             self._loop_rows(goal, key, values)
         for variable, type_ in zip(goal.arguments, types, strict=True):
             if self._known(variable):
                 self._learn(variable, type_)
+
+    def _suits(self, goal: CallAtom, key: ViewKey) -> bool:
+        """Whether the objects that a call is given are certainly of the classes of the parameters."""
+        types = self._facts.library.parameter_types(goal.pattern)
+        given = [(goal.arguments[position], types[position]) for position in key.bound]
+        return all(self._is_sure(v, type_.cls) for v, type_ in given if isinstance(type_, ObjectType))
 
     def _loop_rows(self, goal: CallAtom, key: ViewKey, values: Sequence[code.Expression]) -> None:
         """Loop over the rows of a call, which are written behind those of this function."""
@@ -456,15 +568,14 @@ class _Body:
         number, row, top = fresh("n"), fresh("i"), fresh("t")
         self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
         self._top, self._levels = top, self._levels + 1
-        self.block.add(code.Assign(number, self._called(self._matching.rows(key), values)))
+        self.block.add(
+            code.Assign(number, self._called(self._matching.rows(key, self._suits(goal, key)), values))
+        )
         self.block.loop(row, code.call("range", number))
-        for column, position in enumerate(key.outputs):
-            variable = goal.arguments[position]
-            type_ = self._matching.types(key)[column]
-            space = RF if type_ is Scalar.FLOAT else RI
-            local = self._facts.local(type_)
-            self.block.add(code.Assign(local, entry(space, plus(top, row), column)))
-            self._give(variable, local)
+        loads, values = self._matching.loaded(key, plus(top, row))
+        self.block.add(*loads)
+        for position, value in zip(key.outputs, values, strict=True):
+            self._give(goal.arguments[position], value)
 
     # --- aggregates
 
@@ -476,7 +587,9 @@ class _Body:
             free = [v for v in relation.arguments if not self._known(v)]
             key = call_key(relation, {v for v in relation.arguments if self._known(v)}, free)
             values = [self.source(relation.arguments[position]) for position in key.bound]
-            self._give(goal.result, self._called(self._matching.count(key), values))
+            self._give(
+                goal.result, self._called(self._matching.count(key, self._suits(relation, key)), values)
+            )
             return
         head = (code.Assign(COUNT, code.Constant(0)),)
         plan = step.inner[0]

@@ -23,7 +23,7 @@ from envgraph.env._program import ENDS, Types, added, stands_before
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
 from envgraph.env.compiled._facts import call
-from envgraph.env.compiled._layout import BEYOND, RF, RI, TOP, D, entry, failed, plus
+from envgraph.env.compiled._layout import BEYOND, TOP, D, failed, plus
 from envgraph.env.compiled._matching import CAPACITY, Matching
 from envgraph.env.compiled._terms import Term, Terms, as_float, named
 from envgraph.match.plan import ViewKey
@@ -203,28 +203,19 @@ class Writer:
         positions = tuple(sorted(plan.variables.index(name) for name in bound))
         others = tuple(p for p in range(len(plan.variables)) if p not in positions)
         given = {p: self.facts.local(plan.types[p]) for p in positions}
-        number, row = self.module.fresh("n"), self.module.fresh("k")
-        rows = self.matching.rows(ViewKey(plan.body.pattern, positions, others))
-        self.module.uses(rows, 0)
         nothing = [_zero(type_) for type_ in self._output_types(rule, wanted)]
-        slots: dict[int, code.Expression] = dict(given)
-        loads: list[code.Statement] = []
-        for column, position in enumerate(others):
-            space = RF if plan.types[position] is Scalar.FLOAT else RI
-            local = slots[position] = self.facts.local(plan.types[position])
-            loads.append(code.Assign(local, entry(space, row, column)))
         refused = code.Return(_listed(code.Constant(-1), nothing))
-        effects = Effects(self.facts, plan, [slots[p] for p in range(len(plan.variables))], refused)
-        changes = effects.write()
         places = dict(plan.outputs)
-        body = (
-            code.Assign(number, call(rows, *(given[p] for p in positions))),
-            code.If(code.equal(number, ZERO), (code.Return(_listed(ZERO, nothing)),)),
-            code.Assign(row, plus(TOP, code.call("pick", D, number))),
-            *loads,
-            *changes,
-            code.Return(_listed(ONE, [effects.slot(places[name]) for name in wanted])),
-        )
+
+        def change(found: Sequence[code.Expression]) -> code.Body:
+            slots: dict[int, code.Expression] = {**given, **dict(zip(others, found, strict=True))}
+            effects = Effects(self.facts, plan, [slots[p] for p in range(len(plan.variables))], refused)
+            changes = effects.write()
+            return (*changes, code.Return(_listed(ONE, [effects.slot(places[name]) for name in wanted])))
+
+        key = ViewKey(plan.body.pattern, positions, others)
+        missing = code.Return(_listed(ZERO, nothing))
+        body = self.matching.chosen(key, [given[p] for p in positions], change, missing)
         return body, [given[plan.variables.index(name)] for name in bound]
 
     def _output_types(self, rule: RuleCall, wanted: Sequence[str]) -> list[StaticType]:
@@ -479,11 +470,10 @@ class Turn:
     def _row(self, question: Question, place: code.Expression, *, sure: bool) -> dict[str, Term]:
         """The variables of a row."""
         writer, scope = self.writer, {}
-        types = writer.matching.types(writer.key(question))
-        for column, (name, type_) in enumerate(zip(question.free, types, strict=True)):
-            local = writer.facts.local(type_)
-            space = RF if type_ is Scalar.FLOAT else RI
-            writer.assign(local, entry(space, place, column))
+        key = writer.key(question)
+        loads, values = writer.matching.loaded(key, place)
+        writer.add(*loads)
+        for name, local, type_ in zip(question.free, values, writer.matching.types(key), strict=True):
             cls = type_.cls if sure and isinstance(type_, ObjectType) else None
             scope[name] = named(local, type_, cls)
         return scope
