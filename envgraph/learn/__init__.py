@@ -15,6 +15,7 @@ from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
 from envgraph.learn._intervals import mean_interval, wilson_interval
 from envgraph.learn._journal import Journal, fingerprint
+from envgraph.learn._programs import ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
 from envgraph.learn._settings import Epsilon, TrainingSettings
 from envgraph.learn._training import Curve, Training, available_backends, train_curriculum
@@ -39,6 +40,7 @@ __all__ = [
     "FamilyMember",
     "Journal",
     "Optimum",
+    "ProgramTraining",
     "RunResult",
     "Summary",
     "Training",
@@ -57,6 +59,7 @@ __all__ = [
     "sequences",
     "softened_policy",
     "train_curriculum",
+    "train_program",
     "train_run",
     "value_iteration",
     "wilson_interval",

@@ -151,7 +151,7 @@ def train(
         outcome = run_stage(table, stage, q, rng)
         epsilon = outcome.epsilon
         outcomes.append((stage, outcome))
-    return Training(q, _join(outcomes), epsilon)
+    return Training(q, joined(outcomes), epsilon)
 
 
 def _loop(
@@ -176,7 +176,7 @@ def _copied(q: NDArray[np.float64], table: Table) -> NDArray[np.float64]:
     return np.ascontiguousarray(q, np.float64) + 0.0
 
 
-def _join(outcomes: Sequence[tuple[Stage, StageOutcome]]) -> Curve:
+def joined(outcomes: Sequence[tuple[Stage, StageOutcome]]) -> Curve:
     """One curve for all stages: each begins where the one before it ends."""
     points: list[tuple[int, float, int, int]] = []
     for stage, outcome in outcomes:

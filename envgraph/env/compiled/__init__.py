@@ -8,6 +8,7 @@ from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._enumeration import enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._explanation import explanation
+from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._program import Program, program_of
 from envgraph.env.compiled._refused import NotCompiled
 
@@ -15,8 +16,10 @@ __all__ = [
     "Batch",
     "CompiledEnv",
     "CompiledVectorEnv",
+    "Learner",
     "NotCompiled",
     "Program",
+    "Rates",
     "Streams",
     "enumerated",
     "explanation",

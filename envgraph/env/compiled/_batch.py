@@ -41,7 +41,7 @@ class Batch:
 
     def __init__(self, program: Program, members: Sequence[int] | NDArray[Any]) -> None:
         self.program = program
-        arrays, functions = program.arrays, program.functions()
+        arrays, functions = program.arrays, program.functions("step")
         self._reset, self._step = functions["reset_all"], functions["step_all"]
         self.members = np.asarray(members, dtype=np.int64)
         n = len(self.members)
@@ -56,7 +56,7 @@ class Batch:
         self.cut = np.zeros(n, dtype=np.bool_)
         self._drawn = np.zeros(n)
         space = space_of(program)
-        tables = arrays.tables if program.native else arrays.tables.astype(np.int64)
+        tables = tables_of(program)
         draw = np.zeros(1)
         self._world = (
             tables,
@@ -180,6 +180,12 @@ class Batch:
     def n_observations(self) -> int:
         """How many observations there are."""
         return prod(self.program.observation_shape)
+
+
+def tables_of(program: Program) -> NDArray[Any]:
+    """The tables of the members; Python calculates with their entries, so there they have 64 bits."""
+    tables = program.arrays.tables
+    return tables if program.native else tables.astype(np.int64)
 
 
 def space_of(program: Program) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -14,7 +14,7 @@ from envgraph.env._explore import DEFAULT_LIMIT, Explored, Progress, TooManyStat
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular
-from envgraph.env.compiled._batch import space_of
+from envgraph.env.compiled._batch import space_of, tables_of
 from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._listing import DONE, SPACE
@@ -86,9 +86,9 @@ class _Visit:
     def __init__(self, program: Program, member: int, limit: int, progress: Progress | None) -> None:
         self._program, self._member = program, member
         self._limit, self._progress = limit, progress
-        self._kernels = program.functions(listing=True)
+        self._kernels = program.functions("list")
         arrays = program.arrays
-        self._tables = arrays.tables if program.native else arrays.tables.astype(np.int64)
+        self._tables = tables_of(program)
         self._space = space_of(program)
         self._draw = np.zeros(3 + 2 * CHOICES)
         self._actions = len(program.action_names)
@@ -179,9 +179,7 @@ class _Visit:
                 setattr(self, name, _longer(getattr(self, name), size))
             self.starts = _longer(self.starts, size * self._actions + 1)
             self.hashed = np.full(4 * size, -1, dtype=np.int64)
-            self._kernels["hash_all"](
-                self.states, self.floats, self.floats.view(np.int64), self.hashed, states
-            )
+            self._kernels["hash_all"](self.states, self.floats.view(np.int64), self.hashed, states)
         if 2 * used >= len(self.to):
             for name in ("to", "ended", "chance", "reward"):
                 setattr(self, name, _longer(getattr(self, name), 4 * len(self.to)))

@@ -4,7 +4,7 @@ The text of these functions becomes part of each program, which `_program` compi
 installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`.
 """
 
-# ruff: noqa: F821
+# ruff: noqa: F821, SIM110
 # mypy: ignore-errors
 
 from math import inf, nan
@@ -140,6 +140,51 @@ def sort_rows(RI, RF, top, count, width, floats, repeated):
                 RI[last, column] = RI[number, column]
                 RF[last, column] = RF[number, column]
     return last - top + 1
+
+
+def hash_row(S, BITS, row):
+    """A hash of a state."""
+    value = np.uint64(14695981039346656037)
+    for column in range(S.shape[1]):
+        value = (value ^ np.uint64(S[row, column])) * np.uint64(1099511628211)
+        value ^= value >> np.uint64(29)
+    for column in range(BITS.shape[1]):
+        value = (value ^ np.uint64(BITS[row, column])) * np.uint64(1099511628211)
+        value ^= value >> np.uint64(29)
+    return value
+
+
+def same_row(S, BITS, one, other):
+    """Whether two states are the same."""
+    for column in range(S.shape[1]):
+        if S[one, column] != S[other, column]:
+            return False
+    for column in range(BITS.shape[1]):
+        if BITS[one, column] != BITS[other, column]:
+            return False
+    return True
+
+
+def hash_place(S, BITS, HASHED, row):
+    """Where a hash table is first looked into for a row."""
+    return np.int64(hash_row(S, BITS, row) & np.uint64(len(HASHED) - 1))
+
+
+def number_of(S, BITS, HASHED, row):
+    """The number of a state that is as a row, which is put into the hash table if there is none."""
+    place = hash_place(S, BITS, HASHED, row)
+    while HASHED[place] >= 0:
+        if same_row(S, BITS, HASHED[place], row):
+            return HASHED[place]
+        place = (place + 1) & (len(HASHED) - 1)
+    HASHED[place] = row
+    return row
+
+
+def hash_all(S, BITS, HASHED, count):
+    """Put states into an empty table."""
+    for row in range(count):
+        number_of(S, BITS, HASHED, row)
 
 
 def reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0):

@@ -3,10 +3,8 @@
 Part of the program's text, behind `_kernels`, whose `pick` and `choose` these replace.
 """
 
-# ruff: noqa: F821, SIM110
+# ruff: noqa: F821
 # mypy: ignore-errors
-
-import numpy as np
 
 DONE, SPACE, WRONG, MANY = 0, 1, 2, 3
 """How a visit ends: all states are known, arrays are full, an error of the environment, too many outcomes."""
@@ -76,41 +74,6 @@ def crowded(D):
     return SCRIPT + 2 * int(D[MADE]) + 1 >= len(D)
 
 
-def hash_row(S, BITS, row):
-    """A hash of a state."""
-    value = np.uint64(14695981039346656037)
-    for column in range(S.shape[1]):
-        value = (value ^ np.uint64(S[row, column])) * np.uint64(1099511628211)
-        value ^= value >> np.uint64(29)
-    for column in range(BITS.shape[1]):
-        value = (value ^ np.uint64(BITS[row, column])) * np.uint64(1099511628211)
-        value ^= value >> np.uint64(29)
-    return value
-
-
-def same_row(S, BITS, one, other):
-    """Whether two states are the same."""
-    for column in range(S.shape[1]):
-        if S[one, column] != S[other, column]:
-            return False
-    for column in range(BITS.shape[1]):
-        if BITS[one, column] != BITS[other, column]:
-            return False
-    return True
-
-
-def number_of(S, BITS, HASHED, row):
-    """The number of a state that is as a row, which is put into the table if there is none."""
-    mask = np.int64(len(HASHED) - 1)
-    place = np.int64(hash_row(S, BITS, row) & np.uint64(mask))
-    while HASHED[place] >= 0:
-        if same_row(S, BITS, HASHED[place], row):
-            return HASHED[place]
-        place = (place + 1) & mask
-    HASHED[place] = row
-    return row
-
-
 def enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
     """The number of the state in a row, with its observation if it is new; -1 if that has none."""
     S[row, 0] = over
@@ -122,12 +85,6 @@ def enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
             return -1
         S[row, 0] = over
     return found
-
-
-def hash_all(S, F, BITS, HASHED, count):
-    """Put states into an empty table."""
-    for row in range(count):
-        number_of(S, BITS, HASHED, row)
 
 
 def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, P):

@@ -10,10 +10,11 @@ from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, Final, Literal
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envgraph import code
 from envgraph.behaviour import Behaviour
@@ -21,7 +22,7 @@ from envgraph.code import dataclass
 from envgraph.env._agents import named_agents
 from envgraph.env._keys import KeyIndex, indexed_classes
 from envgraph.env._simulator import Simulator
-from envgraph.env.compiled import _kernels, _listing
+from envgraph.env.compiled import _kernels, _learning, _listing
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Arrays, Layout
 from envgraph.env.compiled._member import Member, strings_of
@@ -30,9 +31,14 @@ from envgraph.env.compiled._twin import Twin
 from envgraph.files import cache_directory, replace_file
 from envgraph.rewrite import Engine
 
-STEPPING: Final = ("reset_all", "step_all")
-LISTING: Final = ("visit_starts", "visit", "hash_all")
-"""Functions that are called from outside: to step, and to visit all states."""
+Purpose = Literal["step", "list", "learn"]
+
+PURPOSES: Final[Mapping[Purpose, tuple[Sequence[ModuleType], Sequence[str]]]] = {
+    "step": ((_kernels,), ("reset_all", "step_all")),
+    "list": ((_kernels, _listing), ("visit_starts", "visit", "hash_all")),
+    "learn": ((_kernels, _learning), ("learn", "follow", "hash_all")),
+}
+"""The texts that a program has besides its own, and the functions that are called from outside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,9 +68,9 @@ class Program:
     width: int
     native: bool
 
-    def functions(self, *, listing: bool = False) -> Mapping[str, Callable[..., Any]]:
-        """The functions that step environments, or that visit all states; compiled when they are first asked for."""
-        return _functions(self.source, self.native, listing)
+    def functions(self, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
+        """The functions for a purpose; compiled when they are first asked for."""
+        return _functions(self.source, self.native, purpose)
 
     @property
     def may_fail(self) -> bool:
@@ -161,10 +167,9 @@ def _compiled(
 
 
 @lru_cache(maxsize=64)
-def _functions(source: str, native: bool, listing: bool) -> Mapping[str, Callable[..., Any]]:
+def _functions(source: str, native: bool, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
     """The functions of a program that are called from outside; what several families share is compiled once."""
-    modules = [_kernels, _listing] if listing else [_kernels]
-    called: Sequence[str] = LISTING if listing else STEPPING
+    modules, called = PURPOSES[purpose]
     text = "\n\n".join([*map(inspect.getsource, modules), source])
     namespace = _native(text, called) if native else _interpreted(text)
     quiet: Any = (lambda function: function) if native else np.errstate(all="ignore")
@@ -228,3 +233,11 @@ def streams(generators: Sequence[np.random.Generator]) -> np.ndarray[Any, np.dty
         state: Any = generator.bit_generator.state["state"]
         rows.append([state["state"] & _WORD, state["state"] >> 64, state["inc"] & _WORD, state["inc"] >> 64])
     return np.array(rows, dtype=np.uint64).reshape(len(rows), 4)
+
+
+def set_stream(generator: np.random.Generator, row: NDArray[np.uint64]) -> None:
+    """Put a generator where a row of `streams` is."""
+    state: Any = generator.bit_generator.state
+    state["state"]["state"] = int(row[1]) << 64 | int(row[0])
+    state.update(has_uint32=0, uinteger=0)
+    generator.bit_generator.state = state

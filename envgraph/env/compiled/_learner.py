@@ -1,0 +1,194 @@
+"""Values of actions, learnt in a compiled program: as many keys as were seen, not as many as there are states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.code import dataclass
+from envgraph.env.compiled._batch import space_of, tables_of
+from envgraph.env.compiled._learning import OUTCOMES, SPACE, STARTS, WRONG
+from envgraph.env.compiled._program import Program, set_stream, streams
+from envgraph.errors import EvaluationError
+
+FIRST: Final = 4_096
+"""Keys that there is space for at first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """How Q-learning goes on: see `TrainingSettings` of `envgraph.learn`, whose factors these are."""
+
+    rate: float
+    discount: float
+    step_decay: float
+    episode_decay: float
+    minimum: float
+
+
+class Learner:
+    """Learns values of the actions of a program's environments by Q-learning.
+
+    Args:
+        program: the compiled behaviour.
+        initial: the first value of every action.
+        of_states: whether values are of states; else they are of observations.
+
+    Attributes:
+        count: how many keys are known.
+        keys: int64 [space, ..]; of the first `count` rows each is a state, or an observation.
+        values: float64 [space, actions].
+    """
+
+    def __init__(self, program: Program, initial: float = 0.0, *, of_states: bool = False) -> None:
+        self._program, self._initial, self._of_states = program, initial, of_states
+        self._functions = program.functions("learn")
+        arrays = program.arrays
+        self._states = np.zeros((1, arrays.states.shape[1]), dtype=np.int64)
+        self._floats = np.zeros((1, arrays.float_states.shape[1]))
+        self._space = space_of(program)
+        self._seen = np.zeros((1, len(program.observation_shape)), dtype=np.int64)
+        width = self._states.shape[1] + self._floats.shape[1] if of_states else 1
+        self.count = 0
+        self.keys = np.zeros((FIRST, width), dtype=np.int64)
+        self.values = np.zeros((FIRST, len(program.action_names)))
+        self._hashed = np.full(4 * FIRST, -1, dtype=np.int64)
+
+    def train(
+        self,
+        member: int,
+        points: Sequence[int],
+        rates: Rates,
+        epsilon: float,
+        limit: int,
+        rng: np.random.Generator,
+        *,
+        draws: int = OUTCOMES | STARTS,
+    ) -> tuple[float, list[tuple[float, int, int]]]:
+        """Steps in the environment of a member, from a new episode on.
+
+        Args:
+            member: its number.
+            points: steps at which the curve is read; the last one is the end.
+            rates: how to learn.
+            epsilon: exploration at the beginning.
+            limit: steps after which an episode is over.
+            rng: over PCG64; it is advanced.
+            draws: what numbers are drawn for, besides the action: outcomes, starts; as trainers over tables do it.
+
+        Returns:
+            Exploration at the end; and at each point total reward, finished episodes, and successes among them.
+
+        Raises:
+            EvaluationError: something has no value in a state, or a rule cannot be applied.
+        """
+        marks = np.asarray(points, dtype=np.int64)
+        curve = np.zeros(len(marks)), np.zeros(len(marks), np.int64), np.zeros(len(marks), np.int64)
+        counts = np.array([0, 0, self.count, 0, limit, 0, 0, 0], dtype=np.int64)
+        levels = np.array([epsilon, 0.0])
+        with self._stream(rng) as stream:
+            while True:
+                how = self._functions["learn"](
+                    *self._world(member),
+                    stream,
+                    self._seen,
+                    self.keys,
+                    self._hashed,
+                    self.values,
+                    self._initial,
+                    self._of_states,
+                    draws,
+                    rates.rate,
+                    rates.discount,
+                    rates.step_decay,
+                    rates.episode_decay,
+                    rates.minimum,
+                    limit,
+                    marks,
+                    *curve,
+                    counts,
+                    levels,
+                )
+                self._check(how)
+                self.count = int(counts[2])
+                if how != SPACE:
+                    break
+                self._grow()
+        rows = zip(*(column.tolist() for column in curve), strict=True)
+        return float(levels[0]), [(total, episodes, reached) for total, episodes, reached in rows]
+
+    def play(self, member: int, episodes: int, limit: int, rng: np.random.Generator) -> tuple[float, float]:
+        """Episodes of the best actions: how many of them succeed, from 0 to 1, and the mean sum of rewards.
+
+        Args:
+            member: its number.
+            episodes: how many.
+            limit: steps after which an episode is over.
+            rng: over PCG64; it is advanced.
+
+        Raises:
+            EvaluationError: as `train`.
+        """
+        if self.count + 1 >= len(self.keys):
+            self._grow()
+        with self._stream(rng) as stream:
+            how, successes, total = self._functions["follow"](
+                *self._world(member),
+                stream,
+                self._seen,
+                self.keys,
+                self._hashed,
+                self.values,
+                self._of_states,
+                self.count,
+                episodes,
+                limit,
+            )
+        self._check(how)
+        return successes / episodes, total / episodes
+
+    def _world(self, member: int) -> tuple[Any, ...]:
+        arrays = self._program.arrays
+        return (
+            tables_of(self._program),
+            arrays.floats,
+            arrays.offsets,
+            self._states,
+            self._floats,
+            self._floats.view(np.int64),
+            *self._space,
+            np.zeros(1),
+            member,
+            arrays.states,
+            arrays.float_states,
+        )
+
+    @contextmanager
+    def _stream(self, rng: np.random.Generator) -> Iterator[NDArray[np.uint64]]:
+        """The stream of a generator as a row, which it is advanced by."""
+        stream = streams([rng])
+        yield stream
+        set_stream(rng, stream[0])
+
+    @staticmethod
+    def _check(how: int) -> None:
+        if how == WRONG:
+            raise EvaluationError(
+                "something went wrong in a step", hint="step the environment by itself: it says what"
+            )
+
+    def _grow(self) -> None:
+        """Four times the space."""
+        size = 4 * len(self.keys)
+        for name in ("keys", "values"):
+            old = getattr(self, name)
+            new = np.zeros((size, old.shape[1]), dtype=old.dtype)
+            new[: self.count] = old[: self.count]
+            setattr(self, name, new)
+        self._hashed = np.full(4 * size, -1, dtype=np.int64)
+        nothing = np.zeros((size, 0), dtype=np.int64)
+        self._functions["hash_all"](self.keys, nothing, self._hashed, self.count)

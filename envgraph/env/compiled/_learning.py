@@ -1,0 +1,171 @@
+"""What is added to a program to learn values of actions: Q-learning with a hash table, for any number of states.
+
+Part of the program's text, behind `_kernels`. `COUNTS` are the step, the point of the curve, the known keys, the
+present one, steps left, episodes, successes, and whether an episode has begun; `LEVELS` are exploration and reward.
+"""
+
+# ruff: noqa: F821
+# mypy: ignore-errors
+
+DONE, SPACE, WRONG = 0, 1, 2
+"""How it ends: all steps are done, the keys need more space, an error of the environment."""
+OUTCOMES, STARTS = 1, 2
+"""What numbers are drawn for besides the choice of the action."""
+
+
+def best_of(Q, key):
+    """The greatest value of a key."""
+    best = Q[key, 0]
+    for action in range(1, Q.shape[1]):
+        best = max(best, Q[key, action])
+    return best
+
+
+def greedy(Q, key):
+    """The best action of a key, the lowest of equals."""
+    found = 0
+    for action in range(1, Q.shape[1]):
+        if Q[key, action] > Q[key, found]:
+            found = action
+    return found
+
+
+def write_key(S, BITS, KEYS, row, seen, of_states):
+    """The key of the present state into a row."""
+    if of_states:
+        for column in range(S.shape[1]):
+            KEYS[row, column] = S[0, column]
+        for column in range(BITS.shape[1]):
+            KEYS[row, S.shape[1] + column] = BITS[0, column]
+    else:
+        KEYS[row, 0] = seen
+
+
+def begin_episode(T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, HASHED, count, of_states):
+    """Begin an episode, as `D` decides; the number of the key, -1 after an error."""
+    reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
+    return present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, HASHED, count, of_states)
+
+
+def present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, HASHED, count, of_states):
+    """The number of the key of the present state, a new one if it is not known; -1 after an error."""
+    seen = 0
+    if S[0, 0] == 0 and not of_states:
+        seen = look(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, C[0])
+    if S[0, 0] != 0:
+        return -1
+    write_key(S, BITS, KEYS, count, seen, of_states)
+    return number_of(KEYS, KEYS[:, :0], HASHED, count)
+
+
+def learn(
+    T, G, L, S, F, BITS, RI, RF, D, m, S0, F0, R, C, KEYS, HASHED, Q, INITIAL, OF_STATES, DRAWS,
+    RATE, DISCOUNT, STEP_DECAY, EPISODE_DECAY, MINIMUM, LIMIT, POINTS, REWARDS, EPISODES, SUCCESSES, COUNTS, LEVELS,
+):  # fmt: skip
+    """Steps of Q-learning until the last of the points; how it ended."""
+    K = places(L)
+    step, point, count, key, left, episodes, successes = COUNTS[:7]
+    epsilon, total = LEVELS[0], LEVELS[1]
+    how = DONE
+    if COUNTS[7] == 0:
+        D[0] = uniform(R, 0) if DRAWS & STARTS else 0.0
+        key = begin_episode(T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, HASHED, count, OF_STATES)
+        if key < 0:
+            return WRONG
+        if key == count:
+            Q[key] = INITIAL
+            count += 1
+        COUNTS[7] = 1
+    while step < POINTS[-1]:
+        if count + 2 >= len(KEYS):
+            how = SPACE
+            break
+        u = uniform(R, 0)
+        v = uniform(R, 0) if DRAWS & OUTCOMES else 0.0
+        w = uniform(R, 0) if DRAWS & STARTS else 0.0
+        action = min(int(u / epsilon * Q.shape[1]), Q.shape[1] - 1) if u < epsilon else greedy(Q, key)
+        D[0] = v
+        reward, ended = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
+        following = -1
+        if S[0, 0] == 0 and ended == 0:
+            following = present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, HASHED, count, OF_STATES)
+        if S[0, 0] != 0:
+            return WRONG
+        if following == count:
+            Q[following] = INITIAL
+            count += 1
+        total += reward
+        target = reward
+        if ended == 0:
+            target = reward + DISCOUNT * best_of(Q, following)
+        Q[key, action] = Q[key, action] + RATE * (target - Q[key, action])
+        key = following
+        left -= 1
+        epsilon = max(MINIMUM, epsilon * STEP_DECAY)
+        if ended != 0 or left == 0:
+            episodes += 1
+            successes += ended == 1
+            epsilon = max(MINIMUM, epsilon * EPISODE_DECAY)
+            left = LIMIT
+            D[0] = w
+            key = begin_episode(
+                T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, HASHED, count, OF_STATES
+            )
+            if key < 0:
+                return WRONG
+            if key == count:
+                Q[key] = INITIAL
+                count += 1
+        step += 1
+        if step == POINTS[point]:
+            REWARDS[point], EPISODES[point], SUCCESSES[point] = total, episodes, successes
+            point += 1
+    COUNTS[0], COUNTS[1], COUNTS[2], COUNTS[3] = step, point, count, key
+    COUNTS[4], COUNTS[5], COUNTS[6] = left, episodes, successes
+    LEVELS[0], LEVELS[1] = epsilon, total
+    return how
+
+
+def follow(
+    T, G, L, S, F, BITS, RI, RF, D, m, S0, F0, R, C, KEYS, HASHED, Q, OF_STATES, count, EPISODES, LIMIT
+):  # fmt: skip
+    """Episodes of the best actions; how it ended, how many succeeded, and the total reward.
+
+    What was never seen has equal values, so its best action is the first. Its key is written into the last row, and
+    taken out of the hash table again.
+    """
+    K = places(L)
+    successes, total = 0, 0.0
+    for _ in range(EPISODES):
+        D[0] = uniform(R, 0)
+        reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
+        for _ in range(LIMIT):
+            seen = 0
+            if S[0, 0] == 0 and not OF_STATES:
+                seen = look(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, C[0])
+            if S[0, 0] != 0:
+                return WRONG, successes, total
+            write_key(S, BITS, KEYS, count, seen, OF_STATES)
+            key = number_of(KEYS, KEYS[:, :0], HASHED, count)
+            action = 0
+            if key == count:
+                forget(KEYS, KEYS[:, :0], HASHED, count)
+            else:
+                action = greedy(Q, key)
+            D[0] = uniform(R, 0)
+            reward, ended = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
+            if S[0, 0] != 0:
+                return WRONG, successes, total
+            total += reward
+            if ended != 0:
+                successes += ended == 1
+                break
+    return DONE, successes, total
+
+
+def forget(KEYS, BITS, HASHED, row):
+    """Take the key that was put into the hash table last out of it."""
+    place = hash_place(KEYS, BITS, HASHED, row)
+    while HASHED[place] != row:
+        place = (place + 1) & (len(HASHED) - 1)
+    HASHED[place] = -1

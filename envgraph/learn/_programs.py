@@ -1,0 +1,79 @@
+"""Q-learning in compiled environments: for those with more states than a table has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from envgraph.code import dataclass
+from envgraph.env.compiled import Learner, Program, Rates
+from envgraph.errors import InvalidArgument
+from envgraph.learn._settings import TrainingSettings
+from envgraph.learn._stage import Stage, StageOutcome
+from envgraph.learn._training import Curve, joined
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProgramTraining:
+    """An agent that was trained in a compiled environment.
+
+    Attributes:
+        learner: has its values, and plays episodes.
+        curve: how it came to them.
+        epsilon: exploration at the end.
+    """
+
+    learner: Learner
+    curve: Curve
+    epsilon: float
+
+
+def train_program(
+    program: Program,
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    *,
+    members: Sequence[int] | None = None,
+    steps: Sequence[int] | None = None,
+    of: Literal["observation", "state"] = "observation",
+) -> ProgramTraining:
+    """`train_curriculum` without tables: values are kept of what was seen, in a hash table.
+
+    Args:
+        program: the compiled behaviour with its family.
+        settings: how to train.
+        rng: over PCG64, as `numpy.random.default_rng` makes it; it is advanced.
+        members: numbers of the members in the order of training; all of them, in theirs, by default.
+        steps: length of each stage; by default `settings.steps_per_environment`.
+        of: what values are of: what the agent sees, or the whole state, which a single member has alone.
+
+    Raises:
+        InvalidArgument: an argument does not fit the program.
+        EvaluationError: something has no value in a state, or a rule cannot be applied.
+    """
+    stages = list(range(len(program.members))) if members is None else list(members)
+    lengths = [settings.steps_per_environment] * len(stages) if steps is None else list(steps)
+    if not stages or not all(0 <= stage < len(program.members) for stage in stages):
+        raise InvalidArgument(f"members are numbers in 0..{len(program.members) - 1}, at least one")
+    if len(lengths) != len(stages) or min(lengths) < 1:
+        raise InvalidArgument(
+            f"`steps` is {lengths}: it needs a positive length for each of {len(stages)} stages"
+        )
+    if of not in ("observation", "state"):
+        raise InvalidArgument(f'`of` is "observation" or "state", not {of!r}')
+    if of == "state" and len(set(stages)) > 1:
+        raise InvalidArgument("states of different members are different: train on one, or of observations")
+    learner = Learner(program, settings.initial_value + 0.0, of_states=of == "state")
+    epsilon = settings.epsilon.start
+    outcomes = []
+    for member, length in zip(stages, lengths, strict=True):
+        if settings.epsilon.reset == "stage":
+            epsilon = settings.epsilon.start
+        stage = Stage(length, epsilon, settings)
+        epsilon, curve = learner.train(
+            member, stage.points, Rates(*stage.factors), epsilon, settings.limit, rng
+        )
+        outcomes.append((stage, StageOutcome(epsilon, curve)))
+    return ProgramTraining(learner, joined(outcomes), epsilon)

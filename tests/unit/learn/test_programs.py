@@ -1,0 +1,77 @@
+"""Learning in compiled environments: with tables' draws it is what trainers over tables do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from envgraph.env import explore
+from envgraph.env.compiled import Learner, Rates, program_of
+from envgraph.errors import InvalidArgument
+from envgraph.learn import TrainingSettings, train_curriculum, train_program
+from envgraph.learn._stage import Stage
+from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
+
+KEYDOOR = BUNDLED / "keydoor"
+
+
+def keydoor_files() -> list[object]:
+    return [KEYDOOR / "two_rooms.model", KEYDOOR / "keydoor.environment"]
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["python", "numba"])
+def test_values_of_observations_are_those_of_a_table(native: bool) -> None:
+    if native:
+        pytest.importorskip("numba")
+    engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
+    engines = mutants(engine, behaviour, 2)
+    keys = family_keys(engines, behaviour)
+    settings = TrainingSettings(steps_per_environment=700, limit=30, checkpoint=100)
+    tables = [explore(each, behaviour, keys).tabular for each in engines]
+    assert all(table.deterministic and len(table.start_states) == 1 for table in tables)
+    wanted = train_curriculum(tables, settings, np.random.default_rng(3))
+    program = program_of(engine, behaviour, engines, keys, native=native)
+    learner, rng = Learner(program), np.random.default_rng(3)
+    epsilon, curve = 0.0, []
+    for member in range(2):
+        stage = Stage(700, settings.epsilon.start, settings)
+        epsilon, points = learner.train(
+            member, stage.points, Rates(*stage.factors), stage.epsilon, settings.limit, rng, draws=0
+        )
+        curve += points
+    assert epsilon == wanted.epsilon
+    assert [reward for reward, _, _ in curve[:7]] == list(wanted.curve.reward[:7])
+    seen = learner.keys[: learner.count, 0]
+    assert len(set(seen.tolist())) == len(seen)
+    assert np.array_equal(learner.values[: learner.count], wanted.q[seen])
+    others = np.delete(wanted.q, seen, axis=0)
+    assert not others.any()
+    assert rng.random() == _after(wanted, settings, tables)
+
+
+def _after(wanted: object, settings: TrainingSettings, tables: object) -> float:
+    """The number that a trainer over tables would draw next."""
+    rng = np.random.default_rng(3)
+    train_curriculum(tables, settings, rng)  # type: ignore[arg-type]
+    return float(rng.random())
+
+
+def test_two_boxes_are_learnt_of_states() -> None:
+    pytest.importorskip("numba")
+    engine, behaviour = opened(EXTRA / "sokoban/small.model", EXTRA / "sokoban/sokoban.environment")
+    program = program_of(engine, behaviour)
+    settings = TrainingSettings(steps_per_environment=1_500_000, limit=100, checkpoint=500_000)
+    training = train_program(program, settings, np.random.default_rng(1), of="state")
+    assert training.learner.count > 4_096  # it has grown
+    assert training.learner.play(0, 1, 100, np.random.default_rng(2))[0] == 1.0
+
+
+def test_what_does_not_fit_is_told() -> None:
+    engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
+    program, rng = program_of(engine, behaviour, native=False), np.random.default_rng(0)
+    with pytest.raises(InvalidArgument, match=r"members are numbers in 0\.\.0"):
+        train_program(program, TrainingSettings(), rng, members=[1])
+    with pytest.raises(InvalidArgument, match="positive length"):
+        train_program(program, TrainingSettings(), rng, steps=[0])
+    with pytest.raises(InvalidArgument, match='"observation" or "state"'):
+        train_program(program, TrainingSettings(), rng, of="both")  # type: ignore[arg-type]
