@@ -9,6 +9,7 @@ from itertools import islice
 from envgraph.errors import MOST_ERRORS, Diagnostic, Note, Span, did_you_mean, name_hint
 from envgraph.metamodel._above import Above, linearise
 from envgraph.metamodel._features import (
+    Annotation,
     Attribute,
     Class,
     EnumType,
@@ -59,6 +60,7 @@ def _problems(
         yield from _check_glyph(cls)
         for attribute in (one for one in cls.features if isinstance(one, Attribute)):
             yield from _check_looks(attribute)
+            yield from _check_range(attribute)
     yield from _check_glyphs_differ(classes)
 
 
@@ -396,6 +398,35 @@ def _check_looks(attribute: Attribute) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "bad-annotation", message, mark.span, "declare an enum whose literals are colours"
             )
+
+
+def _check_range(attribute: Attribute) -> Iterator[Diagnostic]:
+    """`@range(lowest, highest, step = by)` is for numbers."""
+    for mark in attribute.annotations:
+        mistake = _range_mistake(attribute, mark) if mark.name == "range" else None
+        if mistake:
+            yield Diagnostic("bad-annotation", mistake[0], mark.span, mistake[1])
+
+
+def _range_mistake(attribute: Attribute, mark: Annotation) -> tuple[str, str] | None:
+    """What is wrong with the range of an attribute, and how to mend it."""
+    name, kind = attribute.name, attribute.type
+    if attribute.many or kind not in (Scalar.INT, Scalar.FLOAT):
+        return f"`@range` is for an `int` or a `float`, and `{name}` is none", "leave it out"
+    hint = "write `@range(0, 10)` or `@range(0, 10, step = 2)`"
+    named = dict(mark.named)
+    if len(mark.arguments) != 2 or set(named) - {"step"}:
+        return f"`@range` of `{name}` takes the lowest and the highest value, and perhaps a step", hint
+    given = (*mark.arguments, named.get("step", 1))
+    numbers = [value for value in given if isinstance(value, int | float) and accepts(kind, value)]
+    if len(numbers) < len(given):
+        return f"the values of the range of `{name}` are of type `{kind}`", hint
+    lowest, highest, step = numbers
+    if not lowest < highest:
+        return f"the range of `{name}` ends at {highest}, which is not above {lowest}", hint
+    if not step > 0:
+        return f"the step of `{name}` is {step}, and has to be above 0", hint
+    return None
 
 
 def _check_glyphs_differ(classes: Sequence[Class]) -> Iterator[Diagnostic]:

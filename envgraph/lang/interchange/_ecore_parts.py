@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 from envgraph.code import dataclass
 from envgraph.errors import Span, did_you_mean, name_hint
@@ -59,9 +60,20 @@ def annotations_of(names: Names, element: Element) -> tuple[Annotation, ...]:
     """What `metamodel_to_ecore` keeps of the annotations of a `.metamodel` file."""
     found = []
     for one, name, value in _details(element):
-        values = (value[:1], *value[2:].split()) if name == "glyph" else tuple(value.split())
+        values: tuple[Value, ...] = tuple(value.split())
+        if name == "glyph":
+            values = (value[:1], *value[2:].split())
+        elif name == "range":
+            values = tuple(map(_number, value.split()))
         found.append(Annotation(name, values, span=names.at(one, "key")))
     return tuple(found)
+
+
+def _number(text: str) -> Value:
+    for read in (int, float):
+        with suppress(ValueError):
+            return read(text)
+    return text
 
 
 def doc_of(element: Element) -> str | None:

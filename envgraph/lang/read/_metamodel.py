@@ -208,6 +208,11 @@ class _Reader:
         defaults = [part for part in trees(tree.children) if part.data not in ("annotation", "multiplicity")]
         places = [("type", self._span(type_token))]
         places.extend(("multiplicity", self.parsed.span(part)) for part in multiplicity)
+        single = next((one for one in annotations if one.name == "nonunique" and upper == 1), None)
+        if single is not None:
+            message = f"`@nonunique` is for many values, and `{name}` has one at most"
+            warning = Diagnostic("unknown-annotation", message, single.span, "leave it out", Severity.WARNING)
+            self.diagnostics.append(warning)
         value = None
         if defaults:
             places.append(("default", self.parsed.span(defaults[0])))

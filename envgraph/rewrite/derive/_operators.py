@@ -17,13 +17,13 @@ from typing import Final
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity, Span, did_you_mean
-from envgraph.metamodel import Annotation, Attribute, Metamodel
+from envgraph.metamodel import Annotation, Metamodel
 from envgraph.pattern import Derivation, Pattern, Rule
 from envgraph.rewrite.derive._links import Operator, container_operators, link_operators
 from envgraph.rewrite.derive._objects import creating_and_deleting, retypings
 from envgraph.rewrite.derive._plans import creation_plans
 from envgraph.rewrite.derive._schema import Schema
-from envgraph.rewrite.derive._values import check_ranges, value_operators
+from envgraph.rewrite.derive._values import value_operators
 
 KINDS: Final = ("create", "delete", "add", "remove", "change", "swap", "move", "retype", "set")
 """The kinds of operators; each is drawn as often as any other unless `@weight` says otherwise."""
@@ -127,8 +127,6 @@ def check_operators(derivation: Derivation, metamodel: Metamodel) -> Iterator[Di
     annotations = list(_check_annotations(derivation))
     yield from annotations
     schema = Schema(metamodel)
-    features = [feature for cls in derivation.classes for feature in schema.features(cls)]
-    yield from check_ranges(feature for feature in features if isinstance(feature, Attribute))
     for cls in derivation.classes:
         concrete = metamodel.concrete(cls)
         touched = [sub for sub in concrete if not schema.frozen(sub)]

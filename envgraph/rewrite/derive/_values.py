@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from envgraph.errors import Diagnostic
-from envgraph.metamodel import Annotation, Attribute, EnumType, Scalar, accepts
+from envgraph.metamodel import Attribute, EnumType, Scalar
 from envgraph.pattern import (
     Binary,
     Check,
@@ -93,12 +92,12 @@ def _steps(schema: Schema, group: str, attribute: Attribute, holder: str) -> Ite
 
 
 def range_of(attribute: Attribute) -> tuple[int | float, int | float, int | float] | None:
-    """Lowest and highest value and step, if the attribute has a range without mistakes.
+    """Lowest and highest value and step, if the attribute has a range.
 
     The step is 1, or a tenth of the range of a float.
     """
     found = next((a for a in attribute.annotations if a.name == RANGE), None)
-    if found is None or range_mistake(attribute, found):
+    if found is None:
         return None
     values: dict[str, int | float] = {
         str(key): value for key, value in found.named if isinstance(value, int | float)
@@ -106,30 +105,3 @@ def range_of(attribute: Attribute) -> tuple[int | float, int | float, int | floa
     lowest, highest = (float(v) if attribute.type is Scalar.FLOAT else v for v in found.arguments)
     assert isinstance(lowest, int | float) and isinstance(highest, int | float)
     return lowest, highest, values.get("step", 1 if attribute.type is Scalar.INT else (highest - lowest) / 10)
-
-
-def range_mistake(attribute: Attribute, found: Annotation) -> str | None:
-    """What is wrong with the range of an attribute, or None."""
-    kind = attribute.type
-    if kind is not Scalar.INT and kind is not Scalar.FLOAT:
-        return "only `int` and `float` attributes have a range"
-    step = dict(found.named).get("step", 1)
-    if len(found.arguments) != 2 or set(dict(found.named)) - {"step"}:
-        return "`@range` takes the lowest and the highest value, and perhaps a step"
-    if not all(accepts(kind, value) for value in (*found.arguments, step)):
-        return f"the values of a range of `{attribute}` are of type `{kind}`"
-    lowest, highest = found.arguments
-    assert isinstance(lowest, int | float) and isinstance(highest, int | float)
-    if not lowest < highest or (isinstance(step, int | float) and step <= 0):
-        return "the lowest value comes first, and a step is above 0"
-    return None
-
-
-def check_ranges(attributes: Iterator[Attribute]) -> Iterator[Diagnostic]:
-    """What is wrong with the ranges of attributes."""
-    for attribute in attributes:
-        for annotation in attribute.annotations:
-            mistake = range_mistake(attribute, annotation) if annotation.name == RANGE else None
-            if mistake:
-                hint = "write `@range(0, 10)` or `@range(0, 10, step = 2)`"
-                yield Diagnostic("bad-annotation", mistake, annotation.span, hint)

@@ -121,4 +121,4 @@ def test_too_many_ways_through_a_unit_are_told(monkeypatch: pytest.MonkeyPatch) 
 def test_units_are_called_with_their_parameters() -> None:
     with pytest.raises(LoadError, match="unit `both` takes 2 arguments, not 1") as found:
         table("action x = both(hand)")
-    assert "write `both(hand : Hand, coin : Coin)`" in str(found.value)
+    assert "write `both(hand, coin)`" in str(found.value)

@@ -94,6 +94,15 @@ def test_a_transient_end_of_an_opposite_pair_is_kept() -> None:
     assert route is not None and not isinstance(route, Attribute) and route.opposite == "follows"
 
 
+def test_ranges_survive_ecore() -> None:
+    text = "metamodel m class A { @range(-1, 10) int size @range(0.0000001, 0.5) float share }"
+    before = load_workspace(["m.metamodel"], files=TextFiles({"m.metamodel": text}))
+    assert before.metamodel is not None
+    files = TextFiles({"m.ecore": metamodel_to_ecore(before.metamodel)})
+    after = load_workspace(["m.ecore"], files=files).metamodel
+    assert after is not None and after.class_list == before.metamodel.class_list
+
+
 def test_glyphs_keys_and_frozen_classes_survive_ecore() -> None:
     metamodel = envgraph.open("burning_forest").model.metamodel
     again = parse_ecore(Source("a.ecore", metamodel_to_ecore(metamodel)))
