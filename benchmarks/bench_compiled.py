@@ -1,0 +1,217 @@
+"""Compiled environments: steps a second beside the live engine, one environment alone, compiling, KeyDoor by hand.
+
+All ratios are of short bursts that alternate: the better and the middle one of many. Without numba there is nothing to
+measure.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from time import perf_counter, process_time
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from envgraph.behaviour import Behaviour
+from envgraph.env import EnvgraphLiveEnv, Simulator
+from envgraph.env.compiled import Batch, CompiledEnv, Program, program_of
+from envgraph.lang import load_workspace
+from envgraph.rewrite import Engine
+
+ROOT = Path(__file__).parents[1]
+DOMAINS = {
+    "keydoor": (ROOT / "rules/keydoor", "two_rooms", 500),
+    "burning_forest": (ROOT / "rules/burning_forest", "target_8x8", 500),
+    "network": (ROOT / "rules/network", "backbone", 450),
+    "warehouse": (ROOT / "rules/warehouse", "small_hall", 350),
+    "sokoban": (ROOT / "tests/data/compiled/sokoban", "small", 350),
+    "wildfire": (ROOT / "tests/data/compiled/wildfire", "wild", 300),
+}
+"""The folder of a domain, a model, and how many times as fast as the live engine it has to be."""
+COUNT = 1024
+BURSTS = 40
+"""Of each of two things, in turns: the machine may be busy with something else."""
+
+Job = Callable[[], int]
+
+
+def main() -> None:
+    """Print the figures."""
+    if find_spec("numba") is None:
+        print("numba is not installed and left out; the extra `fast` installs it")
+        return
+    lake = gymnasium.make("FrozenLake-v1").unwrapped
+    print(f"steps with random actions, {COUNT:,} environments: the best, and the median of {BURSTS} bursts")
+    print(f"{'':16} {'M steps/s':>15} {'times live':>15} {'needed':>7}   {'one, times FrozenLake':>21}")
+    for name, (_, _, needed) in DOMAINS.items():
+        engine, behaviour = opened(name)
+        program = program_of(engine, behaviour)
+        live = EnvgraphLiveEnv(Simulator(opened(name)[0], behaviour))
+        fast, slow = alternating(many(program), alone(live, behaviour.limit, 200))
+        one, frozen = alternating(alone(CompiledEnv(program), behaviour.limit, 1000), alone(lake, None, 300))
+        rates = f"{1e-6 / min(fast):7.1f} {1e-6 / median(fast):7.1f}"
+        print(f"{name:16} {rates} {ratios(slow, fast)} {needed:7}   {ratios(frozen, one, 2):>21}", flush=True)
+    _by_hand()
+    _doorkey()
+    _compiling()
+
+
+def opened(name: str) -> tuple[Engine, Behaviour]:
+    """An engine and the behaviour of a domain."""
+    folder, model, _ = DOMAINS[name]
+    workspace = load_workspace([folder / f"{model}.model", *folder.glob("*.environment")])
+    return workspace.engine(model), workspace.behaviour()
+
+
+def many(program: Program) -> Job:
+    """A burst of steps of many environments, each with a stream of its own."""
+    batch = Batch(program, np.zeros(COUNT, dtype=np.int64))
+    batch.seed(generators())
+    batch.reset(np.ones(COUNT, dtype=np.bool_))
+    limit = program.behaviour.limit or 0
+    actions = np.random.default_rng(0).integers(len(program.action_names), size=(50, COUNT))
+
+    def burst() -> int:
+        for row in actions:
+            batch.step(row, again=True, limit=limit)
+        return actions.size
+
+    return burst
+
+
+def generators() -> list[np.random.Generator]:
+    """A generator for each environment."""
+    return [np.random.Generator(np.random.PCG64(number)) for number in range(COUNT)]
+
+
+def alone(env: gymnasium.Env[Any, Any], limit: int | None, steps: int) -> Job:
+    """A burst of steps of one environment."""
+    space: Any = env.action_space
+    actions = np.random.default_rng(0).integers(space.n, size=steps).tolist()
+    env.reset(seed=0)
+    since = 0
+
+    def burst() -> int:
+        nonlocal since
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            since += 1
+            if terminated or truncated or since == limit:
+                env.reset()
+                since = 0
+        return steps
+
+    return burst
+
+
+def alternating(*jobs: Job) -> list[list[float]]:
+    """Seconds that a step takes, for each burst of each job, after one that does not count."""
+    seconds: list[list[float]] = [[] for _ in jobs]
+    for number in range(BURSTS + 1):
+        for job, found in zip(jobs, seconds, strict=True):
+            start = perf_counter()
+            steps = job()
+            if number:
+                found.append((perf_counter() - start) / steps)
+    return seconds
+
+
+def ratios(slow: Sequence[float], fast: Sequence[float], digits: int = 0) -> str:
+    """How many times as fast: by the best bursts, and by the median."""
+    return f"{min(slow) / min(fast):7.{digits}f} {median(slow) / median(fast):7.{digits}f}"
+
+
+# --- beside others
+
+
+def _by_hand() -> None:
+    """KeyDoor written by hand: the same streams, observations and rewards, then the speed."""
+    from benchmarks._keydoor import HandWritten
+    from envgraph.env.compiled._program import streams
+
+    engine, behaviour = opened("keydoor")
+    program = program_of(engine, behaviour)
+    batch = Batch(program, np.zeros(COUNT, dtype=np.int64))
+    batch.seed(generators())
+    batch.reset(np.ones(COUNT, dtype=np.bool_))
+    other = HandWritten(streams(generators()))
+    for actions in np.random.default_rng(1).integers(len(program.action_names), size=(500, COUNT)):
+        batch.step(actions, again=True, limit=behaviour.limit or 0)
+        other.step(actions)
+        same = [
+            batch.observation == other.observation,
+            batch.reward == other.reward,
+            batch.over == other.over,
+        ]
+        if not np.all(same):
+            raise AssertionError("KeyDoor written by hand does something else")
+    chosen = np.random.default_rng(0).integers(len(program.action_names), size=(50, COUNT))
+
+    def burst() -> int:
+        for row in chosen:
+            other.step(row)
+        return chosen.size
+
+    ours, hand = alternating(many(program), burst)
+    print(
+        f"keydoor by hand, with numba: {1e-6 / min(hand):.1f} M steps/s, {ratios(ours, hand, 2)} of ours (<= 2.0)"
+    )
+
+
+def _doorkey() -> None:
+    if find_spec("minigrid") is None:
+        print("minigrid is not installed and left out; `make bench` installs it")
+        return
+    env = gymnasium.make("MiniGrid-DoorKey-6x6-v0")
+    engine, behaviour = opened("keydoor")
+    fast, slow = alternating(many(program_of(engine, behaviour)), alone(env, None, 50))
+    print(f"MiniGrid-DoorKey-6x6: {1 / min(slow):,.0f} steps/s; keydoor {ratios(slow, fast)} times")
+
+
+# --- compiling, in processes of their own
+
+
+def _compiling() -> None:
+    """How long it takes until the first step, with nothing in numba's cache, and again."""
+    print(
+        f"seconds of CPU to compile:{'text, arrays':>16} (<= 0.2) {'cold':>7} (<= 5) {'cached':>7} (<= 0.3)"
+    )
+    for name in DOMAINS:
+        with TemporaryDirectory() as folder:
+            environment = {**os.environ, "ENVGRAPH_CACHE": folder}
+            command = [sys.executable, "-m", "benchmarks.bench_compiled", name]
+            runs = [
+                json.loads(
+                    subprocess.run(command, env=environment, check=True, capture_output=True, cwd=ROOT).stdout
+                )
+                for _ in range(2)
+            ]
+        (text, cold), (_, cached) = runs
+        print(f"{name:25} {text:16.2f} {cold:16.2f} {cached:14.2f}", flush=True)
+
+
+def _compile(name: str) -> None:
+    from numba import njit
+
+    njit(lambda x: x)(0)
+    engine, behaviour = opened(name)
+    start = process_time()
+    program = program_of(engine, behaviour)
+    written = process_time()
+    batch = Batch(program, [0])
+    batch.reset(np.ones(1, dtype=np.bool_))
+    batch.step(np.zeros(1, dtype=np.int64), again=True)
+    print(json.dumps([written - start, process_time() - written]))
+
+
+if __name__ == "__main__":
+    _compile(sys.argv[1])
