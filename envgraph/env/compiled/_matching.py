@@ -580,10 +580,8 @@ class _Body:
     # --- aggregates
 
     def _aggregate(self, goal: AggregateAtom, step: Step) -> None:
-        if goal.function != "count":
-            raise NotCompiled(f"the aggregate `{goal.function}` over what changes")
         relation = goal.relation
-        if isinstance(relation, CallAtom) and not self._static(relation):
+        if goal.function == "count" and isinstance(relation, CallAtom) and not self._static(relation):
             free = [v for v in relation.arguments if not self._known(v)]
             key = call_key(relation, {v for v in relation.arguments if self._known(v)}, free)
             values = [self.source(relation.arguments[position]) for position in key.bound]
@@ -596,8 +594,39 @@ class _Body:
         steps = plan.steps
         if len(steps) == 1 and steps[0].kind is Kind.TEST:
             steps = (replace(steps[0], kind=Kind.LOOP, binds=tuple(self._free(relation))),)
-        counted = self._inside(lambda body: body.steps(steps, _counted), COUNT, head)
-        self._give(goal.result, counted)
+        if goal.column is None:
+            counted = self._inside(lambda body: body.steps(steps, _counted), COUNT, head)
+            self._give(goal.result, counted)
+        else:
+            self._fold(goal, goal.column, steps)
+
+    def _fold(self, goal: AggregateAtom, column: int, steps: Sequence[Step]) -> None:
+        """The sum, mean, least or greatest of a column of different tuples; without one there is only a sum."""
+        type_ = self.conjunction.types[column]
+        if type_ is Scalar.FLOAT and goal.function in ("sum", "avg"):
+            raise NotCompiled(f"the aggregate `{goal.function}` of floats that change")
+        folded = code.Local("folded", "float" if type_ is Scalar.FLOAT else "int")
+
+        def found(body: _Body) -> None:
+            value = body.source(column)
+            if goal.function in ("sum", "avg"):
+                body.block.add(code.Assign(folded, value, "+="))
+            else:
+                operator = "<" if goal.function == "min" else ">"
+                first = code.equal(COUNT, code.Constant(0))
+                better = code.Operation("or", (first, code.Operation(operator, (value, folded))))
+                body.block.add(code.If(better, (code.Assign(folded, value),)))
+            _counted(body)
+
+        nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
+        head = (code.Assign(COUNT, code.Constant(0)), code.Assign(folded, nothing))
+        whole = self._inside(lambda body: body.steps(steps, found), code.tuple_of(COUNT, folded), head)
+        number, result = self._matching.module.fresh("n"), self._facts.local(type_)
+        self.block.add(code.Assign(code.Tuple((number, result)), whole))
+        if goal.function != "sum":
+            self.block.test(code.Operation(">", (number, code.Constant(0))))
+        value = code.Operation("/", (result, number)) if goal.function == "avg" else result
+        self._give(goal.result, value)
 
 
 def _arguments(goal: Goal) -> tuple[int, ...]:

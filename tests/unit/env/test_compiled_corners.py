@@ -654,6 +654,39 @@ CORNERS = {
         """,
         head="i1 : Heavy, i2 : Item",
     ),
+    "sums, means and extremes": Corner(
+        """
+        rule put(i : Item, s : Spot) { lhs { i : Item; s : Spot; } modify { set i.at = s; } }
+        rule feed(m : Man) { lhs { m : Man; } modify { set m.hunger += 1; } }
+        rule starve { lhs { m : Man; h == max Man.hunger(_, #); check m.hunger == h && h > 0; }
+            modify { set m.hunger = 0; } }
+        @semantics(spo) rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
+        """,
+        """
+        action put(i : Item, s : Spot) = put(i, s)
+        action feed(m : Man) = feed(m)
+        action starve = starve() else reward 1
+        action kill(i : Item) = kill(i)
+        on find hungry(n, low, high) reward n * 100 + low * 10 + high
+        on find fed(mean) reward mean
+        on find held(s, n) reward n * 0.01
+        on find least(f) reward f
+        on find ids(n, mean) reward n + mean
+        """,
+        """
+        pattern hungry(n : int, low : int, high : int) {
+            n == sum Man.hunger(_, #);
+            low == min Man.hunger(_, #);
+            high == max Man.hunger(_, #);
+        }
+        pattern ids(n : int, mean : float) { n == sum Item.id(_, #); mean == avg Item.id(_, #); }
+        pattern fed(mean : float) { mean == avg Man.hunger(_, #); }
+        pattern at(s : Spot, x : int) { Item.at(i, s); Item.id(i, x); } or { Item.at(_, s); Spot.x(s, x); }
+        pattern held(s : Spot, n : int) { Spot(s); n == sum find at(s, #); check(n > 0); }
+        pattern least(f : float) { f == min find lit(_, #); }
+        pattern lit(s : Spot, f : float) { Item.at(_, s); Spot.f(s, f); }
+        """,
+    ),
     "counts in patterns": Corner(
         """
         rule put(i : Item, s : Spot) { lhs { i : Item; s : Spot; } modify { set i.at = s; } }
