@@ -156,8 +156,7 @@ class Matching:
         name = self.module.named(question)
         if name is None:
             key = question.key
-            if self.calls.recursive(key.pattern):
-                raise NotCompiled(f"recursion over what changes (`{key.pattern}`)")
+            self._check_recursion(key.pattern)
             given = [self.facts.local(type_) for type_ in self._given(key)]
             with self.module.writing():
                 name = self.module.keep(
@@ -174,6 +173,10 @@ class Matching:
             body.steps(each.plan.steps, found)
             block.back_to(place)
         return block.body()
+
+    def _check_recursion(self, pattern: str) -> None:
+        if self.calls.recursive(pattern):
+            raise NotCompiled(f"recursion over what changes (`{pattern}`)")
 
     def _view(self, key: ViewKey) -> ViewPlan:
         try:
@@ -235,6 +238,62 @@ class Matching:
 
         return (*self._bodies(key, given, sure, write), code.Return(code.Constant(0)))
 
+    def search(self, step: str, star: bool, forward: bool) -> str:
+        """The function that searches breadth first along a binary pattern, and returns how many objects it has found.
+
+        From `top` on they stand in column 0, in the order in which they were found; column 1 marks them by number.
+        """
+        key = step, star, forward
+        name = self.module.named(key)
+        if name is None:
+            self._check_recursion(step)
+            with self.module.writing():
+                start = self.module.fresh("v", "object")
+                body = self._search(step, star, forward, start)
+                name = self.module.keep(key, self.module.add("search", [start], body))
+        return name
+
+    def _search(self, step: str, star: bool, forward: bool, start: code.Local) -> code.Body:
+        near, far = (0, 1) if forward else (1, 0)
+        rows = self.rows(ViewKey(step, (near,), (far,)), sure=False)
+        self.module.uses(rows, 1)
+        self.module.width = max(self.module.width, 2)
+        zero, one = code.Constant(0), code.Constant(1)
+        fresh = self.module.fresh
+        above, node, head, going = (fresh(prefix) for prefix in "tvhg")
+        number, row, other, stride = (fresh(prefix) for prefix in "nivs")
+
+        def column(place: code.Expression, which: code.Expression) -> code.Index:
+            return entry(RI, plus(TOP, place), which)
+
+        def mark(found: code.Expression) -> code.Body:
+            stored = code.Assign(column(found, one), one), code.Assign(column(COUNT, zero), found)
+            return (*stored, code.Assign(COUNT, one, "+="))
+
+        new = code.equal(column(other, one), zero)
+        read = code.Assign(other, entry(RI, plus(above, row), zero))
+        each = code.For(row, code.call("range", number), (read, code.If(new, mark(other))))
+        follow = code.Assign(node, column(head, zero)), code.Assign(head, one, "+=")
+        more = code.If(code.Operation("<", (head, COUNT)), follow, (code.Assign(going, zero),))
+        found = code.Assign(number, call(rows, node, top=above))
+        whole: list[code.Statement] = [
+            code.Assign(COUNT, zero),
+            code.Assign(stride, self.facts.layout.stride()),
+            code.If(code.Operation(">", (stride, CAPACITY)), (failed(OVERFLOW), code.Return(zero))),
+            code.For(row, code.call("range", stride), (code.Assign(column(row, one), zero),)),
+            code.Assign(above, plus(TOP, CAPACITY)),
+            code.Assign(node, start),
+            code.Assign(head, zero),
+            code.Assign(going, one),
+            code.While(code.equal(going, one), (found, each, more)),
+        ]
+        if star:
+            type_ = self.facts.library.parameter_types(step)[0]
+            assert isinstance(type_, ObjectType)
+            itself = code.equal(column(start, one), zero), self.facts.is_instance(start, type_.cls)
+            whole.append(code.If(code.Operation("and", itself), mark(start)))
+        return (*whole, code.Return(COUNT))
+
     def _exists(self, key: ViewKey, given: Sequence[code.Local], sure: bool) -> code.Body:
         found = self._bodies(key, given, sure, _found_one)
         return (*found, code.Return(code.FALSE))
@@ -246,6 +305,11 @@ class Matching:
             return (code.Return(call(name, *given, top=plus(TOP, CAPACITY))),)
         counted = self._bodies(key, given, sure, _counted)
         return (code.Assign(COUNT, code.Constant(0)), *counted, code.Return(COUNT))
+
+
+def _marked(top: code.Expression, node: code.Expression) -> code.Expression:
+    """Code for whether a search has found an object."""
+    return code.equal(entry(RI, plus(top, node), 1), code.Constant(1))
 
 
 def _counted(body: _Body) -> None:
@@ -543,7 +607,8 @@ class _Body:
             self._look_up(relation, goal, step)
             return
         if isinstance(goal, ClosureAtom):
-            raise NotCompiled(f"a closure over what changes (`{goal.step}`)")
+            self._closure(goal)
+            return
         bound = {v for v in goal.arguments if self._known(v)}
         key = call_key(goal, bound, step.binds)
         values = [self.source(goal.arguments[position]) for position in key.bound]
@@ -555,6 +620,29 @@ class _Body:
         for variable, type_ in zip(goal.arguments, types, strict=True):
             if self._known(variable):
                 self._learn(variable, type_)
+
+    def _closure(self, goal: ClosureAtom) -> None:
+        """Search along the steps from an end that has a value; if neither has, from every source."""
+        types = self._facts.library.parameter_types(goal.step)
+        assert isinstance(types[0], ObjectType)
+        if not self._known(goal.source) and not self._known(goal.target):
+            self._names[goal.source] = self._facts.instances(self.block, types[0].cls)
+        forward = self._known(goal.source)
+        start, end = (goal.source, goal.target) if forward else (goal.target, goal.source)
+        name = self._matching.search(goal.step, goal.closure is Closure.STAR, forward)
+        number, top = self._matching.module.fresh("n"), self._matching.module.fresh("t")
+        self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
+        self._top, self._levels = top, self._levels + 1
+        self.block.add(code.Assign(number, self._called(name, [self.source(start)])))
+        if self._known(end):
+            self.block.test(_marked(top, self.source(end)))
+        else:
+            place, found = self._matching.module.fresh("i"), self._facts.local(types[forward])
+            self.block.loop(place, code.call("range", number))
+            self.block.add(code.Assign(found, entry(RI, plus(top, place), 0)))
+            self._give(end, found)
+        for variable, type_ in zip((goal.source, goal.target), types, strict=True):
+            self._learn(variable, type_)
 
     def _suits(self, goal: CallAtom, key: ViewKey) -> bool:
         """Whether the objects that a call is given are certainly of the classes of the parameters."""

@@ -687,6 +687,40 @@ CORNERS = {
         pattern lit(s : Spot, f : float) { Item.at(_, s); Spot.f(s, f); }
         """,
     ),
+    "closures over links that change": Corner(
+        """
+        rule mark(s : Spot, t : Spot) { lhs { s : Spot; t : Spot; } modify { set s.mark = t; } }
+        rule self(s : Spot) { lhs { s : Spot; } modify { set s.mark = s; } }
+        rule clear(s : Spot) { lhs { s : Spot; } modify { set s.mark = none; } }
+        rule go(m : Man, s : Spot) { lhs { m -at-> here : Spot; s : Spot; find leads+(here, s); } modify { set m.at = s; } }
+        rule fall(s : Spot) { lhs { s : Spot; } modify { retype s : Pit; } }
+        rule rise(s : Pit) { lhs { s : Pit; } modify { retype s : Spot; } }
+        """,
+        """
+        action mark(s : Spot, t : Spot) = mark(s, t)
+        action self(s : Spot) = self(s)
+        action clear(s : Spot) = clear(s)
+        action go(s : Spot) = go(adam, s) reward 1 else reward -1
+        action fall(s : Spot) = fall(s)
+        action rise(s : Spot) = rise(s)
+        on find reached(s) reward 0.1
+        on find circle(_) reward 0.5
+        on find into(n) reward n
+        on find deep(_, _) reward 0.01
+        observe adam.at among Spot or none
+        observe count find onward(adam, _) up to 4
+        """,
+        """
+        pattern leads(a : Spot, b : Spot) { Spot.mark(a, b); }
+        pattern down(a : Pit, b : Pit) { Spot.mark(a, b); }
+        pattern reached(s : Spot) { Man.at(m, here); Man.name(m, "adam"); find leads*(here, s); }
+        pattern circle(s : Spot) { find leads+(s, s); }
+        pattern leadsOn(a : Spot, b : Spot) { find leads+(a, b); }
+        pattern onward(m : Man, s : Spot) { Man.at(m, here); find leads+(here, s); }
+        pattern into(n : int) { n == count find leadsOn(_, _); }
+        pattern deep(a : Pit, b : Pit) { find down*(a, b); neg find leadsOn(b, a); }
+        """,
+    ),
     "counts in patterns": Corner(
         """
         rule put(i : Item, s : Spot) { lhs { i : Item; s : Spot; } modify { set i.at = s; } }
@@ -723,7 +757,9 @@ def test_it_steps_as_the_live_engine_does(name: str, tmp_path: Path) -> None:
     step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False)
 
 
-@pytest.mark.parametrize("name", ["enums", "floats", "parameters whose object goes"])
+@pytest.mark.parametrize(
+    "name", ["enums", "floats", "parameters whose object goes", "closures over links that change"]
+)
 def test_compiled_by_numba_too(name: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")
     engine, behaviour = written(tmp_path, CORNERS[name])
