@@ -692,7 +692,8 @@ CORNERS = {
         rule mark(s : Spot, t : Spot) { lhs { s : Spot; t : Spot; } modify { set s.mark = t; } }
         rule self(s : Spot) { lhs { s : Spot; } modify { set s.mark = s; } }
         rule clear(s : Spot) { lhs { s : Spot; } modify { set s.mark = none; } }
-        rule go(m : Man, s : Spot) { lhs { m -at-> here : Spot; s : Spot; find leads+(here, s); } modify { set m.at = s; } }
+        rule go(m : Man, s : Spot) { lhs { m -at-> here : Spot; s : Spot; find leads+(here, s); }
+            modify { set m.at = s; } }
         rule fall(s : Spot) { lhs { s : Spot; } modify { retype s : Pit; } }
         rule rise(s : Pit) { lhs { s : Pit; } modify { retype s : Spot; } }
         """,
