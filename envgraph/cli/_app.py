@@ -417,7 +417,7 @@ def convert(file: str, output: Path, metamodel: tuple[str, ...], allow_unresolve
 @click.option("--name", show_default="that of the family", help="Name of the run.")
 @_seed
 @click.option("--generations", type=click.IntRange(min=0), help="Instead of the number in the file.")
-@click.option("--population", type=click.IntRange(min=2), help="Instead of the size in the file.")
+@click.option("--population", type=click.IntRange(min=1), help="Instead of the size in the file.")
 @click.option(
     "--set",
     "overrides",

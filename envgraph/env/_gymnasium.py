@@ -6,6 +6,7 @@ from abc import abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence
 from numbers import Integral
+from operator import index
 from typing import Any, Final, Literal
 
 import gymnasium
@@ -117,9 +118,13 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
     def _check_step(self, action: Any) -> int:
         if not self._running:
             raise ResetNeeded("the episode is over, or none has begun: call `reset` first")
-        number = int(action)
+        try:
+            number = index(action)
+        except TypeError:
+            number = -1
         if not 0 <= number < len(self.action_names):
-            raise InvalidArgument(f"action {action!r} is not in 0..{len(self.action_names) - 1}")
+            hint = "an action is a number: the place of its name in `action_names`"
+            raise InvalidArgument(f"action {action!r} is not in 0..{len(self.action_names) - 1}", hint)
         return number
 
     def _observed(self, index: int) -> Observed:

@@ -107,6 +107,9 @@ def test_stepping_outside_an_episode_is_refused() -> None:
 def test_actions_and_states_are_checked() -> None:
     env = EnvgraphEnv(TARGET.tabular)
     env.reset()
+    for action in (1.5, "right", None):
+        with pytest.raises(InvalidArgument, match=r"is not in 0\.\.3.*`action_names`"):
+            env.step(action)
     with pytest.raises(InvalidArgument, match=r"0\.\.3"):
         env.step(4)
     with pytest.raises(InvalidArgument, match="no state"):
