@@ -364,6 +364,14 @@ class ActionReader:
     # --- links
 
     def _new_graph(self, nodes: Sequence[Node], edges: Sequence[Edge]) -> None:
+        linked = {end for edge in edges for end in (edge.source, edge.target)}
+        for node in nodes:
+            given = node.type or node.assignments or node.name in linked
+            if not given and self.scope.sees(node.name) and node.name not in self.scope.created:
+                message = f"`{node.name}` is there already: this creates nothing"
+                self.scope.warn(
+                    "no-creation", message, node.span, "write `create name : Class;`, or leave it out"
+                )
         there = {self.scope.key(arrow) for arrow in self.scope.arrows}
         for edge in edges:
             resolved = self.scope.edge(edge)

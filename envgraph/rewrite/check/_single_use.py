@@ -9,12 +9,12 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from envgraph.errors import Diagnostic, Severity, did_you_mean
-from envgraph.pattern import Block, Edge, LeftSide, Modification, Node, RightSide, Rule, Variable
+from envgraph.pattern import Block, Edge, LeftSide, Modification, Node, Parameter, RightSide, Rule, Variable
 from envgraph.rewrite.check._variables import is_named, mentioned, node_names, own_variables
 
 
 def used_once(rule: Rule) -> list[Diagnostic]:
-    """Warn of variables that one constraint mentions and nothing else.
+    """Warn of variables that one constraint mentions and nothing else, and of parameters that nothing mentions.
 
     Patterns are warned of all of them. In a rule it makes a difference what is named: a match has one for each value of
     its variables, and the objects of a condition differ from those around it. What remains are variables that a
@@ -23,8 +23,8 @@ def used_once(rule: Rule) -> list[Diagnostic]:
     given = {parameter.name for parameter in rule.parameters}
     given.update(name for group in rule.homomorphic for name in group)
     found: list[Diagnostic] = []
-    _part(rule.left, rule.blocks, rule.right, given, True, found)
-    return found
+    uses = _part(rule.left, rule.blocks, rule.right, given, True, found)
+    return found + [_unused(one) for one in rule.parameters if not uses[one.name] and one.direction != "out"]
 
 
 def _part(
@@ -74,6 +74,12 @@ def _names(data: Any) -> Iterator[str]:
         for field in fields(data):
             if field.compare:
                 yield from _names(getattr(data, field.name))
+
+
+def _unused(parameter: Parameter) -> Diagnostic:
+    message = f"parameter `{parameter.name}` is used nowhere: the rule matches once for each of its values"
+    hint = "leave it out, or name it in the left side"
+    return Diagnostic("unused-parameter", message, parameter.span, hint, Severity.WARNING)
 
 
 def _quantified(variable: Variable) -> Diagnostic:
