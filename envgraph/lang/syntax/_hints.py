@@ -102,8 +102,13 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
             return f"a number has a range: write `in 0..{lexemes[index + 2].value}`"
         if word == "%" and grammar.accepts(states, signs[":"]):
             return f"a probability is a number from 0 to 1: write `{float(before[1]) / 100:g}`"
+    if before[1] == "=" and word == ">":
+        return "write `>=`"
     if "neg" not in keywords:
         return None
+    changing = grammar.accepts(states, signs["->"]) and not grammar.accepts(states, signs["=="])
+    if word == "." and before[0] in ("{", ";") and changing:
+        return f"write `set {before[1]}.{after} = ..`"
     if "unit" in keywords and after == ":" and grammar.accepts(states, signs["{"]) and word[0].isdigit():
         return f"alternatives have weights, at their rules: write `@weight({word})` before the `rule`"
     if "unit" in keywords and before[1] in _STEPS and word in (";", "|", "("):
