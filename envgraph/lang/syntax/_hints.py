@@ -106,9 +106,6 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
         return "write `>=`"
     if "neg" not in keywords:
         return None
-    changing = grammar.accepts(states, signs["->"]) and not grammar.accepts(states, signs["=="])
-    if word == "." and before[0] in ("{", ";") and changing:
-        return f"write `set {before[1]}.{after} = ..`"
     if "unit" in keywords and after == ":" and grammar.accepts(states, signs["{"]) and word[0].isdigit():
         return f"alternatives have weights, at their rules: write `@weight({word})` before the `rule`"
     if "unit" in keywords and before[1] in _STEPS and word in (";", "|", "("):
@@ -147,4 +144,6 @@ def habit(grammar: Grammar, states: list[int], lexemes: Sequence[Lexeme], index:
         if before[1][:1].isupper():
             return f"a literal of an enum is written `{before[1]}::{after}`"
         return "a feature is read in `check(..)`, in `eval(..)`, or by a path"
+    if word == "." and home == "query" and before[0] in ("{", ";") and grammar.accepts(states, signs["->"]):
+        return f"write `set {before[1]}.{after} = ..`"
     return None
