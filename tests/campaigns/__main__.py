@@ -11,13 +11,14 @@ import sys
 import time
 from collections.abc import Iterator
 
-from tests.campaigns import disks, encodings, kills, programs, readers, stores
+from tests.campaigns import disks, encodings, environments, kills, programs, readers, stores
 from tests.campaigns.cases import Outcome, explore
 
 CAMPAIGNS = {
     "readers": readers,
     "encodings": encodings,
     "programs": programs,
+    "environments": environments,
     "stores": stores,
     "kills": kills,
     "disks": disks,

@@ -8,7 +8,7 @@ from envgraph.behaviour import Agent, Behaviour, EachStep, RuleCall
 from envgraph.code import dataclass
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.match.plan import CallGraph
-from envgraph.metamodel import Attribute, Metamodel, Reference
+from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import (
     Absence,
     AggregateAtom,
@@ -74,6 +74,8 @@ def _check(plan: RulePlan, call: RuleCall) -> None:
         if there:
             raise NotCompiled(f"{construct} (`{plan.name}`)", body.span or call.span)
     for change in body.sets:
+        if isinstance(change, Increase) and change.attribute.type is Scalar.STRING:
+            raise NotCompiled(f"strings that a rule puts together (`{plan.name}`)", change.span)
         if isinstance(change, SetValues | ChangeTargets) or _many_valued(change):
             raise NotCompiled(f"many values that a rule sets (`{plan.name}`)", change.span)
 
@@ -179,7 +181,8 @@ class _Found:
         """An object enters a container: it leaves another."""
         assert content is not None
         for reference in self.metamodel.references:
-            if reference.containment and self.metamodel.overlap(content, reference.target):
+            fits = reference.containment and self.metamodel.overlap(content, reference.target)
+            if fits or reference == entered:
                 opposite = self.metamodel.opposite(reference)
                 self.references.add(reference.index)
                 self.references.update(() if opposite is None else (opposite.index,))

@@ -242,9 +242,13 @@ class Effects:
         """Adds a link, unless it is there; both ends need room."""
         if isinstance(link, Rehome):
             source, reference, target = link.container, link.reference, link.node
-            self._check_contents(reference.target)
         else:
             source, reference, target = link.source, link.reference, link.target
+        opposite = self._facts.metamodel.opposite(reference)
+        if reference.containment:
+            self._check_contents(reference.target)
+        elif opposite is not None and opposite.containment:
+            self._check_contents(reference.owner)
         before = self._statements
         self._statements = []
         self._check_room(reference, self._slots[source], source, forward=True)
@@ -376,6 +380,9 @@ class Effects:
         assert cls is not None
         facts, node = self._facts, self._slots[delete.node]
         metamodel = facts.metamodel
+        concrete = metamodel.concrete(cls)
+        if not concrete:
+            return
         for reference in metamodel.references:
             opposite = metamodel.opposite(reference)
             if opposite is not None and opposite.index < reference.index:
@@ -384,12 +391,11 @@ class Effects:
                 self._drop(reference, node, cls, forward=True)
             if metamodel.overlap(cls, reference.target):
                 self._drop(reference, node, cls, forward=False)
-        concrete = metamodel.concrete(cls)
         attributes = {
             f.index: f
             for one in concrete
             for f in metamodel.features(one).values()
-            if isinstance(f, Attribute)
+            if isinstance(f, Attribute) and not f.many
         }
         for attribute in attributes.values():
             place, guard = facts.attribute_cell(attribute, node, sure=metamodel.is_a(cls, attribute.owner))

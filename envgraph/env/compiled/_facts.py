@@ -336,11 +336,13 @@ class Facts:
         """Where the links of a reference that changes are kept, and whether it is that reference and no opposite.
 
         Raises:
-            NotCompiled: both of its ends may have many.
+            NotCompiled: both of its ends may have many, or both are one.
         """
         opposite = self.metamodel.opposite(reference)
         if opposite is not None and (opposite.index < reference.index):
             return self.stored(opposite)[0], False
+        if opposite == reference:
+            raise NotCompiled(f"a reference that is its own opposite, and changes (`{reference}`)")
         at_target = reference.containment or (opposite is not None and not opposite.many)
         source, target = self._sizes.extent(reference.owner), self._sizes.extent(reference.target)
         if reference.many and not at_target:

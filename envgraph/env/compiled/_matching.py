@@ -425,6 +425,8 @@ class _Body:
 
     def _existence(self, plan: Plan) -> code.Expression:
         """Whether a plan has a solution: the call of a function."""
+        if not plan.steps:
+            return code.TRUE
         *first, last = plan.steps
         if isinstance(last.goal, CallAtom) and len(set(last.goal.arguments)) == len(last.goal.arguments):
             last = replace(last, binds=())  # which values it has makes no difference

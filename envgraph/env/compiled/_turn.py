@@ -155,6 +155,7 @@ class Writer:
                 tests += term.tests
                 if isinstance(term.type, ObjectType):
                     tests += [alive] if (alive := self.alive(term)) is not None else []
+                    tests += self._of_class(term, taken.type)
                 elif term.beyond is not None and taken.type is not Scalar.FLOAT:
                     wrong = code.joined("and", [*term.tests, term.beyond], True)
                     self.add(code.If(wrong, (failed(BEYOND), self.leave)))
@@ -176,6 +177,14 @@ class Writer:
         self.add(code.If(code.Operation("<", (done, ZERO)), (self.leave,)))
         terms = [named(local, type_) for local, type_ in zip(outputs, types, strict=True)]
         return Called(done, dict(zip(wanted.values(), terms, strict=True)))
+
+    def _of_class(self, term: Term, taken: StaticType | None) -> list[code.Expression]:
+        """Tests that an object is of the class of a parameter, where that is not sure."""
+        assert isinstance(term.type, ObjectType)
+        assert isinstance(taken, ObjectType)
+        if self.facts.metamodel.is_a(term.type.cls, taken.cls):
+            return []
+        return [self.facts.is_instance(term.value, taken.cls)]
 
     def _check_argument(self, argument: Expression, scope: Mapping[str, Term], term: Term) -> None:
         """An argument that fails is an error, unless it reads from an object that is gone."""

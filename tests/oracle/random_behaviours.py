@@ -1,0 +1,430 @@
+"""Random behaviours over the random metamodels, patterns and rules of the oracle.
+
+Rules and patterns are less wild than those of `rewriting_worlds`: mostly of constructs that can be compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from envgraph.behaviour import (
+    Action,
+    Agent,
+    Behaviour,
+    Branch,
+    Domain,
+    EachStep,
+    Observation,
+    ObserveAttribute,
+    ObserveFind,
+    ObserveObject,
+    ObserveRange,
+    OnFind,
+    OnReset,
+    RuleCall,
+    check_behaviour,
+)
+from envgraph.env.compiled import NotCompiled, program_of
+from envgraph.errors import EvaluationError, ResolutionError, Severity
+from envgraph.metamodel import Attribute, Class, EnumType, Metamodel, Reference, Scalar
+from envgraph.pattern import (
+    Binary,
+    Block,
+    Conditional,
+    Constant,
+    Create,
+    EnumLiteral,
+    Expression,
+    Library,
+    Merge,
+    Modification,
+    Navigation,
+    Negation,
+    ObjectType,
+    Parameter,
+    Pattern,
+    PatternCall,
+    RightSide,
+    Rule,
+    StaticType,
+    Term,
+    Unary,
+    Variable,
+)
+from envgraph.rewrite import Engine
+from tests.oracle.rewriting_smaller import mended
+from tests.oracle.rewriting_worlds import concrete, random_model, random_patterns, random_rule, state_of
+from tests.oracle.worlds import COLOUR, Dice, add, body, domain, edit, parameters, random_metamodel
+
+ENUM = COLOUR.name
+
+
+@dataclass(frozen=True)
+class BehaviourWorld:
+    """A family with a behaviour."""
+
+    engines: tuple[Engine, ...]
+    behaviour: Behaviour
+    refused: tuple[str, ...]
+    """What clauses had that is not compiled; they are left out."""
+
+
+def random_behaviour_world(seed: int) -> BehaviourWorld:
+    """What follows from a number."""
+    dice = Dice(seed)
+    metamodel = _tame(dice, random_metamodel(dice))
+    while not metamodel.references or not concrete(metamodel):
+        metamodel = _tame(dice, random_metamodel(dice))
+    model = random_model(dice, metamodel)
+    known = random_patterns(dice, metamodel)
+    library = Library(metamodel)
+    for number in range(dice.number(1, 3)):
+        own = parameters(dice, metamodel)
+        made = body(dice, metamodel, own, library.patterns, ())
+        add(library, [Pattern(f"q{number}", own, (made,))])
+    engine = Engine(model)
+    engine.add(*known, *library.patterns)
+    state = state_of(model)
+    for number in range(dice.number(2, 5)):
+        rule = mended(engine, _simple(dice, random_rule(dice, state, known, f"r{number}")))
+        if rule is not None:
+            engine.add(rule)
+    for node in state.classes:
+        model.set_object_name(int(node), f"n{node}")
+    engines = [engine]
+    for _ in range(dice.number(0, 2)):
+        other = engine.copy()
+        for _ in range(dice.number(1, 6)):
+            edit(dice, other.model)
+        engines.append(other)
+    builder = _Builder(dice, engines)
+    return BehaviourWorld(tuple(engines), builder.behaviour(), tuple(builder.refused))
+
+
+def _tame(dice: Dice, metamodel: Metamodel) -> Metamodel:
+    """The metamodel with fewer links that have many at both ends, and fewer attributes with many values."""
+    plain = {
+        reference.name
+        for reference in metamodel.references
+        if reference.many
+        and not reference.containment
+        and ((opposite := metamodel.opposite(reference)) is None or opposite.many)
+        and dice.chance(80)
+    }
+    classes = []
+    for cls in metamodel.class_list:
+        features: list[Attribute | Reference] = []
+        for feature in cls.features:
+            if (isinstance(feature, Attribute) and feature.many and dice.chance(80)) or feature.name in plain:
+                feature = replace(feature, upper=1)
+            features.append(feature)
+        classes.append(Class(cls.name, cls.abstract, cls.supertypes, tuple(features)))
+    return Metamodel(metamodel.name, tuple(classes), tuple(metamodel.enums.values()))
+
+
+def _simple(dice: Dice, rule: Rule) -> Rule:
+    """The rule without blocks that change something, and mostly without what it creates and merges."""
+    if dice.chance(3):
+        return rule
+    right = rule.right
+    if isinstance(right, Modification):
+        right = Modification(tuple(one for one in right.actions if not _makes(one)))
+    elif isinstance(right, RightSide):
+        old = {node.name for node in rule.left.nodes} | {
+            end for edge in rule.left.edges for end in (edge.source, edge.target)
+        }
+        right = replace(
+            right,
+            nodes=tuple(node for node in right.nodes if node.name in old),
+            actions=tuple(one for one in right.actions if not _makes(one)),
+        )
+    return replace(rule, blocks=tuple(_conditions(rule.blocks)), right=right)
+
+
+def _makes(action: object) -> bool:
+    return isinstance(action, Merge) or (isinstance(action, Create) and bool(action.nodes))
+
+
+def _conditions(blocks: Iterable[Block]) -> list[Block]:
+    return [one for one in blocks if one.kind in ("not", "require")]
+
+
+class _Builder:
+    """Adds clause after clause; one that is refused by the check is left out, and so is one that is not compiled.
+
+    Attributes:
+        refused: what is not compiled.
+    """
+
+    def __init__(self, dice: Dice, engines: Sequence[Engine]) -> None:
+        self._dice = dice
+        self._engines = engines
+        self._engine = engines[0]
+        self._metamodel = engines[0].model.metamodel
+        self._scope: dict[str, StaticType] = {}
+        self.refused: list[str] = []
+
+    def behaviour(self) -> Behaviour:
+        """All of it."""
+        dice, model = self._dice, self._engine.model
+        found = Behaviour("random", actions=(Action("wait", (Branch(1.0, RuleCall(None)),)),))
+        everywhere = [
+            node
+            for cls in concrete(self._metamodel)
+            for node in model.exact_extent(cls)
+            if all(one.model.alive(node) and one.model.class_of(node) == cls for one in self._engines)
+        ]
+        for _ in range(dice.number(0, 2)):
+            if everywhere:
+                node = dice.one(everywhere)
+                cls = dice.one(self._metamodel.supertypes(model.class_of(node)))
+                found = self._with(found, parameters=(*found.parameters, Parameter(f"n{node}", cls)))
+        self._scope = {one.name: ObjectType(one.type or "") for one in found.parameters}
+        found = self._clauses(found, dice.number(3, 9))
+        if dice.chance(35):
+            for number in range(dice.number(1, 2)):
+                found = self._agent(found, number)
+        for _ in range(dice.one([0, 0, 1, 2])):
+            call, _ = self._call(self._scope)
+            found = self._with(found, resets=(*found.resets, OnReset(call)))
+        return found
+
+    def _agent(self, found: Behaviour, number: int) -> Behaviour:
+        classes = [
+            cls for cls in self._metamodel.classes if all(one.model.extent(cls) for one in self._engines)
+        ]
+        if not classes:
+            return found
+        cls, outer = self._dice.one(classes), self._scope
+        self._scope = {**outer, f"me{number}": ObjectType(cls)}
+        rest = Action(f"rest{number}", (Branch(1.0, RuleCall(None)),))
+        block = Agent(f"me{number}", cls, (rest,))
+        found = self._with(found, agents=(*found.agents, block))
+        if found.agents and found.agents[-1] == block:
+            found = self._clauses(found, self._dice.number(1, 4), agent=True)
+        self._scope = outer
+        return found
+
+    def _clauses(self, found: Behaviour, count: int, agent: bool = False) -> Behaviour:
+        for number in range(count):
+            roll = self._dice.number(0, 9)
+            name = f"a{number}{'m' * len(found.agents) if agent else ''}"
+            owner: Behaviour | Agent = found.agents[-1] if agent else found
+            part: dict[str, object]
+            if roll < 4:
+                part = {"actions": (*owner.actions, self._action(name))}
+            elif roll < 7:
+                part = {"effects": (*owner.effects, self._effect())}
+            else:
+                observation = self._observation()
+                if observation is None:
+                    continue
+                part = {"observations": (*owner.observations, observation)}
+            if agent:
+                part = {"agents": (*found.agents[:-1], replace(owner, **part))}
+            found = self._with(found, **part)
+        return found
+
+    def _with(self, found: Behaviour, **changes: object) -> Behaviour:
+        """The behaviour with a clause more, if that is one that can be compiled."""
+        made = replace(found, **changes)  # type: ignore[arg-type]
+        problems = check_behaviour(made, self._engine)
+        if any(one.severity is Severity.ERROR for one in problems):
+            return found
+        try:
+            program_of(self._engine.copy(), made, native=False)
+        except NotCompiled as reason:
+            self.refused.append(reason.construct)
+            return found
+        except (EvaluationError, ResolutionError):
+            return found
+        return made
+
+    # --- clauses
+
+    def _action(self, name: str) -> Action:
+        dice = self._dice
+        domains: list[tuple[str, Domain]] = []
+        scope = dict(self._scope)
+        for number in range(dice.one([0, 0, 1, 1, 2])):
+            parameter = f"p{number}"
+            roll = dice.number(0, 5)
+            if roll < 4:
+                cls = dice.one(list(self._metamodel.classes))
+                domains.append((parameter, Domain(cls=cls)))
+                scope[parameter] = ObjectType(cls)
+            elif roll < 5:
+                domains.append((parameter, Domain(low=dice.number(-1, 0), high=dice.number(0, 2))))
+                scope[parameter] = Scalar.INT
+            else:
+                domains.append((parameter, Domain(enum=ENUM)))
+                scope[parameter] = COLOUR
+        branches, outputs = self._branches(scope)
+        return Action(
+            name,
+            branches,
+            tuple(domains),
+            self._reward({**scope, **outputs}) if dice.chance(60) else None,
+            self._reward(scope) if dice.chance(30) else None,
+        )
+
+    def _branches(self, scope: dict[str, StaticType]) -> tuple[tuple[Branch, ...], dict[str, StaticType]]:
+        dice = self._dice
+        call, outputs = self._call(scope)
+        if dice.chance(60):
+            return (Branch(1.0, call),), outputs
+        chances = dice.one([(0.5,), (0.3, 0.7), (0.1, 0.2, 0.3), (0.7, 0.2, 0.1), (0.0, 0.4)])
+        others = [RuleCall(None) if dice.chance(20) else self._call(scope)[0] for _ in chances[1:]]
+        made = zip(chances, (call, *others), strict=True)
+        return tuple(Branch(chance, one) for chance, one in made), {} if others else outputs
+
+    def _call(self, scope: dict[str, StaticType]) -> tuple[RuleCall, dict[str, StaticType]]:
+        dice, engine = self._dice, self._engine
+        if not engine.rules:
+            return RuleCall(None), {}
+        rule = dice.one(list(engine.rules))
+        arguments: list[Expression] = []
+        outputs: dict[str, StaticType] = {}
+        for taken in engine.signature(rule).parameters:
+            if taken.output:
+                outputs[f"o{len(outputs)}"] = taken.type or Scalar.INT
+                arguments.append(Variable(f"o{len(outputs) - 1}"))
+            else:
+                arguments.append(self._value(scope, taken.type or Scalar.INT, depth=1))
+        return RuleCall(rule, tuple(arguments)), outputs
+
+    def _effect(self) -> EachStep | OnFind:
+        dice = self._dice
+        if dice.chance(25):
+            apply = self._branches(self._scope)[0] if dice.chance(70) else ()
+            return EachStep(self._reward(self._scope) if not apply or dice.chance(40) else None, apply)
+        condition, free = self._condition(dice.chance(25))
+        scope = {**self._scope, **free}
+        call = None
+        if dice.chance(35):
+            call = self._call(scope)[0]
+        return OnFind(
+            condition,
+            self._reward(scope) if dice.chance(65) else None,
+            dice.one([None, None, None, "success", "failure"]),  # type: ignore[arg-type]
+            call,
+        )
+
+    def _condition(self, negative: bool) -> tuple[PatternCall | Negation, dict[str, StaticType]]:
+        dice = self._dice
+        pattern = dice.one([one for one in self._engine.library.patterns if not one.package])
+        arguments: list[Term] = []
+        free: dict[str, StaticType] = {}
+        for type_ in self._engine.library.parameter_types(pattern.qualified_name):
+            known = self._fitting(self._scope, type_)
+            roll = dice.number(0, 9)
+            if known and roll < 5:
+                arguments.append(Variable(dice.one(known)))
+            elif not isinstance(type_, ObjectType) and roll < 7:
+                arguments.append(self._literal(type_))
+            elif roll < 8 or negative:
+                arguments.append(Variable("_"))
+            else:
+                free[f"f{len(free)}"] = type_
+                arguments.append(Variable(f"f{len(free) - 1}"))
+        call = PatternCall(pattern.qualified_name, tuple(arguments))
+        return (Negation(call), {}) if negative else (call, free)
+
+    def _observation(self) -> Observation | None:
+        dice, scope = self._dice, dict(self._scope)
+        if dice.chance(35):
+            condition, _ = self._condition(False)
+            assert isinstance(condition, PatternCall)
+            return ObserveFind(condition, dice.one([None, 1, 3]))
+        each = None
+        if dice.chance(50):
+            each = Parameter("each", dice.one(list(self._metamodel.classes)))
+            scope = {"each": ObjectType(each.type or "")}
+        paths = [(path, type_) for path, type_ in self._paths(scope) if isinstance(path, Navigation)]
+        if not paths:
+            return None
+        path, type_ = dice.one(paths)
+        if isinstance(type_, ObjectType):
+            return ObserveObject(path, type_.cls, dice.chance(80), each)
+        if type_ is Scalar.INT:
+            return ObserveRange(path, dice.number(-1, 0), dice.number(1, 3), each)
+        return ObserveAttribute(path, each)
+
+    # --- values
+
+    def _fitting(self, scope: dict[str, StaticType], type_: StaticType) -> list[str]:
+        return [
+            name
+            for name, own in scope.items()
+            if own == type_
+            or (
+                isinstance(own, ObjectType)
+                and isinstance(type_, ObjectType)
+                and self._metamodel.overlap(own.cls, type_.cls)
+            )
+        ]
+
+    def _paths(self, scope: dict[str, StaticType], depth: int = 2) -> list[tuple[Expression, StaticType]]:
+        """What can be read from some names."""
+        found: list[tuple[Expression, StaticType]] = [
+            (Variable(name), type_) for name, type_ in scope.items()
+        ]
+        last = found
+        for _ in range(depth):
+            new: list[tuple[Expression, StaticType]] = []
+            for path, type_ in last:
+                if isinstance(type_, ObjectType):
+                    for feature in self._metamodel.features(type_.cls).values():
+                        if not feature.many:
+                            end = (
+                                ObjectType(feature.target) if isinstance(feature, Reference) else feature.type
+                            )
+                            new.append((Navigation(path, feature.name), end))
+            found, last = [*found, *new], new
+        return found
+
+    def _literal(self, type_: StaticType) -> Constant | EnumLiteral:
+        assert not isinstance(type_, ObjectType)
+        value = self._dice.one(domain(type_))
+        return EnumLiteral(type_.name, str(value)) if isinstance(type_, EnumType) else Constant(value)
+
+    def _value(self, scope: dict[str, StaticType], type_: StaticType, depth: int) -> Expression:
+        """An expression of a type."""
+        dice = self._dice
+        known = [path for path, own in self._paths(scope, depth) if own == type_]
+        if isinstance(type_, ObjectType):
+            known += [Variable(name) for name in self._fitting(scope, type_)] * 2
+            return dice.one(known or [Variable("nobody")])
+        if known and dice.chance(60):
+            return dice.one(known)
+        if dice.chance(30) and (test := self._test(scope)) is not None:
+            return Conditional(test, self._literal(type_), self._literal(type_))
+        if type_ is Scalar.INT and known and dice.chance(50):
+            return Binary(dice.one(["+", "-", "*", "/", "%"]), dice.one(known), self._literal(type_))
+        return self._literal(type_)
+
+    def _test(self, scope: dict[str, StaticType]) -> Expression | None:
+        dice = self._dice
+        paths = [one for one in self._paths(scope, 1) if isinstance(one[0], Navigation)]
+        if not paths:
+            return None
+        path, type_ = dice.one(paths)
+        if dice.chance(40):
+            return Binary(dice.one(["==", "!="]), path, Constant(None))
+        others = [one for one, own in paths if own == type_]
+        if isinstance(type_, ObjectType):
+            return Binary(dice.one(["==", "!="]), path, dice.one(others))
+        right = dice.one(others) if dice.chance(50) else self._literal(type_)
+        operators = ["==", "!=", "<", ">="] if type_ in (Scalar.INT, Scalar.FLOAT) else ["==", "!="]
+        return Binary(dice.one(operators), path, right)
+
+    def _reward(self, scope: dict[str, StaticType]) -> Expression:
+        dice = self._dice
+        if dice.chance(40):
+            return Constant(dice.one([1, -1, 0.1, 0.3, 2]))
+        type_ = dice.one([Scalar.INT, Scalar.FLOAT])
+        made = self._value(scope, type_, depth=2)
+        if dice.chance(30):
+            return Binary(dice.one(["+", "-", "*", "/", "%"]), made, self._value(scope, type_, depth=1))
+        return Unary("-", made) if dice.chance(10) else made

@@ -1,0 +1,17 @@
+"""Random behaviours, compiled and live: rewards, ends, observations, states and errors are equal, step by step."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.oracle.random_behaviours import random_behaviour_world
+from tests.profile import examples
+from tests.unit.env.side_by_side import step_side_by_side
+
+
+@settings(max_examples=examples(15))
+@given(st.integers(0, 2**48))
+def test_a_compiled_environment_does_what_the_live_one_does(seed: int) -> None:
+    world = random_behaviour_world(seed)
+    step_side_by_side(world.engines, world.behaviour, 40, native=False, seed=seed % 1000)
