@@ -14,11 +14,14 @@ from typing import Any
 from envgraph import __version__
 from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.env import TooManyStates
+from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument, did_you_mean, listed
 from envgraph.files import replace_file
 from envgraph.learn import (
     Curriculum,
     FamilyMember,
+    InProgram,
     Journal,
     TrainingSettings,
     fingerprint,
@@ -210,15 +213,30 @@ def _budgets(steps: str | None) -> list[int | None]:
 
 
 def _members(family: Family) -> list[FamilyMember]:
-    """The environments as tables; this enumerates their states."""
+    """The environments as tables, for which their states are visited; else in a compiled program."""
     order = str(family.domain.spec.curriculum.order or family.domain.spec.diversity.options["of"])
     with progress_bar("environments", len(family.members)) as advance:
         members = []
         for place, member in enumerate(family.members):
             advance(place, member.name)
-            states = family.explored(member)
-            members.append(FamilyMember(member.name, states.tabular, member.measures[order]))
+            try:
+                tabular = family.explored(member).tabular
+            except TooManyStates as error:
+                return _in_program(family, order, error)
+            members.append(FamilyMember(member.name, tabular, member.measures[order]))
     return members
+
+
+def _in_program(family: Family, order: str, error: TooManyStates) -> list[FamilyMember]:
+    """The environments in a compiled program; raises the error if there is none."""
+    try:
+        program = family.program(family.members)
+    except NotCompiled:
+        raise error from None
+    return [
+        FamilyMember(member.name, InProgram(program, number), member.measures[order])
+        for number, member in enumerate(family.members)
+    ]
 
 
 def _settings(family: Family, steps: int | None, seeds: int | None) -> TrainingSettings:

@@ -57,8 +57,8 @@ class TooManyStates(EvaluationError):
         super().__init__(
             f"environment `{behaviour.name}` has more than {limit} states",
             behaviour.span,
-            'raise the limit, or step without a table (`engine="compiled"` or `engine="live"`); where rules create '
-            "objects, states may have no end: keep a pool of objects, and a flag that says which are there",
+            'do without a table (`engine="compiled"`, `envgraph.learn.train_program`), or raise the limit; where rules '
+            "create objects, states may have no end: keep a pool of objects, and a flag that says which are there",
         )
 
 

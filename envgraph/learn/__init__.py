@@ -15,7 +15,7 @@ from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
 from envgraph.learn._intervals import mean_interval, wilson_interval
 from envgraph.learn._journal import Journal, fingerprint
-from envgraph.learn._programs import ProgramTraining, train_program
+from envgraph.learn._programs import InProgram, ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
 from envgraph.learn._settings import Epsilon, TrainingSettings
 from envgraph.learn._training import Curve, Training, available_backends, train_curriculum
@@ -38,6 +38,7 @@ __all__ = [
     "Evaluation",
     "Experiment",
     "FamilyMember",
+    "InProgram",
     "Journal",
     "Optimum",
     "ProgramTraining",

@@ -11,13 +11,15 @@ from joblib import Parallel, delayed
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
+from envgraph.env.compiled import Program
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, Kind, sequences
+from envgraph.learn._programs import InProgram, ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult
 from envgraph.learn._settings import TrainingSettings
 from envgraph.learn._stage import Table
 from envgraph.learn._training import Backend, Training, choose_backend, initial_values, prepare, train
-from envgraph.solve import evaluate
+from envgraph.solve import Evaluation, evaluate
 
 TRAINING, EVALUATION = 0, 1
 
@@ -28,12 +30,12 @@ class FamilyMember:
 
     Attributes:
         name: what curricula call it.
-        tabular: its table.
+        tabular: its table; or its place in a compiled program, where there are too many states for one.
         complexity: what the family is ordered by, where it is known; not used in training.
     """
 
     name: str
-    tabular: Tabular
+    tabular: Tabular | InProgram
     complexity: float | None = None
 
     def __post_init__(self) -> None:
@@ -156,7 +158,7 @@ def train_run(
     seed: int,
     *,
     backend: Backend = "auto",
-) -> tuple[RunResult, Training]:
+) -> tuple[RunResult, Training | ProgramTraining]:
     """One run of an experiment, with the agent that it trained; the result is the one in the experiment.
 
     Raises:
@@ -168,17 +170,72 @@ def train_run(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Prepared:
-    """A family made ready once for all its runs: a position for each name, a table for each position."""
+class _Tables:
+    """Tables of a family, made ready once for all runs."""
 
-    positions: dict[str, int]
     tables: tuple[Table, ...]
     target: Tabular
+
+    def run(
+        self,
+        stages: Sequence[int],
+        steps: Sequence[int],
+        settings: TrainingSettings,
+        seed: int,
+        backend: Backend,
+    ) -> tuple[Training, Evaluation]:
+        """Train on some of them, and evaluate on the last one."""
+        tables = [self.tables[stage] for stage in stages]
+        rng = _generator(seed, TRAINING, stages)
+        training = train(tables, settings, rng, steps, initial_values(tables[0], settings), backend)
+        rng = _generator(seed, EVALUATION, stages)
+        found = evaluate(training.q, self.target, settings.evaluation_episodes, settings.limit, rng)
+        return training, found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Programs:
+    """A family in a compiled program, by the numbers of its members there."""
+
+    program: Program
+    members: tuple[int, ...]
+
+    def run(
+        self,
+        stages: Sequence[int],
+        steps: Sequence[int],
+        settings: TrainingSettings,
+        seed: int,
+        backend: Backend,
+    ) -> tuple[ProgramTraining, Evaluation]:
+        """Train on some of them, and evaluate on the last one; there is one loop."""
+        members = [self.members[stage] for stage in stages]
+        rng = _generator(seed, TRAINING, stages)
+        training = train_program(self.program, settings, rng, members=members, steps=steps)
+        rng, episodes = _generator(seed, EVALUATION, stages), settings.evaluation_episodes
+        played = training.learner.play(self.members[-1], episodes, settings.limit, rng)
+        return training, Evaluation(*played, episodes, exact=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Prepared:
+    """A family made ready once for all its runs, and a position for each name."""
+
+    positions: dict[str, int]
+    ready: _Tables | _Programs
 
 
 def _prepare(family: Sequence[FamilyMember]) -> _Prepared:
     positions = {member.name: position for position, member in enumerate(family)}
-    return _Prepared(positions, prepare([member.tabular for member in family]), family[-1].tabular)
+    tables = [member.tabular for member in family if isinstance(member.tabular, Tabular)]
+    placed = [member.tabular for member in family if isinstance(member.tabular, InProgram)]
+    if not placed:
+        return _Prepared(positions, _Tables(prepare(tables), tables[-1]))
+    if tables or len({id(one.program) for one in placed}) > 1:
+        raise InvalidArgument("a family is in one program, or has a table of each member")
+    program = placed[0].program
+    program.functions("learn")  # compiled before threads ask for it
+    return _Prepared(positions, _Programs(program, tuple(one.member for one in placed)))
 
 
 _Task = tuple[_Prepared, Curriculum, TrainingSettings, int, Backend]
@@ -189,7 +246,8 @@ def _run_all(tasks: Sequence[_Task], workers: int, backend: Backend) -> Iterator
     if workers == 1:
         yield from (_run_result(*task) for task in tasks)
         return
-    parallel = partial(Parallel, n_jobs=workers, prefer="threads" if backend == "numba" else "processes")
+    threads = backend == "numba" or (tasks and isinstance(tasks[0][0].ready, _Programs))
+    parallel = partial(Parallel, n_jobs=workers, prefer="threads" if threads else "processes")
     try:
         pool = parallel(return_as="generator_unordered")
     except (
@@ -210,14 +268,10 @@ def _run_result(
 
 def _run(
     prepared: _Prepared, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
-) -> tuple[RunResult, Training]:
+) -> tuple[RunResult, Training | ProgramTraining]:
     stages = tuple(prepared.positions[stage] for stage in curriculum.stages)
     steps = [share * settings.steps_per_environment for share in curriculum.shares]
-    tables = [prepared.tables[stage] for stage in stages]
-    rng = _generator(seed, TRAINING, stages)
-    training = train(tables, settings, rng, steps, initial_values(tables[0], settings), backend)
-    rng = _generator(seed, EVALUATION, stages)
-    found = evaluate(training.q, prepared.target, settings.evaluation_episodes, settings.limit, rng)
+    training, found = prepared.ready.run(stages, steps, settings, seed, backend)
     result = RunResult(
         kind=curriculum.kind,
         label=curriculum.label,
@@ -232,7 +286,7 @@ def _run(
     return result, training
 
 
-def _generator(seed: int, role: int, stages: tuple[int, ...]) -> np.random.Generator:
+def _generator(seed: int, role: int, stages: Sequence[int]) -> np.random.Generator:
     """Independent streams for training and evaluation, for each seed and sequence of environments."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(role, *stages)))
 

@@ -6,7 +6,7 @@ The first line says what is being trained. A kill costs the line that was being 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields
 from hashlib import sha256
 from pathlib import Path
@@ -17,6 +17,7 @@ import numpy as np
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, spelling
 from envgraph.files import open_input, replace_file
+from envgraph.learn._programs import InProgram
 from envgraph.learn._results import RunResult
 from envgraph.learn._training import Curve
 
@@ -90,14 +91,24 @@ class Journal:
         self._found.setdefault((part, target), []).append(result)
 
 
-def fingerprint(tabulars: Mapping[str, Tabular], *settings: object) -> str:
+def fingerprint(tabulars: Mapping[str, Tabular | InProgram], *settings: object) -> str:
     """A hash of everything that the results of a training depend on: the environments by name, and the settings."""
     found = sha256(repr(spelling((tuple(tabulars), settings))).encode())
     for tabular in tabulars.values():
-        for field in fields(tabular):
-            value = getattr(tabular, field.name)
+        for value in _facts(tabular):
             found.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
     return found.hexdigest()
+
+
+def _facts(tabular: Tabular | InProgram) -> Iterator[Any]:
+    """All that an environment is."""
+    if isinstance(tabular, Tabular):
+        yield from (getattr(tabular, field.name) for field in fields(tabular))
+        return
+    program, member = tabular.program, tabular.member
+    arrays = program.arrays
+    yield from (program.source, program.action_names, program.observation_shape, arrays.offsets)
+    yield from (each[member] for each in (arrays.tables, arrays.floats, arrays.states, arrays.float_states))
 
 
 def _result(data: Mapping[str, Any]) -> RunResult:

@@ -16,6 +16,19 @@ from envgraph.learn._training import Curve, joined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class InProgram:
+    """An environment in a compiled program.
+
+    Attributes:
+        program: the compiled behaviour with its family.
+        member: number of the member there.
+    """
+
+    program: Program
+    member: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ProgramTraining:
     """An agent that was trained in a compiled environment.
 

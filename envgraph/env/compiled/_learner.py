@@ -121,8 +121,10 @@ class Learner:
         rows = zip(*(column.tolist() for column in curve), strict=True)
         return float(levels[0]), [(total, episodes, reached) for total, episodes, reached in rows]
 
-    def play(self, member: int, episodes: int, limit: int, rng: np.random.Generator) -> tuple[float, float]:
-        """Episodes of the best actions: how many of them succeed, from 0 to 1, and the mean sum of rewards.
+    def play(
+        self, member: int, episodes: int, limit: int, rng: np.random.Generator
+    ) -> tuple[float, float, float]:
+        """Episodes of the best actions: how many succeed, from 0 to 1, mean sum of rewards, and mean steps.
 
         Args:
             member: its number.
@@ -136,7 +138,7 @@ class Learner:
         if self.count + 1 >= len(self.keys):
             self._grow()
         with self._stream(rng) as stream:
-            how, successes, total = self._functions["follow"](
+            how, successes, total, steps = self._functions["follow"](
                 *self._world(member),
                 stream,
                 self._seen,
@@ -149,7 +151,7 @@ class Learner:
                 limit,
             )
         self._check(how)
-        return successes / episodes, total / episodes
+        return successes / episodes, total / episodes, steps / episodes
 
     def _world(self, member: int) -> tuple[Any, ...]:
         arrays = self._program.arrays

@@ -129,13 +129,13 @@ def learn(
 def follow(
     T, G, L, S, F, BITS, RI, RF, D, m, S0, F0, R, C, KEYS, HASHED, Q, OF_STATES, count, EPISODES, LIMIT
 ):  # fmt: skip
-    """Episodes of the best actions; how it ended, how many succeeded, and the total reward.
+    """Episodes of the best actions; how it ended, how many succeeded, the total reward, and all steps.
 
     What was never seen has equal values, so its best action is the first. Its key is written into the last row, and
     taken out of the hash table again.
     """
     K = places(L)
-    successes, total = 0, 0.0
+    successes, total, steps = 0, 0.0, 0
     for _ in range(EPISODES):
         D[0] = uniform(R, 0)
         reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
@@ -144,7 +144,7 @@ def follow(
             if S[0, 0] == 0 and not OF_STATES:
                 seen = look(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, C[0])
             if S[0, 0] != 0:
-                return WRONG, successes, total
+                return WRONG, successes, total, steps
             write_key(S, BITS, KEYS, count, seen, OF_STATES)
             key = number_of(KEYS, KEYS[:, :0], HASHED, count)
             action = 0
@@ -155,12 +155,13 @@ def follow(
             D[0] = uniform(R, 0)
             reward, ended = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
             if S[0, 0] != 0:
-                return WRONG, successes, total
+                return WRONG, successes, total, steps
             total += reward
+            steps += 1
             if ended != 0:
                 successes += ended == 1
                 break
-    return DONE, successes, total
+    return DONE, successes, total, steps
 
 
 def forget(KEYS, BITS, HASHED, row):

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from envgraph.cli import main
+from envgraph.env import Explored, TooManyStates
 from envgraph.learn import Journal, RunResult
-from envgraph.search import generate
+from envgraph.search import Family, Member, generate
 
 TRAIN = ("train", "forest", "--steps", "200,300", "--seeds", "2")
 AGENTS = 2 * (3 * 2 + 1 * 2)  # budgets x (a curriculum and two baselines, and the first environment) x seeds
@@ -141,3 +142,17 @@ def test_steps_are_all_that_an_agent_was_trained(run: Path, command: object) -> 
         ["baseline", "E1", "400"],
         ["baseline", "E2", "400"],
     ]
+
+
+def test_environments_with_too_many_states_are_trained_in_a_program(
+    run: Path, command: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("numba")
+
+    def refused(self: Family, member: Member, *, pictures: bool = False) -> Explored:
+        raise TooManyStates(self.behaviour, 1)
+
+    monkeypatch.setattr(Family, "explored", refused)
+    code, out, _ = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
+    assert code == 0 and "curriculum E1-E2" in out
+    assert (run / "training" / "300" / "runs.csv").is_file()

@@ -8,7 +8,16 @@ import pytest
 from envgraph.env import explore
 from envgraph.env.compiled import Learner, Rates, program_of
 from envgraph.errors import InvalidArgument
-from envgraph.learn import TrainingSettings, train_curriculum, train_program
+from envgraph.learn import (
+    FamilyMember,
+    InProgram,
+    TrainingSettings,
+    fingerprint,
+    run_experiment,
+    sequences,
+    train_curriculum,
+    train_program,
+)
 from envgraph.learn._stage import Stage
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
 
@@ -75,3 +84,22 @@ def test_what_does_not_fit_is_told() -> None:
         train_program(program, TrainingSettings(), rng, steps=[0])
     with pytest.raises(InvalidArgument, match='"observation" or "state"'):
         train_program(program, TrainingSettings(), rng, of="both")  # type: ignore[arg-type]
+
+
+def test_experiments_run_in_programs_and_do_not_depend_on_workers() -> None:
+    engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
+    engines = mutants(engine, behaviour, 2)
+    keys = family_keys(engines, behaviour)
+    program = program_of(engine, behaviour, engines, keys, native=False)
+    family = [FamilyMember(f"E{number + 1}", InProgram(program, number)) for number in range(2)]
+    settings = TrainingSettings(steps_per_environment=300, limit=30, seeds=2, evaluation_episodes=3)
+    curricula = sequences(["E1", "E2"], "full")
+    one = run_experiment(family, settings, curricula)
+    assert one.runs == run_experiment(family, settings, curricula, workers=2).runs
+    assert [run.steps for run in one.runs] == [600, 600]
+    assert all(0.0 <= run.success_rate <= 1.0 and 1 <= run.mean_length <= 30 for run in one.runs)
+    marks = [fingerprint({"E1": member.tabular}, settings) for member in family]
+    assert marks[0] != marks[1]
+    tables = [FamilyMember("E1", explore(engine, behaviour, keys).tabular), family[1]]
+    with pytest.raises(InvalidArgument, match="in one program"):
+        run_experiment(tables, settings, curricula)
