@@ -466,7 +466,9 @@ class _Body:
             case UnequalAtom(left, right):
                 self.block.test(code.Operation("!=", (self.source(left), self.source(right))))
             case Condition(expression, reads):
-                self._holds(self._term(expression, reads, Scalar.BOOL))
+                term = self._term(expression, reads, Scalar.BOOL)
+                for test in (*term.tests, term.value):
+                    self.block.test(test)
             case Valuation(expression, reads, result):
                 term = self._term(expression, reads, self.conjunction.types[result])
                 for test in term.tests:
@@ -488,10 +490,6 @@ class _Body:
                 self._call(goal, step)
             case _:
                 raise AssertionError(goal)
-
-    def _holds(self, term: Term) -> None:
-        for test in (*term.tests, term.value):
-            self.block.test(test)
 
     def _term(self, expression: Expression, reads: Sequence[tuple[str, int]], expected: StaticType) -> Term:
         names = {name: named(self.source(v), self.conjunction.types[v]) for name, v in reads}

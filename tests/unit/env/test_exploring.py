@@ -37,7 +37,7 @@ def test_too_many_states_are_an_error_that_leaves_the_engine_as_it_was() -> None
     engine, behaviour = loaded("action mint = mint(table, _)\naction turn = turn()")
     before = engine.model.state_hash()
     with pytest.raises(
-        EvaluationError, match=r"more than 50 states[\s\S]*hint: raise the limit.*where rules create"
+        EvaluationError, match=r"more than 50 states[\s\S]*hint: do without a table.*where rules create"
     ):
         enumerate_states(engine, behaviour, limit=50)
     assert engine.model.state_hash() == before
