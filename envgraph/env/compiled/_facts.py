@@ -13,6 +13,7 @@ from envgraph.env.compiled._layout import STATE, TOP, Layout, Text, bit, cell, p
 from envgraph.env.compiled._member import absent, missing
 from envgraph.env.compiled._refused import NotCompiled
 from envgraph.env.compiled._tables import (
+    WORD,
     AttributeColumn,
     Bits,
     ClassSet,
@@ -25,6 +26,7 @@ from envgraph.env.compiled._tables import (
     One,
     Places,
     Relation,
+    SetsOf,
     SourceColumn,
     Starts,
     TargetColumn,
@@ -122,6 +124,15 @@ class Stored:
         """The column."""
         kind = TargetColumn if self.at_source else SourceColumn
         return kind(self.reference, self.classes)
+
+
+@dataclass(frozen=True, slots=True)
+class WordOf:
+    """A word of a set, while the words of a group are looped over; `number` is its own."""
+
+    group: tuple[str, ...]
+    word: code.Local
+    number: code.Local
 
 
 class Facts:
@@ -278,28 +289,75 @@ class Facts:
         classes = (cls,) if exact else classes_below(self.metamodel, cls)
         if self.changes.fixed_class(cls, exact):
             return self.each(block, classes)[0]
-        groups = {self.changes.group_of(one) for one in classes}
-        (group,) = groups if len(groups) == 1 else (None,)
-        if group is not None:
-            return self._each_in_sets(block, group, [one for one in group if one in classes])
+        sets = self.sets(cls, exact)
+        if sets is not None:
+            return self.each_in(block, self.words(block, sets))
         wider = dict.fromkeys(each for one in classes for each in self.changes.group_of(one) or (one,))
         node, _ = self.each(block, tuple(wider))
         block.test(self.is_instance(node, cls, exact))
         return node
 
-    def _each_in_sets(self, block: code.Block, group: tuple[str, ...], classes: Sequence[str]) -> code.Local:
-        word, number, low, place = (self.module.fresh(prefix) for prefix in "wnlp")
-        block.loop(number, code.call("range", table(self.layout.offset(Words(group)))))
-        words = [cell(plus(self.layout.offset(ClassSet(group, one)), number)) for one in classes]
-        block.add(code.Assign(word, code.joined("|", words, 0)))
-        block.loop(self.module.fresh("_"), code.call("range", code.call("count_bits", word)))
-        block.add(code.Assign(low, code.Operation("&", (word, code.Operation("-", (word,))))))
-        block.add(code.Assign(word, code.Operation("^", (word, low))))
-        shifted = code.Operation("*", (number, code.Constant(32)))
-        block.add(code.Assign(place, plus(shifted, code.call("lowest_bit", low))))
+    def sets(self, cls: str, exact: bool) -> tuple[ClassSet, ...] | None:
+        """The sets whose union are the objects of a class, if all of it may change and within one group."""
+        classes = (cls,) if exact else classes_below(self.metamodel, cls)
+        groups = {self.changes.group_of(one) for one in classes}
+        (group,) = groups if len(groups) == 1 else (None,)
+        return None if group is None else tuple(ClassSet(group, one) for one in group if one in classes)
+
+    def words(
+        self,
+        block: code.Block,
+        sets: Sequence[ClassSet],
+        within: tuple[Keys, int, code.Expression] | None = None,
+    ) -> WordOf:
+        """What follows is done for each word of a union of sets.
+
+        Args:
+            block: where that stands.
+            sets: of one group.
+            within: a relation, the position of objects in it, and the place of the rows with known values: only they
+                are in the words.
+        """
+        group = sets[0].group
+        word, number = self.module.fresh("w"), self.module.fresh("n")
+        words = table(self.layout.offset(Words(group)))
+        block.loop(number, code.call("range", words))
+        united = code.joined("|", [cell(plus(self.layout.offset(one), number)) for one in sets], 0)
+        if within is not None:
+            keys, position, place = within
+            first = plus(
+                self.layout.offset(SetsOf(keys, position, group)), code.Operation("*", (place, words))
+            )
+            united = code.Operation("&", (united, table(plus(first, number))))
+        block.add(code.Assign(word, united))
+        return WordOf(group, word, number)
+
+    def each_in(self, block: code.Block, of: WordOf) -> code.Local:
+        """What follows is done for each object of a word."""
+        low = self.module.fresh("l")
+        block.loop(self.module.fresh("_"), code.call("range", code.call("count_bits", of.word)))
+        block.add(code.Assign(low, code.Operation("&", (of.word, code.Operation("-", (of.word,))))))
+        block.add(code.Assign(of.word, code.Operation("^", (of.word, low))))
         node = self.module.fresh("v", "object")
-        block.add(code.Assign(node, table(plus(self.layout.offset(Holders(group)), place))))
+        block.add(code.Assign(node, self._object(of, code.call("lowest_bit", low))))
         return node
+
+    def _object(self, of: WordOf, place: code.Expression) -> code.Expression:
+        first = code.Operation("*", (of.number, code.Constant(WORD)))
+        return table(plus(self.layout.offset(Holders(of.group)), first, place))
+
+    def nth_of(self, of: WordOf, number: code.Expression) -> code.Expression:
+        """Code for one of the objects of a word."""
+        return self._object(of, code.call("nth_bit", of.word, number))
+
+    def related(
+        self, relation: Relation, bound: Mapping[int, code.Expression], position: int
+    ) -> tuple[Keys, int, code.Expression] | None:
+        """For `words`: the objects in a column of the rows with known values; None if there is one at most."""
+        keys, rest = keys_of(relation, self.library, tuple(bound))
+        if rest or self.layout.functional(One(keys, (position,))):
+            return None
+        return keys, position, self._place(keys, bound)
 
     # --- attributes
 

@@ -80,11 +80,20 @@ def bit_at(place):
 
 
 def count_bits(word):
-    """How many bits of a word are set."""
-    word = word - ((word >> 1) & 0x55555555)
-    word = (word & 0x33333333) + ((word >> 2) & 0x33333333)
-    word = (word + (word >> 4)) & 0x0F0F0F0F
-    return ((word * 0x01010101) & 0xFFFFFFFF) >> 24
+    """How many bits of a word are set: in this form compilers know the instruction for it."""
+    one, two, four = U64(0x5555555555555555), U64(0x3333333333333333), U64(0x0F0F0F0F0F0F0F0F)
+    wide = U64(word)
+    wide = wide - ((wide >> U64(1)) & one)
+    wide = (wide & two) + ((wide >> U64(2)) & two)
+    wide = (wide + (wide >> U64(4))) & four
+    return np.int64((wide * U64(0x0101010101010101)) >> U64(56))
+
+
+def nth_bit(word, number):
+    """The place of a bit that is set, counted from the lowest one."""
+    for _ in range(number):
+        word &= word - 1
+    return lowest_bit(word & -word)
 
 
 def lowest_bit(low):

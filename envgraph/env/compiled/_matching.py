@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from enum import Enum, auto
 
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._changes import StaticPatterns
-from envgraph.env.compiled._facts import Facts, call
+from envgraph.env.compiled._facts import Facts, WordOf, call
 from envgraph.env.compiled._layout import BEYOND, RF, RI, TOP, D, entry, failed, plus
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._tables import Links, Matches, Reached, Relation
+from envgraph.env.compiled._tables import Keys, Links, Matches, Reached, Relation
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
 from envgraph.match.plan import CallGraph, Kind, Plan, Planner, Step, Unplannable, ViewKey, ViewPlan, call_key
 from envgraph.metamodel import Attribute, Scalar
@@ -71,6 +72,14 @@ class CountOf:
     sure: bool
 
 
+class Shape(Enum):
+    """How rows are found: without a loop, so that there is one at most; as the bits of words, in order; otherwise."""
+
+    ONE = auto()
+    WORDS = auto()
+    ROWS = auto()
+
+
 class Matching:
     """Writes functions that find matches.
 
@@ -87,7 +96,7 @@ class Matching:
         self.planner = planner
         self.static = static
         self.calls = calls
-        self._singles: dict[RowsOf, bool] = {}
+        self._shapes: dict[RowsOf, Shape] = {}
 
     def rows(self, key: ViewKey, sure: bool = True) -> str:
         """The function that writes rows from `top` on, sorted, each once, and returns their number."""
@@ -116,10 +125,21 @@ class Matching:
             then: what is done; it ends with a return.
             nothing: what is returned where there is no row.
         """
-        if self._single(key, True):
+        shape = self._shape(key, True)
+        number, row = self.module.fresh("n"), self.module.fresh("k")
+        if shape is Shape.ONE:
             found = self._bodies(key, given, True, lambda body: body.block.add(*then(body.values(key))))
             return (*found, nothing)
-        number, row = self.module.fresh("n"), self.module.fresh("k")
+        if shape is Shape.WORDS:
+            return (
+                *self._counted(key, given, True, number),
+                code.If(code.equal(number, code.Constant(0)), (nothing,)),
+                code.Assign(row, code.call("pick", D, number)),
+                *self._bodies(
+                    key, given, True, lambda body: body.nth(row, lambda: then(body.values(key))), words=True
+                ),
+                nothing,
+            )
         loads, values = self.loaded(key, row)
         return (
             *self._collected(key, given, True, number),
@@ -164,10 +184,12 @@ class Matching:
                 )
         return name
 
-    def _bodies(self, key: ViewKey, given: Sequence[code.Local], sure: bool, found: Found) -> code.Body:
+    def _bodies(
+        self, key: ViewKey, given: Sequence[code.Local], sure: bool, found: Found, *, words: bool = False
+    ) -> code.Body:
         block = code.Block()
         for each in self._view(key).bodies:
-            body = _Body(self, each.conjunction, block)
+            body = _Body(self, each.conjunction, block, words=words)
             place = block.place
             body.begin(key, given, sure)
             body.steps(each.plan.steps, found)
@@ -184,16 +206,28 @@ class Matching:
         except Unplannable:
             raise NotCompiled(f"`{key.pattern}`, asked without its inputs") from None
 
-    def _single(self, key: ViewKey, sure: bool) -> bool:
-        """Whether there is one match at most, for that it takes no loop to find it."""
+    def _shape(self, key: ViewKey, sure: bool) -> Shape:
+        """How rows are found."""
         question = RowsOf(key, sure)
-        if question not in self._singles:
-            looped: list[int] = []
+        if question not in self._shapes:
+            bodies: list[_Body] = []
             with self.module.trial():
                 given = [self.facts.local(type_) for type_ in self._given(key)]
-                self._bodies(key, given, sure, lambda body: looped.extend(body.looped))
-            self._singles[question] = len(self._view(key).bodies) == 1 and not looped
-        return self._singles[question]
+                self._bodies(key, given, sure, bodies.append, words=True)
+            shape, (first, *others) = Shape.ROWS, bodies
+            if not others and not first.looped:
+                shape = Shape.ONE
+            elif not others and first.word is not None and first.in_order(key) and self._view(key).distinct:
+                shape = Shape.WORDS
+            self._shapes[question] = shape
+        return self._shapes[question]
+
+    def _counted(
+        self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
+    ) -> code.Body:
+        """Statements that count rows of which none is repeated."""
+        counted = self._bodies(key, given, sure, lambda body: body.count(number), words=True)
+        return (code.Assign(number, code.Constant(0)), *counted)
 
     def _given(self, key: ViewKey) -> list[StaticType]:
         types = self.facts.library.parameter_types(key.pattern)
@@ -230,7 +264,7 @@ class Matching:
         return (*whole, code.Assign(number, in_order))
 
     def _rows(self, key: ViewKey, given: Sequence[code.Local], sure: bool) -> code.Body:
-        if not self._single(key, sure):
+        if self._shape(key, sure) is not Shape.ONE:
             return (*self._collected(key, given, sure, COUNT), code.Return(COUNT))
 
         def write(body: _Body) -> None:
@@ -299,12 +333,11 @@ class Matching:
         return (*found, code.Return(code.FALSE))
 
     def _count(self, key: ViewKey, given: Sequence[code.Local], sure: bool) -> code.Body:
-        if not (self._view(key).distinct or self._single(key, sure)):
+        if not (self._view(key).distinct or self._shape(key, sure) is Shape.ONE):
             name = self.rows(key, sure)
             self.module.uses(name, 1)
             return (code.Return(call(name, *given, top=plus(TOP, CAPACITY))),)
-        counted = self._bodies(key, given, sure, _counted)
-        return (code.Assign(COUNT, code.Constant(0)), *counted, code.Return(COUNT))
+        return (*self._counted(key, given, sure, COUNT), code.Return(COUNT))
 
 
 def _marked(top: code.Expression, node: code.Expression) -> code.Expression:
@@ -312,19 +345,19 @@ def _marked(top: code.Expression, node: code.Expression) -> code.Expression:
     return code.equal(entry(RI, plus(top, node), 1), code.Constant(1))
 
 
-def _counted(body: _Body) -> None:
-    body.block.add(code.Assign(COUNT, code.Constant(1), "+="))
-
-
 class _Body:
     """Writes the steps of one plan.
 
     Attributes:
         block: where they go.
-        looped: the variables that get their values from loops, from the outermost on; -1 for a loop without one.
+        looped: the variables that get their values from loops, from the outermost on; -1 for a loop without one, and
+            before those that come in another order than the ascending one.
+        word: if solutions are found a word at a time, that word; its objects are the values of the last variable.
     """
 
-    def __init__(self, matching: Matching, conjunction: Conjunction, block: code.Block) -> None:
+    def __init__(
+        self, matching: Matching, conjunction: Conjunction, block: code.Block, *, words: bool = False
+    ) -> None:
         self._matching = matching
         self._facts = matching.facts
         self.conjunction = conjunction
@@ -333,6 +366,8 @@ class _Body:
         self._names: dict[int, code.Expression] = {}
         self._sure: dict[int, set[str]] = {}
         self.looped: list[int] = []
+        self.word: WordOf | None = None
+        self._words = words
         self._depth: dict[int, int] = {}
         self._top: code.Expression = TOP
         self._levels = 0
@@ -341,6 +376,22 @@ class _Body:
         """Code for a call of a function, which may use the space behind the rows that are read here."""
         self._matching.module.uses(name, self._levels)
         return call(name, *values, top=self._top)
+
+    def count(self, number: code.Local) -> None:
+        """Count the solution, or those of the word."""
+        one = code.Constant(1) if self.word is None else code.call("count_bits", self.word.word)
+        self.block.add(code.Assign(number, one, "+="))
+
+    def nth(self, number: code.Local, then: Callable[[], code.Body]) -> None:
+        """Do something with the solution that has a number; what stands there ends with a return."""
+        assert self.word is not None
+        here = self._matching.module.fresh("n")
+        self.block.add(code.Assign(here, code.call("count_bits", self.word.word)))
+        node = self._names[self.looped[-1]]
+        assert isinstance(node, code.Local)
+        chosen = code.Assign(node, self._facts.nth_of(self.word, number))
+        self.block.add(code.If(code.Operation("<", (number, here)), (chosen, *then())))
+        self.block.add(code.Assign(number, here, "-="))
 
     def values(self, key: ViewKey) -> list[code.Expression]:
         """The values at the positions that are asked for."""
@@ -391,16 +442,71 @@ class _Body:
 
     def steps(self, steps: Sequence[Step], found: Found) -> None:
         """Write steps, and what is done with each solution."""
-        for step in steps:
+        todo = list(steps)
+        while todo:
             if self.block.full:
                 raise NotCompiled("too many loops inside each other")
             loops, known = self.block.loops, {*self._names}
-            self._step(step)
+            step = todo.pop(0)
+            goal = step.goal
+            within = self._among(step, todo[0]) if todo else None
+            if within is not None:
+                self._learn_all(goal)
+                goal = todo.pop(0).goal
+            if within is not None or (self._words and not todo and self._loops_over_sets(step)):
+                assert isinstance(goal, InstanceAtom)
+                self._in_sets(goal, within, last=not todo)
+            else:
+                self._step(step)
             new = [v for v in self._names if v not in known and v not in self._constants]
             if self.block.loops > loops:
-                self.looped += new or [-1]
+                searched = isinstance(step.goal, ClosureAtom) and not self._static(step.goal)
+                self.looped += [-1, *new] if searched or not new else new
             self._depth.update((variable, len(self.looped)) for variable in new)
         found(self)
+
+    def _loops_over_sets(self, step: Step) -> bool:
+        """Whether a step loops over the objects of a class that are a union of sets."""
+        goal = step.goal
+        return (
+            step.kind is Kind.LOOP
+            and isinstance(goal, InstanceAtom)
+            and not self._known(goal.variable)
+            and self._facts.sets(goal.cls, goal.exact) is not None
+        )
+
+    def _among(self, step: Step, following: Step) -> tuple[Keys, int, code.Expression] | None:
+        """Where a loop over what a table relates is followed by a test for a class that is a set: what is related."""
+        goal, test = step.goal, following.goal
+        if not (
+            step.kind is Kind.LOOP
+            and following.kind is Kind.TEST
+            and isinstance(goal, LinkAtom | CallAtom | ClosureAtom)
+            and isinstance(test, InstanceAtom)
+            and step.binds == (test.variable,)
+            and self._static(goal)
+            and self._facts.sets(test.cls, test.exact) is not None
+        ):
+            return None
+        variables = _arguments(goal)
+        if variables.count(test.variable) > 1:
+            return None
+        bound = {p: self.source(v) for p, v in enumerate(variables) if self._known(v)}
+        return self._facts.related(_relation(goal), bound, variables.index(test.variable))
+
+    def _in_sets(
+        self, goal: InstanceAtom, within: tuple[Keys, int, code.Expression] | None, *, last: bool
+    ) -> None:
+        """Loop over objects of a class that are a union of sets."""
+        sets = self._facts.sets(goal.cls, goal.exact)
+        assert sets is not None
+        word = self._facts.words(self.block, sets, within)
+        self._learn(goal.variable, ObjectType(goal.cls))
+        if last and self._words:
+            self.word = word
+            self._names[goal.variable] = self._facts.local(ObjectType(goal.cls))
+        else:
+            self._names[goal.variable] = self._facts.each_in(self.block, word)
 
     def _step(self, step: Step) -> None:
         goal = step.goal
@@ -518,9 +624,9 @@ class _Body:
             case _:
                 return self._matching.static.goal(goal)
 
-    def _look_up(self, relation: Relation, goal: Goal, step: Step) -> None:
+    def _look_up(self, goal: Goal, step: Step) -> None:
         """Rows of a table: values of the variables that the step binds."""
-        variables = _arguments(goal)
+        relation, variables = _relation(goal), _arguments(goal)
         bound = {p: self.source(v) for p, v in enumerate(variables) if self._known(v)}
         wanted: dict[int, int] = {}
         for position, variable in enumerate(variables):
@@ -530,7 +636,11 @@ class _Body:
         found = self._facts.look_up(self.block, relation, bound, list(wanted))
         for position, variable in wanted.items():
             self._give(variable, found[position])
-        for variable, type_ in zip(variables, relation.types(self._facts.library), strict=True):
+        self._learn_all(goal)
+
+    def _learn_all(self, goal: Goal) -> None:
+        """The classes of the objects in a row of a table."""
+        for variable, type_ in zip(_arguments(goal), _relation(goal).types(self._facts.library), strict=True):
             self._learn(variable, type_)
 
     def _instance(self, goal: InstanceAtom) -> None:
@@ -561,7 +671,7 @@ class _Body:
         if isinstance(reference, Attribute) or self._facts.changes.fixed_feature(reference):
             if isinstance(reference, Attribute) and not self._facts.changes.fixed_feature(reference):
                 raise NotCompiled(f"many values that change (`{reference}`)")
-            self._look_up(Links(reference), goal, step)
+            self._look_up(goal, step)
             return
         forward = self._known(source)
         near, far = (source, target) if forward else (target, source)
@@ -599,12 +709,7 @@ class _Body:
 
     def _call(self, goal: CallAtom | ClosureAtom, step: Step) -> None:
         if self._static(goal):
-            relation: Relation
-            if isinstance(goal, ClosureAtom):
-                relation = Reached(goal.step, goal.closure is Closure.STAR)
-            else:
-                relation = Matches(goal.pattern)
-            self._look_up(relation, goal, step)
+            self._look_up(goal, step)
             return
         if isinstance(goal, ClosureAtom):
             self._closure(goal)
@@ -683,7 +788,9 @@ class _Body:
         if len(steps) == 1 and steps[0].kind is Kind.TEST:
             steps = (replace(steps[0], kind=Kind.LOOP, binds=tuple(self._free(relation))),)
         if goal.column is None:
-            counted = self._inside(lambda body: body.steps(steps, _counted), COUNT, head)
+            counted = self._inside(
+                lambda body: body.steps(steps, lambda body: body.count(COUNT)), COUNT, head
+            )
             self._give(goal.result, counted)
         else:
             self._fold(goal, goal.column, steps)
@@ -704,7 +811,7 @@ class _Body:
                 first = code.equal(COUNT, code.Constant(0))
                 better = code.Operation("or", (first, code.Operation(operator, (value, folded))))
                 body.block.add(code.If(better, (code.Assign(folded, value),)))
-            _counted(body)
+            body.count(COUNT)
 
         nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
         head = (code.Assign(COUNT, code.Constant(0)), code.Assign(folded, nothing))
@@ -715,6 +822,18 @@ class _Body:
             self.block.test(code.Operation(">", (number, code.Constant(0))))
         value = code.Operation("/", (result, number)) if goal.function == "avg" else result
         self._give(goal.result, value)
+
+
+def _relation(goal: Goal) -> Relation:
+    """What a goal that asks nothing that changes asks for."""
+    match goal:
+        case LinkAtom(reference):
+            return Links(reference)
+        case CallAtom(pattern):
+            return Matches(pattern)
+        case ClosureAtom():
+            return Reached(goal.step, goal.closure is Closure.STAR)
+    raise AssertionError(goal)
 
 
 def _arguments(goal: Goal) -> tuple[int, ...]:

@@ -180,7 +180,9 @@ def _interpreted(source: str) -> dict[str, Any]:
     """The functions of a text, run by Python."""
     namespace: dict[str, Any] = {"__name__": "program"}
     code.define_text(source, "<program of envgraph>", namespace)
-    namespace.update(uniform=_uniform, hash_row=_hash_row, at=int)
+    namespace.update(
+        uniform=_uniform, hash_row=_hash_row, at=int, count_bits=lambda word: int(word).bit_count()
+    )
     return namespace
 
 

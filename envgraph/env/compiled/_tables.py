@@ -198,6 +198,28 @@ class Listed:
 
 
 @dataclass(frozen=True, slots=True)
+class SetsOf:
+    """Which objects of a group the rows with some values have in a column: as many words as a set of the group has."""
+
+    keys: Keys
+    position: int
+    group: tuple[str, ...]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        sizes = self.keys.sizes(stride)
+        objects = members(member, self.group)
+        bits = np.zeros((max(prod(sizes), 1), -(-len(objects) // WORD) * WORD), dtype=np.uint8)
+        rank = {number: place for place, number in enumerate(objects)}
+        for row in member.rows(self.keys.relation):
+            if row[self.position] in rank:
+                bits[self.keys.place(row, sizes), rank[int(row[self.position])]] = 1
+        packed = np.packbits(bits, axis=1, bitorder="little").ravel().view("<i4")
+        return [int(word) for word in packed]
+
+
+@dataclass(frozen=True, slots=True)
 class One:
     """The assumption that some values have one row at most."""
 
@@ -445,9 +467,8 @@ class Seats:
         return [node if self.of == "object" else block for node, block in seats]
 
 
-Table: TypeAlias = (
-    "Bits | Values | Starts | Listed | Places | Holders | HowMany | Words | Bound | Keyed | IndexOf | Seats"
-)
+OfRows: TypeAlias = "Bits | Values | Starts | Listed | SetsOf"
+Table: TypeAlias = "OfRows | Places | Holders | HowMany | Words | Bound | Keyed | IndexOf | Seats"
 Column: TypeAlias = "AttributeColumn | TargetColumn | SourceColumn | ClassSet"
 
 
