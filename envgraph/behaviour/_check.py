@@ -84,7 +84,8 @@ class _Checker(CallChecking, ViewChecking):
                 message = f"{who if agent else f'the agent of `{behaviour.name}`'} observes nothing"
                 self.report("no-observation", message, place, "write `observe ..`", Severity.WARNING)
         if behaviour.limit is not None and behaviour.limit < 1:
-            self.report("empty-range", f"a limit of {behaviour.limit} steps", span, "at least 1 step")
+            place = behaviour.limit_span or span
+            self.report("empty-range", f"a limit of {behaviour.limit} steps", place, "at least 1 step")
 
     @staticmethod
     def _who(behaviour: Behaviour, agent: Agent | None) -> tuple[str, Span | None]:

@@ -216,3 +216,4 @@ class Behaviour:
     doc: str | None = None
     span: Span | None = field(default=None, compare=False, repr=False)
     unread: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
+    limit_span: Span | None = field(default=None, compare=False, repr=False)

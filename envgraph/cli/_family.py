@@ -161,7 +161,7 @@ def import_family(
     file: Path, domain: str, name: str | None, directory: Path, force: bool, format: OutputFormat
 ) -> None:
     """Read a ga4cl file into a run, and print it."""
-    take(str(file), ("json",), "a ga4cl family, which is JSON")
+    take(str(file), ("json",), "a ga4cl family")
     source = read_source(DiskFiles(), str(file))
     path = _run_path(directory, name or file.stem)
     if force:

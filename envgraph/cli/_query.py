@@ -225,11 +225,10 @@ def _told(engine: Engine, application: Application) -> _Step:
 
 
 def _variable_types(engine: Engine, name: str) -> Mapping[str, StaticType | None]:
-    """The types of the variables of a match: of a pattern, or of the left side of a rule."""
+    """The types of the variables of a match: of a pattern, or of the left side of a rule; the engine refuses others."""
     with suppress(InvalidArgument):
         signature = engine.signature(name)
-        if signature.kind == "rule":
-            return {one.name: one.type for one in (*signature.parameters, *signature.variables)}
+        return {one.name: one.type for one in (*signature.parameters, *signature.variables)}
     return pattern_types(engine, name)
 
 

@@ -215,7 +215,9 @@ def _check_grid(
     if (len(variant.rows[0]), len(variant.rows)) != (width, height):
         size = f"{len(variant.rows[0])} x {len(variant.rows)}"
         message = f"`{variant.name}` is {size}, the model of the domain is {width} x {height}"
-        yield Diagnostic("bad-format", message, spans[0], "import it into a domain whose model has that size")
+        yield Diagnostic(
+            "bad-format", message, spans[0], "name a domain whose model has that size: `--domain DIRECTORY`"
+        )
         return
     for row, span in zip(variant.rows, spans, strict=True):
         for place, letter in enumerate(row):

@@ -135,7 +135,7 @@ class _Checker:
             message = f"there are several {what}s `{name}`"
             yield Diagnostic(f"ambiguous-{what}", message, span, f"write one of {full}")
             return
-        hint = did_you_mean(name, known) or self._elsewhere(name, what)
+        hint = self._elsewhere(name, what) or did_you_mean(name, known)
         hint = hint or name_hint(name, [one for one in known if "." not in one])
         hint = hint or f'none of the files has a {what}: name the one with it in `imports = [".."]`'
         yield Diagnostic(f"unknown-{what}", f"unknown {what} `{name}`", span, hint)

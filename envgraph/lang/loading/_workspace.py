@@ -77,7 +77,7 @@ class Workspace:
         self.raise_errors()
         texts = [text for text in self.models if name is None or text.name == name]
         if len(texts) > 1:
-            names = ", ".join(f"`{text.name}`" for text in texts)
+            names = ", ".join(f"`{text.name}` in {text.span.source.name}" for text in texts)
             raise InvalidArgument(f"there are several models: {names}")
         if texts:
             model = texts[0].model

@@ -103,6 +103,7 @@ def _behaviour(reading: Reading, tree: Tree[Token]) -> Behaviour:
         annotations=tuple(_annotation(reading, part) for part in trees(tree.children, "annotation")),
         doc=reading.parsed.doc(tree),
         span=reading.span(name),
+        limit_span=reading.span(limits[0]) if limits else None,
     )
     return replace(behaviour, unread=reading.all_lost() | {str(name)}) if reading.broken(tree) else behaviour
 

@@ -355,7 +355,8 @@ class _Checker:
                 self._error("wrong-arity", f"`{call.name}` needs arguments for {missing}", call.span, hint)
             return not required
         if len(call.arguments) != len(callee.parameters):
-            message = f"`{call.name}` takes {len(callee.parameters)} arguments, not {len(call.arguments)}"
+            count = len(callee.parameters)
+            message = f"`{call.name}` takes {count} argument{'s' * (count != 1)}, not {len(call.arguments)}"
             self._error("wrong-arity", message, call.span, hint)
             return False
         return True

@@ -128,12 +128,25 @@ class Catalog:
 
     def group(self, name: str) -> tuple[str, ...]:
         """Qualified names of the rules of a derivation; of the rule itself, for a rule; of the unit, for a unit."""
-        qualified = self.directory.resolve(name)
+        qualified = self.resolve(name)
         return self.members.get(qualified, (qualified,))
 
     def signature(self, name: str) -> Signature:
         """What a rule, unit or group is called with."""
-        return self.directory.signatures[self.directory.resolve(name)]
+        return self.directory.signatures[self.resolve(name)]
+
+    def resolve(self, name: str, what: str = "rule, unit or group") -> str:
+        """The qualified name of something that changes the model.
+
+        Raises:
+            InvalidArgument: an unknown name, or one of several things.
+        """
+        try:
+            return self.directory.resolve(name, what)
+        except InvalidArgument:
+            if not isinstance(name, str) or self.directory.candidates(name) or not self.library.resolve(name):
+                raise
+            raise InvalidArgument(f"`{name}` is a pattern, not a {what}", "it only finds matches") from None
 
     def prepare(self, rule: str) -> RuleRunner:
         """The fast, unchecked interface of a rule, for loops that apply it often.
@@ -141,7 +154,7 @@ class Catalog:
         Raises:
             InvalidArgument: an unknown rule.
         """
-        qualified = self.directory.resolve(rule, "rule")
+        qualified = self.resolve(rule, "rule")
         if qualified not in self.runners:
             kind = self.directory.signatures[qualified].kind
             raise InvalidArgument(f"`{rule}` is a {kind}, not a rule")
@@ -179,7 +192,7 @@ class Catalog:
 
     def _reached(self, name: str) -> list[str]:
         """Qualified names of a rule, unit or group, and of all that it calls."""
-        found = {self.directory.resolve(name): None}
+        found = {self.resolve(name): None}
         waiting = list(found)
         for one in waiting:
             fresh: Iterable[str] = self.members.get(one, ())

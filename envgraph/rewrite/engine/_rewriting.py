@@ -186,7 +186,7 @@ class Rewriting:
     def _apply(self, rule: str, match: Match | None, arguments: Mapping[str, object]) -> Application | None:
         runner = self._named.get(rule)
         if runner is None:
-            qualified = self._catalog.directory.resolve(rule)
+            qualified = self._catalog.resolve(rule)
             if qualified in self._catalog.members:
                 return self._apply_group(qualified, match, arguments)
             runner = self._named[rule] = self._catalog.prepare(rule)
@@ -294,7 +294,7 @@ class Rewriting:
             trace: tuple[Firing, ...] = (runner.apply_row(row),)
             gaps: Sequence[int] = ()
         else:
-            run = self._runs.execute(self._catalog.directory.resolve(name), {}, strict=True)[0]
+            run = self._runs.execute(self._catalog.resolve(name), {}, strict=True)[0]
             trace, gaps = tuple(run.firings), run.gaps
         if self._history.recorders:
             self._history.record(trace, gaps)

@@ -77,7 +77,7 @@ class Runs:
             RuleError: the matches of a `forall` are in conflict. The model is as before.
             EvaluationError: the step limit was reached, or a value could not be computed. The model is as before.
         """
-        qualified, arguments = self._catalog.directory.resolve(unit), bindings(bound, values)
+        qualified, arguments = self._catalog.resolve(unit), bindings(bound, values)
         if not self._events.active:
             with self._events.holding() or NOTHING:
                 return self._run_result(qualified, arguments)

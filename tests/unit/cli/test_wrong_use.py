@@ -244,3 +244,8 @@ def test_a_search_that_finds_too_little_says_so(refused: Call) -> None:
 def test_definitions_are_not_shown_but_checked(refused: Call) -> None:
     said = refused("show", QUERIES)
     assert f"`{QUERIES}` is no run, model or metamodel; `envgraph check {QUERIES}` reads it" in said
+
+
+def test_what_has_no_matches_is_called_by_its_kind(refused: Call) -> None:
+    message = refused("match", MODEL, RULES, "retypings")
+    assert "`retypings` is a group, which has no matches of its own; ask for one of its rules" in message

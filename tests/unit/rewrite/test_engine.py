@@ -111,6 +111,8 @@ def test_unknown_names_get_a_suggestion() -> None:
         made.run(None)  # type: ignore[arg-type]
     with pytest.raises(InvalidArgument, match="`u` is a unit, not a rule"):
         made.apply("u")
+    with pytest.raises(InvalidArgument, match="`following` is a pattern, not a rule, unit or group"):
+        made.apply("following")
     with pytest.raises(InvalidArgument, match="`u` is a unit, which has no matches of its own"):
         made.matches("u")
     with pytest.raises(InvalidArgument, match="unknown pattern or rule"):
