@@ -204,6 +204,16 @@ class BlockPlan:
         return sum(map(len, parts)) + len(self.sets)
 
     @property
+    def contended(self) -> bool:
+        """Whether objects that only values name may be changed otherwise, too."""
+        computed = {each.slot for each in self.computed if each.object}
+        named = [link.target for link in self.links]
+        for change in self.sets:
+            named += change.values if isinstance(change, SetTargets | ChangeTargets) else ()
+        others = sum(map(len, (self.unlinks, self.deletes, self.retypes, self.absorbs, self.moves)))
+        return not computed.isdisjoint(named) and (others > 0 or len(named) > 1)
+
+    @property
     def kept(self) -> tuple[int, ...]:
         """Slots of the objects that the block finds and does not delete."""
         gone = {delete.node for delete in self.deletes} | {absorb.absorbed for absorb in self.absorbs}

@@ -56,6 +56,7 @@ from envgraph.rewrite import Engine
 from tests.oracle.rewriting_smaller import mended
 from tests.oracle.rewriting_worlds import concrete, random_model, random_patterns, random_rule, state_of
 from tests.oracle.worlds import COLOUR, Dice, add, body, domain, edit, parameters, random_metamodel
+from tests.unit.env.side_by_side import family_keys
 
 ENUM = COLOUR.name
 
@@ -233,7 +234,8 @@ class _Builder:
         if any(one.severity is Severity.ERROR for one in problems):
             return found
         try:
-            program_of(self._engine.copy(), made, native=False)
+            keys = family_keys(self._engines, made)
+            program_of(self._engine.copy(), made, [one.copy() for one in self._engines], keys, native=False)
         except NotCompiled as reason:
             self.refused.append(reason.construct)
             return found

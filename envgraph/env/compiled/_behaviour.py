@@ -9,6 +9,7 @@ from math import prod
 
 from envgraph import code
 from envgraph.behaviour import (
+    MOST_VALUES,
     Action,
     Agent,
     Behaviour,
@@ -43,14 +44,16 @@ from envgraph.env.compiled._layout import (
 )
 from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._member import ranks
-from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._tables import Bound, IndexOf, Keyed, Seats
 from envgraph.env.compiled._terms import Term, named
 from envgraph.env.compiled._turn import END, NOTHING, ONE, TOTAL, ZERO, Turn, Writer
+from envgraph.errors import Span
 from envgraph.match.plan import CallGraph, LiveSizes, Planner
-from envgraph.metamodel import EnumType, Scalar
+from envgraph.metamodel import Attribute, EnumType, Scalar
 from envgraph.pattern import ObjectType, StaticType, check_expression
 from envgraph.rewrite import Engine
+from envgraph.rewrite.plans import Increase, RulePlan, SetValue
 
 SELF, ACTION = code.Local("self", "object"), code.Local("a", "int")
 SEEN, NEXT, INDEX = code.Local("C"), code.Local("j", "int"), code.Local("index", "int")
@@ -111,7 +114,7 @@ class _Program:
         library = engine.library
         plans = [plan_of(engine, one) for one in calls_of(behaviour) if one.rule is not None]
         self._changes = Changes.of(plans, self._metamodel)
-        self._check()
+        self._check(plans)
         calls = CallGraph(library)
         static = StaticPatterns(self._changes, library, calls)
         sizes = LiveSizes(library, engine.model.store)
@@ -119,12 +122,12 @@ class _Program:
         self._facts = Facts(self._module, layout, self._changes, library, sizes)
         self._matching = Matching(self._facts, Planner(library, calls, sizes, static), static, calls)
 
-    def _check(self) -> None:
+    def _check(self, plans: Sequence[RulePlan]) -> None:
         """See that indices of objects and agents stay what they are."""
         for cls in indexed_classes(self._behaviour, self._metamodel):
             for attribute in key_attributes(self._metamodel, cls):
                 if attribute.index in self._changes.written:
-                    raise NotCompiled(f"keys that change (`{attribute}`)")
+                    raise NotCompiled(f"keys that change (`{attribute}`)", _set_at(plans, attribute))
         for agent in self._behaviour.agents:
             if not self._changes.fixed_class(agent.cls):
                 raise NotCompiled(f"agents that may go (`{agent.variable}`)", agent.span)
@@ -142,6 +145,8 @@ class _Program:
         length = max(map(len, shapes))
         padded = [[*shape, *[1] * (length - len(shape))] for shape in shapes]
         shape = (*lead, *(max(sizes) for sizes in zip(*padded, strict=True)))
+        if prod(shape) > MOST_VALUES:
+            raise NotCompiled("too many observations")
         weights = [prod(shape[:place]) for place in range(len(shape))]
         self._facts_of_observations = self._layout.offset(Constants("components", (len(shape), *weights)))
         turns = [self._turn(number, block, numbered[number], names) for number, block in enumerate(blocks)]
@@ -365,10 +370,11 @@ class _Program:
             if blocks > 1:
                 self._see(writer, code.Constant(number))
             for observation, types in self._observations(block):
-                if isinstance(observation, ObserveFind):
-                    self._see_matches(writer, observation, types, scope)
-                else:
-                    self._see_path(writer, observation, types, scope)
+                with standing(observation.span):
+                    if isinstance(observation, ObserveFind):
+                        self._see_matches(writer, observation, types, scope)
+                    else:
+                        self._see_path(writer, observation, types, scope)
             padding = writer.module.fresh("i")
             rest = code.Assign(entry(SEEN, padding), ZERO)
             last = entry(L, self._facts_of_observations)
@@ -502,6 +508,13 @@ class _Program:
         places = tuple(literals.index(literal) for literal in sorted(literals))
         offset = self._layout.offset(Constants(("places", term.type.name), places))
         return entry(L, plus(offset, term.value))
+
+
+def _set_at(plans: Sequence[RulePlan], attribute: Attribute) -> Span | None:
+    """Where a rule sets an attribute."""
+    sets = (change for plan in plans for change in plan.body.sets)
+    kinds = (SetValue, Increase)
+    return next((one.span for one in sets if isinstance(one, kinds) and one.attribute == attribute), None)
 
 
 def _names(numbered: Sequence[Sequence[_Numbered]]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from envgraph.behaviour import Agent, Behaviour, EachStep, RuleCall
 from envgraph.code import dataclass
-from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.match.plan import CallGraph
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import (
@@ -69,6 +69,7 @@ def _check(plan: RulePlan, call: RuleCall) -> None:
         "variables of a rule that may stand for one object, where it changes several": (
             body.coinciding and body.operations > 1
         ),
+        "an object that only a value names, where a rule changes others": body.contended,
     }
     for construct, there in refused.items():
         if there:
@@ -114,7 +115,8 @@ class Changes:
         """
         found = _Found(metamodel)
         for plan in plans:
-            found.add(plan.body)
+            with standing(plan.body.span):
+                found.add(plan.body)
         return found.result()
 
     def fixed_class(self, name: str, exact: bool = False) -> bool:

@@ -55,6 +55,7 @@ class Effects:
     def write(self) -> code.Body:
         """All changes, in order; a refusal sets the error of the state."""
         body = self._body
+        self._identify()
         for unlink in body.unlinks:
             if unlink.required:
                 self._unless(self._linked(unlink.source, unlink.reference, unlink.target))
@@ -83,6 +84,18 @@ class Effects:
                 case _:
                     raise AssertionError(change)
         return tuple(self._statements)
+
+    def _identify(self) -> None:
+        """The rule is refused where what is deleted is also something else that the match has."""
+        for gone, other in self._body.identified:
+            self._unless(code.Operation("!=", (self._slots[gone], self._slots[other])))
+        for one, another in self._body.identified_links:
+            ends, others = (one.source, one.target), (another.source, another.target)
+            if one.reference != another.reference:
+                others = others[::-1]
+            pairs = zip(ends, others, strict=True)
+            same = [code.equal(self._slots[end], self._slots[other]) for end, other in pairs]
+            self._unless(code.inverse(code.joined("and", same, True)))
 
     def slot(self, number: int) -> code.Expression:
         """The value of a slot, after `write`."""
@@ -418,9 +431,7 @@ class Effects:
                 cleared = code.Assign(place, MISSING)
                 self._add(code.If(code.joined("and", guard, True), (cleared,)) if guard else cleared)
             else:
-                free = code.Operation(
-                    "or", (code.Operation("<", (place, code.Constant(0))), code.equal(place, node))
-                )
+                free = code.Operation("<", (place, code.Constant(0)))
                 self._unless(code.Choice(guard[0], free, code.TRUE) if guard else free)
                 cleared = code.Assign(place, MISSING)
                 self._add(code.If(guard[0], (cleared,)) if guard else cleared)
@@ -431,7 +442,6 @@ class Effects:
         if content or self._plan.lossy:
             block.add(code.Assign(place, MISSING))
         else:
-            block.test(code.Operation("!=", (holder, node)))
             block.add(failed(REFUSED), self._leave)
         self._add(*block.body())
 

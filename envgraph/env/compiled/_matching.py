@@ -11,7 +11,7 @@ from envgraph.code import dataclass
 from envgraph.env.compiled._changes import StaticPatterns
 from envgraph.env.compiled._facts import Facts, WordOf, call
 from envgraph.env.compiled._layout import BEYOND, RF, RI, TOP, D, entry, failed, plus
-from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._tables import Keys, Links, Matches, Reached, Relation
 from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
 from envgraph.match.plan import CallGraph, Kind, Plan, Planner, Step, Unplannable, ViewKey, ViewPlan, call_key
@@ -176,9 +176,9 @@ class Matching:
         name = self.module.named(question)
         if name is None:
             key = question.key
-            self._check_recursion(key.pattern)
             given = [self.facts.local(type_) for type_ in self._given(key)]
-            with self.module.writing():
+            with standing(self.facts.library.get(key.pattern).span), self.module.writing():
+                self._check_recursion(key.pattern)
                 name = self.module.keep(
                     question, self.module.add(prefix, given, write(key, given, question.sure))
                 )

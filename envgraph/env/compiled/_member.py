@@ -148,6 +148,11 @@ class Member:
         if not self._knows(pattern):
             self.engine.add(self._library.get(pattern))
         rows = self.engine.matcher.prepare(pattern, ())()
+        if any(
+            type_ is Scalar.STRING and any(row[place] not in self._strings for row in rows)
+            for place, type_ in enumerate(types)
+        ):
+            raise NotCompiled(f"strings that a query makes (`{pattern}`)", self._library.get(pattern).span)
         return [tuple(map(self.encoded, row, types)) for row in rows]
 
     def _knows(self, pattern: str) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
 
 from envgraph.errors import Span
 
@@ -19,6 +20,16 @@ class NotCompiled(Exception):
         self.construct = construct
         self.span = span
         super().__init__(construct)
+
+
+@contextmanager
+def standing(span: Span | None) -> Iterator[None]:
+    """Meanwhile what is not compiled stands there, if nobody knows better."""
+    try:
+        yield
+    except NotCompiled as reason:
+        reason.span = reason.span or span
+        raise
 
 
 class Misfit(Exception):

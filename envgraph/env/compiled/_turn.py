@@ -25,6 +25,7 @@ from envgraph.env.compiled._effects import Effects
 from envgraph.env.compiled._facts import call
 from envgraph.env.compiled._layout import BEYOND, TOP, D, failed, plus
 from envgraph.env.compiled._matching import CAPACITY, Matching
+from envgraph.env.compiled._refused import standing
 from envgraph.env.compiled._terms import Term, Terms, as_float, named
 from envgraph.match.plan import ViewKey
 from envgraph.metamodel import Scalar
@@ -219,7 +220,8 @@ class Writer:
         def change(found: Sequence[code.Expression]) -> code.Body:
             slots: dict[int, code.Expression] = {**given, **dict(zip(others, found, strict=True))}
             effects = Effects(self.facts, plan, [slots[p] for p in range(len(plan.variables))], refused)
-            changes = effects.write()
+            with standing(plan.body.span or rule.span):
+                changes = effects.write()
             return (*changes, code.Return(_listed(ONE, [effects.slot(places[name]) for name in wanted])))
 
         key = ViewKey(plan.body.pattern, positions, others)
@@ -349,7 +351,8 @@ class Turn:
         ]
         for effect, _ in self.effects:
             if isinstance(effect, EachStep) and effect.apply:
-                self._remember(writer.alternatives(effect.apply, self.scope).done)
+                with standing(effect.span):
+                    self._remember(writer.alternatives(effect.apply, self.scope).done)
         for position in range(len(self.effects) + 1):
             for number, (action, _) in enumerate(actions):
                 before = sum(1 for effect, _ in self.effects if stands_before(effect, action))
@@ -412,6 +415,10 @@ class Turn:
     # --- the judgement
 
     def _judge(self, effect: Effect, types: Types) -> None:
+        with standing(effect.span):
+            self._write_judgement(effect, types)
+
+    def _write_judgement(self, effect: Effect, types: Types) -> None:
         writer = self.writer
         if isinstance(effect, EachStep):
             if effect.reward is not None:

@@ -46,19 +46,9 @@ def effect_of(plan: RulePlan, model: Model, matcher: Matcher, report: Report) ->
         report(plan.name, link, model.describe(source), model.describe(target))
 
     body = plan.body
-    if body.nested or body.coinciding or _contended(body):
+    if body.nested or body.coinciding or body.contended:
         return _Staged(plan, model, matcher, again).apply
     return _straight(plan, model, again)
-
-
-def _contended(body: BlockPlan) -> bool:
-    """Whether objects that only values name may be changed otherwise, too."""
-    computed = {each.slot for each in body.computed if each.object}
-    named = [link.target for link in body.links]
-    for change in body.sets:
-        named += change.values if isinstance(change, SetTargets | ChangeTargets) else ()
-    others = len(body.unlinks) + len(body.deletes) + len(body.retypes) + len(body.absorbs) + len(body.moves)
-    return not computed.isdisjoint(named) and (others > 0 or len(named) > 1)
 
 
 # --- straight rules

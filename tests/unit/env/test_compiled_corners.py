@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from envgraph.env import Behaviour
+from envgraph.env.compiled import NotCompiled, program_of
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import mutants, opened, step_side_by_side
@@ -39,6 +40,7 @@ class Yard {
     refers Spot[0..1] west opposite east
     refers Man[0..2] men opposite at
     refers Spot[0..1] mark
+    string[*] marks
 }
 class Pit extends Spot
 
@@ -51,6 +53,7 @@ class Pit extends Spot
     refers Spot[0..1] at opposite men
     contains Item[0..2] bag
     refers Item[0..1] wants
+    refers Man[0..1] friend opposite friend
 }
 
 @key(id) class Item {
@@ -64,7 +67,7 @@ class Pit extends Spot
 }
 class Heavy extends Item
 
-class Box { contains Item[0..1] item int size = 1 }
+class Box { contains Item[0..1] item refers Spot[*] likes int size = 1 }
 """
 
 MODEL = """
@@ -765,3 +768,97 @@ def test_compiled_by_numba_too(name: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")
     engine, behaviour = written(tmp_path, CORNERS[name])
     step_side_by_side(mutants(engine, behaviour, 4), behaviour, 4 * STEPS, native=True)
+
+
+UP = "rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }\n"
+WED = "rule wed(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { set i.pair = j; } }\n"
+
+REFUSED = {
+    "blocks inside a rule": "lhs { m : Man; } forall { lhs { i : Item; } modify { set i.weight = 1.0; } }",
+    "objects that a rule creates": "lhs { y : Yard; } modify { create y -boxes-> b : Box; }",
+    "objects that a rule merges": "lhs { s : Item; t : Item; } modify { merge s <- t; }",
+    "strings that are put together": 'lhs { s : Spot; } modify { set s.tag = s.tag + "x"; }',
+    "strings that a rule puts together": 'lhs { s : Spot; } modify { set s.tag += "x"; }',
+    "keys that change": "lhs { s : Spot; } modify { set s.x += 1; }",
+    "many values that a rule sets": 'lhs { s : Spot; } modify { set s.marks = ["x"]; }',
+    "links with many at both ends that change": "lhs { b : Box; s : Spot; } modify { create b -likes-> s; }",
+    "a reference that is its own opposite": "lhs { m : Man; n : Man; } modify { set m.friend = n; }",
+    "containers that a rule deletes": "lhs { b : Box; } modify { delete b; }",
+    "containers that a rule moves": "lhs { y : Yard; b : Box; } modify { move b to y.boxes; }",
+    "containers that are set": "lhs { b : Box; i : Item; } modify { set b.item = i; }",
+    "a retyping that changes what an object has": "lhs { b : Box; } modify { retype b : Item; }",
+    "a product of products": "lhs { s : Spot; } modify { set s.n = s.n * s.n * s.n; }",
+    "the function `ceil`": "lhs { s : Spot; } modify { set s.n = ceil(s.f); }",
+    "an object that only a value names": "lhs { i : Item; j : Item; } modify { set i.pair = j.pair; set j.at = i.at; }",
+    "an int beyond 32 bits": "lhs { s : Spot; } modify { set s.n = 5000000000; }",
+}
+
+
+@pytest.mark.parametrize("construct", REFUSED)
+def test_what_rules_have_and_is_not_compiled_is_named_with_its_place(construct: str, tmp_path: Path) -> None:
+    rule = f"rule wrong {{ {REFUSED[construct]} }}"
+    corner = Corner(rule, "action wrong = wrong()\nobserve adam.at among Spot or none")
+    refused = refusal(tmp_path, corner)
+    assert refused.construct.startswith(construct)
+    assert refused.span is not None
+    assert "yard.rules:3:" in str(refused.span)
+
+
+REFUSED_ELSEWHERE = {
+    "the unit `twice`": (
+        "yard.environment",
+        Corner(UP + "unit twice(s : Spot) { up(s); up(s); }", "action up(s : Spot) = twice(s)"),
+    ),
+    "recursion over what changes": (
+        "yard.query",
+        Corner(
+            WED,
+            "action wed(i : Item, j : Item) = wed(i, j)\non find after(i, j) reward 1",
+            "pattern after(i : Item, j : Item) { Item.pair(i, j); } or { Item.pair(i, k); find after(k, j); }",
+        ),
+    ),
+    "strings that a query makes": (
+        "yard.query",
+        Corner(
+            UP + "rule read(out t : string) { lhs { find long(t); } modify { } }",
+            'action read = read(t) reward t == "bx" ? 1 : 2',
+            'pattern long(t : string) { Spot.tag(_, u); t == eval(u + "x"); }',
+        ),
+    ),
+    "agents that may go": (
+        "yard.environment",
+        Corner(
+            "rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }",
+            "agent i : Item { action kill = kill(i)\n observe i.kind }",
+            head="",
+        ),
+    ),
+    "agents that a model has none of": (
+        "yard.environment",
+        Corner(
+            UP,
+            "action up(s : Spot) = up(s)\nagent p : Pit { }\nagent m : Man { observe m.kind }",
+            head="",
+            model=MODEL.replace("s2 : Pit", "s2 : Spot"),
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("construct", REFUSED_ELSEWHERE)
+def test_what_behaviours_have_and_is_not_compiled_is_named_with_its_place(
+    construct: str, tmp_path: Path
+) -> None:
+    file, corner = REFUSED_ELSEWHERE[construct]
+    refused = refusal(tmp_path, corner)
+    assert refused.construct.startswith(construct)
+    assert refused.span is not None
+    assert file in str(refused.span)
+
+
+def refusal(folder: Path, corner: Corner) -> NotCompiled:
+    """What keeps a corner from being compiled."""
+    engine, behaviour = written(folder, corner)
+    with pytest.raises(NotCompiled) as caught:
+        program_of(engine, behaviour, native=False)
+    return caught.value
