@@ -101,10 +101,6 @@ class Effects:
         """The value of a slot, after `write`."""
         return self._slots[number]
 
-    def type_of(self, number: int) -> StaticType | None:
-        """The type of a computed slot."""
-        return self._types[number]
-
     # --- statements
 
     def _add(self, *statements: code.Statement) -> None:
