@@ -20,7 +20,7 @@ from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean, listed, name_hint, with_article
 from envgraph.files import replace_file
 from envgraph.graph import Model, Node, model_from_json
-from envgraph.lang import Workspace
+from envgraph.lang import Workspace, bundled_domains
 from envgraph.metamodel import Attribute, EnumType, Scalar, Value, type_name
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite import Application, Engine, Firing, RunResult, Signature, trace_to_text
@@ -66,6 +66,9 @@ def open_both(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> tu
     """`open_engine`, and what the files say."""
     if inputs.variant is None:
         take(model, (*MODELS, "toml"), A_MODEL)
+        if not Path(model).exists() and "." not in Path(model).name and model not in bundled_domains():
+            hint = "of a run or family, say which environment: `--variant E1`"
+            raise InvalidArgument(f"`{model}` is no file", hint)
     if not Path(definitions).exists() and "." not in Path(definitions).name:
         hint = "the model comes first, then the file with the rules or patterns, then the name of one"
         raise InvalidArgument(f"`{definitions}` is no file: {hint}")

@@ -249,3 +249,9 @@ def test_definitions_are_not_shown_but_checked(refused: Call) -> None:
 def test_what_has_no_matches_is_called_by_its_kind(refused: Call) -> None:
     message = refused("match", MODEL, RULES, "retypings")
     assert "`retypings` is a group, which has no matches of its own; ask for one of its rules" in message
+
+
+def test_the_environment_of_a_run_is_asked_for(refused: Call) -> None:
+    assert "`h3` is no file; of a run or family, say which environment: `--variant E1`" in refused(
+        "match", "h3", QUERIES, "burningTile"
+    )
