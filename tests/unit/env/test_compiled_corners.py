@@ -106,6 +106,27 @@ pattern step(a : Spot, way : Way, b : Spot) {
 }
 """
 
+MUTATIONS = """
+rule newItem {
+    lhs { y : Yard; s : Spot; last == max Item.id(_, #); }
+    modify { create y -items-> i : Item { id = last + 1, at = s }; }
+}
+rule newHeavy {
+    lhs { m : Man; last == max Item.id(_, #); }
+    modify { create m -bag-> i : Heavy { id = last + 1, tag = "b" }; }
+}
+rule newSpot {
+    lhs { y : Yard; s : Spot; last == max Spot.x(_, #); neg Spot.east(s, _); }
+    modify { create y -spots-> t : Spot { x = last + 1, kind = ::mole, west = s }; }
+}
+rule newBox { lhs { y : Yard; } modify { create y -boxes-> b : Box { size = 3 }; } }
+@semantics(spo) rule noItem { lhs { i : Item; check i.id == 0 || i.id > 3; } modify { delete i; } }
+rule moved { lhs { m : Man; s : Spot; } modify { set m.at = s; } }
+rule changed { lhs { s : Spot; }
+    modify { set s.kind = ::zebra; set s.n = s.x; set s.maybe = none; set s.tag = "d"; } }
+"""
+"""What members of a family differ by."""
+
 
 @dataclass(frozen=True)
 class Corner:
@@ -123,7 +144,7 @@ def written(folder: Path, corner: Corner) -> tuple[Engine, Behaviour]:
     texts = {
         "yard.metamodel": METAMODEL,
         "yard.query": f'package yard\nimport "yard.metamodel"\n{STEP}{corner.query}',
-        "yard.rules": f'package yard\nimport "yard.query"\n{corner.rules}',
+        "yard.rules": f'package yard\nimport "yard.query"\n{corner.rules}\n{MUTATIONS}',
         "yard.model": corner.model,
         "yard.environment": 'import "yard.query"\nimport "yard.rules"\n\n'
         f"environment Corner({corner.head}) {{\n{corner.behaviour}\n}}\n",
@@ -158,7 +179,6 @@ CORNERS = {
         observe count find alive(_) up to 9
         observe i.at among Spot or none for i : Item
         observe i.kind for i : Item
-        observe i.pair among Item or none for i : Item
         observe adam.wants among Item or none
         """,
         "pattern alive(i : Item) { Item(i); }",
@@ -750,6 +770,121 @@ CORNERS = {
         pattern two(s : Spot) { Spot(s); 2 == count Item.at(_, s); }
         or { Spot(s); Spot.n(s, n); n == count find most(s, _); }
         pattern none() { 0 == count find most(_, _); } or { neg find two(_); }
+        """,
+    ),
+    "retyping within a family of classes": Corner(
+        """
+        rule dig(s : Spot) { lhs { s : Spot; } modify { retype s : Pit; } }
+        rule fill { lhs { p : Pit; } modify { retype p : Spot; } }
+        rule fall(m : Man) { lhs { m -at-> p : Pit; } modify { set m.hunger -= 1; } }
+        """,
+        """
+        action dig(s : Spot) = dig(s) reward 1 else reward -1
+        action fill = fill() reward 1 else reward -1
+        action only(p : Pit) = dig(p) reward 0.5 else reward -0.5
+        each step apply 0.5: fall(adam)
+        on find pits(n) reward n * 0.1
+        on find dry(s) reward s.f
+        on neg find inPit(adam) reward 0.3
+        observe p.kind for p : Pit
+        observe count find dry(_) up to 3
+        observe adam.at among Spot or none
+        """,
+        """
+        pattern pits(n : int) { n == count Pit(_); }
+        pattern dry(s : Spot) { Spot(s); neg Pit(s); }
+        pattern inPit(m : Man) { Man.at(m, p); Pit(p); }
+        """,
+    ),
+    "observed among a class that objects leave": Corner(
+        """
+        rule dig(s : Spot) { lhs { s : Spot; } modify { retype s : Pit; } }
+        rule fill(p : Pit) { lhs { p : Pit; } modify { retype p : Spot; } }
+        """,
+        """
+        action dig(s : Spot) = dig(s)
+        action fill(p : Pit) = fill(p)
+        observe m.at among Pit or none for m : Man
+        observe s.east among Spot or none for s : Pit
+        """,
+    ),
+    "two clauses and the order of rewards": Corner(
+        """
+        rule up(s : Spot) { lhs { s : Spot; } modify { set s.f = s.f * 1.1 + 0.1; } }
+        """,
+        """
+        on find spots(s) reward s.f
+        each step reward 0.1
+        action up(s : Spot) = up(s) reward 1e16
+        on find spots(s) reward 0.1 + s.f
+        each step reward -1e16
+        action down = nothing() reward 0.3
+        on find spots(s) reward s.f * 3
+        """,
+        "pattern spots(s : Spot) { Spot(s); }",
+    ),
+    "success and failure at once": Corner(
+        """
+        rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }
+        rule wild(s : Spot) { lhs { s : Spot; } modify { set s.n += 10; } }
+        """,
+        """
+        action up(s : Spot) = up(s)
+        on find over(s, 3) terminate success reward 1 apply wild(s)
+        on find over(s, 2) terminate failure
+        on find over(_, n) reward n
+        on find over(s0, _) reward 0.125
+        observe find over(s0, _)
+        observe find over(_, 4)
+        observe s.n in -1..3 for s : Spot
+        limit 13 steps
+        """,
+        "pattern over(s : Spot, n : int) { Spot.n(s, n); check(n > 0); }",
+        head="s0 : Spot",
+    ),
+    "conditions on rules": Corner(
+        """
+        rule light(m : Man) {
+            lhs { m -at-> s : Spot; }
+            not { s -east-> t : Spot; check t.lit; }
+            require { other : Man; check other.hunger > m.hunger - 1; not { other -at-> s; } }
+            modify { set s.lit = !s.lit; set m.hunger -= 1; }
+        }
+        rule eat(m : Man) { lhs { m -bag-> i : Item; neg find heavy(i); }
+            modify { set m.hunger += 2; set i.weight += 1.0; } }
+        rule walk(m : Man, way : Way) { lhs { m -at-> here : Spot; find step(here, way, there); }
+            modify { set m.at = there; } }
+        """,
+        """
+        action light(m : Man) = light(m) reward 1 else reward -1
+        action eat(m : Man) = eat(m) reward 1 else reward -1
+        action walk(m : Man, way : Way) = walk(m, way)
+        on find heavy(i) reward i.weight
+        """,
+        "pattern heavy(i : Item) { Item(i); check(i.weight > 2.0); neg Man.wants(_, i); }",
+    ),
+    "values shared between objects": Corner(
+        """
+        rule copy(a : Spot, b : Spot) { lhs { a : Spot; b : Spot; neg find alike(a, b); }
+            modify { set a.kind = b.kind; set a.n = b.n + a.n; set a.f = b.f; set a.lit = b.lit; } }
+        rule swap(a : Spot, b : Spot) { lhs { a : Spot; b : Spot; }
+            modify { set a.n = b.n; set b.n = a.n; set a.tag = b.tag; set b.tag = a.tag; } }
+        """,
+        """
+        action copy(a : Spot, b : Spot) = copy(a, b) reward 1 else reward -1
+        action swap(a : Spot, b : Spot) = swap(a, b)
+        on find alike(a, b) reward a.x - b.x
+        on find sameFloat(a, b, f) reward f
+        on find numbers(n) reward n
+        observe count find numbers(_) up to 3
+        observe count find values(_, _, _) up to 5
+        """,
+        """
+        pattern alike(a : Spot, b : Spot) { Spot.kind(a, k); Spot.kind(b, k); Spot.lit(a, l); Spot.lit(b, l);
+            a != b; }
+        pattern sameFloat(a : Spot, b : Spot, f : float) { Spot.f(a, f); Spot.f(b, f); a != b; }
+        pattern numbers(n : int) { Spot.n(_, n); } or { Man.hunger(_, n); }
+        pattern values(k : Kind, f : float, t : string) { Spot.kind(s, k); Spot.f(s, f); Spot.tag(s, t); }
         """,
     ),
 }
