@@ -11,7 +11,7 @@ import numpy as np
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, Tabular, indexed_classes
-from envgraph.env.compiled import explored
+from envgraph.env.compiled import Tables
 from envgraph.files import counting
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
@@ -112,6 +112,7 @@ class ShortestPlan:
     known: Callable[[Engine], Tabular | None] = lambda engine: None
     whole: ClassVar = True
     _last: tuple[int, Tabular] | None = field(default=None, init=False, repr=False, compare=False)
+    _tables: Tables | None = field(default=None, init=False, repr=False, compare=False)
 
     def evaluate(self, engine: Engine) -> float:
         """The number of steps from a start state of the model at which the engine stands."""
@@ -127,7 +128,9 @@ class ShortestPlan:
     def _visited(self, engine: Engine) -> Tabular:
         keys = KeyIndex.of(engine.model, indexed_classes(self.behaviour, engine.model.metamodel))
         with counting(f"states of {self.behaviour.name}") as progress:
-            return explored(engine, self.behaviour, keys, progress=progress).tabular
+            if self._tables is None:
+                self._tables = Tables(self.behaviour)
+            return self._tables.table(engine, keys, progress)
 
 
 def steps_to(tabular: Tabular, outcome: int) -> float:

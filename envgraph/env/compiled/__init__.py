@@ -5,7 +5,7 @@ dialect, with numbers in place of objects. A member of a family is a row of data
 """
 
 from envgraph.env.compiled._batch import Batch
-from envgraph.env.compiled._enumeration import enumerated, explored
+from envgraph.env.compiled._enumeration import Tables, enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._explanation import explanation
 from envgraph.env.compiled._learner import Learner, Rates
@@ -21,6 +21,7 @@ __all__ = [
     "Program",
     "Rates",
     "Streams",
+    "Tables",
     "enumerated",
     "explanation",
     "explored",

@@ -19,7 +19,7 @@ from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._listing import DONE, SPACE
 from envgraph.env.compiled._program import Program, has_numba, program_of
-from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 
@@ -71,6 +71,48 @@ def explored(
         program = program_of(engine, behaviour, keys=keys)
         return Explored(enumerated(program, limit=limit, progress=progress), ())
     return explore(engine, behaviour, keys, limit=limit, progress=progress)
+
+
+LIVE_VISITS: Final = 100
+"""Models whose states the live engine visits in the time that it takes to compile a program."""
+
+
+class Tables:
+    """The tables of many models with one behaviour, which an engine comes to one after the other.
+
+    Args:
+        behaviour: free of errors.
+    """
+
+    def __init__(self, behaviour: Behaviour) -> None:
+        self._behaviour = behaviour
+        self._visits = 0
+        self._program: Program | None = None
+        self._compiled = has_numba()
+
+    def table(self, engine: Engine, keys: KeyIndex, progress: Progress | None = None) -> Tabular:
+        """The table of the present model of an engine: that of `explore`; once it pays, a program makes it.
+
+        Raises:
+            EvaluationError, RuleError, ResolutionError: as `explore`.
+        """
+        self._visits += 1
+        if self._compiled and self._visits > LIVE_VISITS:
+            with suppress(NotCompiled):
+                self._program = self._over(engine, keys)
+                return enumerated(self._program, progress=progress)
+            self._compiled = False
+        return explored(engine, self._behaviour, keys, progress=progress).tabular
+
+    def _over(self, engine: Engine, keys: KeyIndex) -> Program:
+        """The last program over the present model, or another where that does not fit."""
+        if self._program is None:
+            return program_of(engine, self._behaviour, keys=keys)
+        try:
+            return self._program.over(engine, keys)
+        except Misfit as misfit:
+            broken = {*self._program.layout.broken, misfit.assumption}
+            return program_of(engine, self._behaviour, keys=keys, broken=broken)
 
 
 class _Visit:

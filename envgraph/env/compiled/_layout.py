@@ -96,7 +96,7 @@ class Layout:
     """
 
     def __init__(self, broken: Iterable[Hashable] = ()) -> None:
-        self._broken = set(broken)
+        self.broken = frozenset(broken)
         self._numbers: dict[Symbol, int] = {Stride(): 0}
         self._single: dict[tuple[str, ...], Single] = {}
 
@@ -116,14 +116,14 @@ class Layout:
     def single(self, classes: tuple[str, ...]) -> bool:
         """Whether every member has one object at most of some classes."""
         assumed = Single(classes)
-        if assumed in self._broken:
+        if assumed in self.broken:
             return False
         self._single[classes] = assumed
         return True
 
     def functional(self, assumed: One) -> bool:
         """Whether some values have one row at most, in every member."""
-        return assumed not in self._broken
+        return assumed not in self.broken
 
     def columns(self) -> list[tuple[Column, int]]:
         """The columns of states, each with the place in the vector of offsets that says where it begins."""

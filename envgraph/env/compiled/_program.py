@@ -6,6 +6,7 @@ import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -77,6 +78,23 @@ class Program:
         """Whether something in it may go wrong besides a lack of space."""
         return "= FAILED\n" in self.source or "= REFUSED\n" in self.source
 
+    def over(self, engine: Engine, keys: KeyIndex) -> Program:
+        """The program with another model as its only member.
+
+        Args:
+            engine: its model is the member.
+            keys: the indices of its objects.
+
+        Raises:
+            Misfit: it was written for other members; `program_of` writes another.
+        """
+        if keys != self.keys:
+            raise Misfit("keys")
+        strings = _numbered(strings_of(engine), self.layout)
+        member = Member(engine, keys, strings, engine.library)
+        arrays = self.layout.arrays([member], len(member.objects), strings)
+        return replace(self, arrays=arrays, members=(member,))
+
     def agent_names(self, number: int) -> tuple[str, ...]:
         """The names of a member's agents, in the order of their turns; () for a behaviour without agents."""
         member = self.members[number]
@@ -96,6 +114,7 @@ def program_of(
     keys: KeyIndex | None = None,
     *,
     native: bool | None = None,
+    broken: Iterable[Hashable] = (),
 ) -> Program:
     """Compile a behaviour.
 
@@ -105,6 +124,7 @@ def program_of(
         members: an engine for each member of the family, in its initial state; that one alone if None.
         keys: the indices of objects over the family; those of the first engine's model alone if None.
         native: whether to compile it with numba; None: if that is installed.
+        broken: assumptions that are not made, because other members do not meet them.
 
     Raises:
         NotCompiled: something in it only the live engine has.
@@ -114,20 +134,24 @@ def program_of(
     engines = [engine] if members is None else list(members)
     for each in engines:
         _check_agents(behaviour, each)
-    broken: set[Hashable] = set()
-    known = sorted({text for each in engines for text in strings_of(each)})
+    unmet = {*broken}
+    known = {text for each in engines for text in strings_of(each)}
     while True:
-        layout = Layout(broken)
+        layout = Layout(unmet)
         text = written(engine, behaviour, keys, layout)
-        texts = sorted({*known, *layout.texts})
-        strings = {one: number for number, one in enumerate(texts)}
+        strings = _numbered(known, layout)
         data = [Member(each, keys, strings, engine.library) for each in engines]
         try:
             arrays = layout.arrays(data, max(len(each.objects) for each in data), strings)
         except Misfit as misfit:
-            broken.add(misfit.assumption)
+            unmet.add(misfit.assumption)
             continue
         return _compiled(text, arrays, native, data, behaviour, keys)
+
+
+def _numbered(texts: Iterable[str], layout: Layout) -> dict[str, int]:
+    """The number of each string of a family and of its program."""
+    return {text: number for number, text in enumerate(sorted({*texts, *layout.texts}))}
 
 
 def has_numba() -> bool:

@@ -87,7 +87,7 @@ def test_a_constraint_and_a_measure_visit_the_states_of_a_model_once(monkeypatch
         visits.append(engine.model.state_hash())
         return explore(engine, *rest, **options)
 
-    monkeypatch.setattr("envgraph.search._measures.explored", counted)
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.explored", counted)
     monkeypatch.setattr("envgraph.search._tables.explored", counted)
     monkeypatch.delattr("envgraph.search._domain.can_end")
     domain = Domain.load("keydoor")

@@ -295,7 +295,9 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
 def test_check_generate_and_make_visit_the_states_of_the_initial_model_once(
     cache: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("envgraph.search._measures.explored", None)  # what would visit them each time
+    monkeypatch.setattr(
+        "envgraph.env.compiled._enumeration.explored", None
+    )  # what would visit them each time
     for _ in range(2):
         domain = Domain.load("keydoor")
         assert domain_problems(domain.spec, domain.workspace) == []
