@@ -10,7 +10,7 @@ from tests.profile import examples
 from tests.unit.env.side_by_side import step_side_by_side
 
 
-@settings(max_examples=examples(15))
+@settings(max_examples=examples(8))
 @given(st.integers(0, 2**48))
 def test_a_compiled_environment_does_what_the_live_one_does(seed: int) -> None:
     world = random_behaviour_world(seed)
