@@ -55,27 +55,35 @@ class Batch:
         self.ended = np.zeros(n, dtype=np.int64)
         self.cut = np.zeros(n, dtype=np.bool_)
         self._drawn = np.zeros(n)
-        space = space_of(program)
-        tables = tables_of(program)
-        draw = np.zeros(1)
-        self._world = (
-            tables,
-            arrays.floats,
-            arrays.offsets,
-            self.states,
-            self.float_states,
-            *space,
-            draw,
-            self.members,
-            arrays.states,
-            arrays.float_states,
-        )
         kept = 2 if program.may_fail else 0
         self._before = (
             np.zeros((kept, self.states.shape[1]), dtype=np.int64),
             np.zeros((kept, self.float_states.shape[1])),
         )
         self._streams = np.zeros((n, 4), dtype=np.uint64)
+        self._arrays = (
+            tables_of(program),
+            arrays.floats,
+            arrays.offsets,
+            self.states,
+            self.float_states,
+            *space_of(program),
+            np.zeros(1),
+            self.members,
+            arrays.states,
+            arrays.float_states,
+            self._streams,
+            self.components,
+            self.steps,
+            self.over,
+            self.observation,
+            self.reward,
+            self.ended,
+            self.cut,
+            self._drawn,
+            *self._before,
+        )
+        self._world: Any = _addresses_of(self._arrays) if program.native else self._arrays
         self._twins: dict[int, Twin] = {}
 
     def seed(self, generators: Sequence[np.random.Generator]) -> None:
@@ -92,17 +100,7 @@ class Batch:
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        failed = self._reset(
-            *self._world,
-            self._streams,
-            uniforms,
-            which,
-            self.components,
-            self.steps,
-            self.over,
-            self.observation,
-            self._drawn,
-        )
+        failed = self._reset(self._world, uniforms, which)
         if failed >= 0:
             self._raise(failed, None)
 
@@ -126,24 +124,7 @@ class Batch:
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        failed = self._step(
-            *self._world,
-            self._streams,
-            uniforms,
-            starts,
-            actions,
-            again,
-            limit,
-            self.components,
-            self.steps,
-            self.over,
-            self.observation,
-            self.reward,
-            self.ended,
-            self.cut,
-            self._drawn,
-            *self._before,
-        )
+        failed = self._step(self._world, uniforms, starts, actions, again, limit)
         if failed >= 0:
             self._raise(failed, int(actions[failed]))
 
@@ -186,6 +167,15 @@ def tables_of(program: Program) -> NDArray[Any]:
     """The tables of the members; Python calculates with their entries, so there they have 64 bits."""
     tables = program.arrays.tables
     return tables if program.native else tables.astype(np.int64)
+
+
+def _addresses_of(arrays: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
+    """Where arrays are, and their shapes; they have to outlive that."""
+    rows = np.zeros((len(arrays), 3), dtype=np.int64)
+    for row, array in zip(rows, arrays, strict=True):
+        assert array.flags.c_contiguous
+        row[: 1 + array.ndim] = array.ctypes.data, *array.shape
+    return rows
 
 
 def space_of(program: Program) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

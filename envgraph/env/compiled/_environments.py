@@ -31,7 +31,8 @@ Streams = Literal["shared", "each"]
 class CompiledEnv(SingleEnvironment):
     """An environment that steps in a compiled program, for those with more states than can be enumerated.
 
-    With the same seed it does what `EnvgraphLiveEnv` does, and its infos are the same.
+    With the same seed it does what `EnvgraphLiveEnv` does, and its infos are the same. The program draws the numbers
+    that `np_random` would, from the reset on at which that was new or seeded; the generator itself stays where it was.
 
     Args:
         program: the compiled behaviour.
@@ -59,7 +60,7 @@ class CompiledEnv(SingleEnvironment):
         self.program = program
         self._names = program.agent_names(member)
         self._action = np.zeros(1, dtype=np.int64)
-        self._uniform = np.zeros(1)
+        self._source: np.random.Generator | None = None
         self._one = np.ones(1, dtype=np.bool_)
 
     def reset(
@@ -68,27 +69,28 @@ class CompiledEnv(SingleEnvironment):
         """Begin an episode in one of the start states."""
         known_options(options)
         super().reset(seed=seed)
-        self._uniform[0] = self.np_random.random()
-        self._batch.reset(self._one, self._uniform)
+        if seed is not None or self.np_random is not self._source:
+            self._source = self.np_random
+            self._batch.seed([self._source])
+        self._batch.reset(self._one)
         self._begin()
         return self._seen(), self._info(success=False)
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""
         self._action[0] = self._check_step(action)
-        self._uniform[0] = self.np_random.random()
         batch = self._batch
-        batch.step(self._action, again=False, uniforms=self._uniform)
+        batch.step(self._action, again=False)
         self._steps += 1
-        ended = batch.ended[0]
+        ended = batch.ended.item()
         self._running = not ended
-        info = self._info(success=bool(ended == SUCCESS))
-        return self._seen(), float(batch.reward[0]), bool(ended), False, info
+        return self._seen(), batch.reward.item(), ended > 0, False, self._info(success=ended == SUCCESS)
 
     def _seen(self) -> Observed:
         if self._split:
             return np.array(self._batch.components[0])
-        return np.int64(self._batch.observation[0])
+        index: np.int64 = self._batch.observation[0]
+        return index
 
     def _info(self, success: bool) -> dict[str, Any]:
         info: dict[str, Any] = {"step": self._steps, "success": success}

@@ -1,7 +1,8 @@
 """What every program has: drawing, sorting, sets, and the loops over environments.
 
 The text of these functions becomes part of each program, which `_program` compiles, with numba where that is
-installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`.
+installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`, `places`;
+`arrays_at` finds the arrays of a batch.
 """
 
 # ruff: noqa: F821, SIM110
@@ -205,8 +206,9 @@ def reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0):
     begin(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0)
 
 
-def reset_all(T, G, L, S, F, RI, RF, D, M, S0, F0, R, UNIFORM, WHICH, C, STEPS, OVER, OBS, U):
+def reset_all(W, UNIFORM, WHICH):
     """Begin episodes, where `WHICH` says so; the numbers drawn are given, or come from the streams `R`."""
+    T, G, L, S, F, RI, RF, D, M, S0, F0, R, C, STEPS, OVER, OBS, _, _, _, U, _, _ = arrays_at(W)
     failed = -1
     K = places(L)
     for e in range(len(M)):
@@ -223,14 +225,12 @@ def reset_all(T, G, L, S, F, RI, RF, D, M, S0, F0, R, UNIFORM, WHICH, C, STEPS, 
     return failed
 
 
-def step_all(
-    T, G, L, S, F, RI, RF, D, M, S0, F0, R, UNIFORM, STARTS, A, AGAIN, LIMIT,
-    C, STEPS, OVER, OBS, REWARD, END, CUT, U, B, BF,
-):  # fmt: skip
+def step_all(W, UNIFORM, STARTS, A, AGAIN, LIMIT):
     """One step of each environment; if `AGAIN`, those whose episode is over begin anew instead.
 
     Returns the last environment in which something went wrong; its state before is the second row of `B` and `BF`.
     """
+    T, G, L, S, F, RI, RF, D, M, S0, F0, R, C, STEPS, OVER, OBS, REWARD, END, CUT, U, B, BF = arrays_at(W)
     failed = -1
     K = places(L)
     for e in range(len(M)):

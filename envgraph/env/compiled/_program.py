@@ -205,7 +205,11 @@ def _interpreted(source: str) -> dict[str, Any]:
     namespace: dict[str, Any] = {"__name__": "program"}
     code.define_text(source, "<program of envgraph>", namespace)
     namespace.update(
-        uniform=_uniform, hash_row=_hash_row, at=int, count_bits=lambda word: int(word).bit_count()
+        uniform=_uniform,
+        hash_row=_hash_row,
+        at=int,
+        count_bits=lambda word: int(word).bit_count(),
+        arrays_at=lambda arrays: arrays,
     )
     return namespace
 
@@ -214,7 +218,10 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
     """The functions of a text, compiled by numba; it caches them beside a file with the text, named by its hash."""
     import numba
 
-    digest = sha256(f"{numba.__version__}\n{source}".encode()).hexdigest()[:32]
+    from envgraph.env.compiled import _addresses
+
+    known = numba.__version__, inspect.getsource(_addresses), source
+    digest = sha256("\n".join(known).encode()).hexdigest()[:32]
     folder = cache_directory()
     path = (folder or Path()) / "programs" / f"program_{digest}.py"
     if folder is not None and not path.exists():
@@ -230,6 +237,7 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
     for name, value in list(namespace.items()):
         if inspect.isfunction(value) and value.__module__ == path.stem:
             namespace[name] = (outer if name in called else inner)(value)
+    namespace["arrays_at"] = inner(_addresses.arrays_at)
     return namespace
 
 
