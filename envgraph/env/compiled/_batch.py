@@ -86,6 +86,15 @@ class Batch:
         self._world: Any = _addresses_of(self._arrays) if program.native else self._arrays
         self._twins: dict[int, Twin] = {}
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Batch:
+        """Other environments in the same states; what refers to arrays of these refers to arrays of those."""
+        twin = Batch(self.program, self.members)
+        for mine, other in zip(self._arrays, twin._arrays, strict=True):
+            if mine.flags.owndata and mine.flags.writeable and mine is not other:
+                other[...] = mine
+            memo[id(mine)] = other
+        return twin
+
     def seed(self, generators: Sequence[np.random.Generator]) -> None:
         """Draw from now on as these generators would, one for each environment; they stay as they are."""
         self._streams[:] = streams(generators)

@@ -78,6 +78,9 @@ class Program:
         """Whether something in it may go wrong besides a lack of space."""
         return "= FAILED\n" in self.source or "= REFUSED\n" in self.source
 
+    def __deepcopy__(self, _: object) -> Program:
+        return self
+
     def over(self, engine: Engine, keys: KeyIndex) -> Program:
         """The program with another model as its only member.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -123,3 +124,23 @@ def test_one_does_what_a_live_environment_does(observation: Any) -> None:
 def test_it_passes_the_checks_of_gymnasium() -> None:
     engine, behaviour = opened(*domain(MODELS["keydoor"]))
     check_env(CompiledEnv(program_of(engine, behaviour, native=False)), skip_render_check=True)
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["python", "numba"])
+def test_copies_go_on_alike_and_by_themselves(native: bool) -> None:
+    if native:
+        pytest.importorskip("numba")
+    engine, behaviour = opened(*domain(MODELS["warehouse"]))
+    program = program_of(engine, behaviour, native=native)
+    many = CompiledVectorEnv(program, 3, max_episode_steps=15)
+    one = CompiledEnv(program)
+    actions = np.random.default_rng(0).integers(len(program.action_names), size=(60, 3))
+    many.reset(seed=1)
+    one.reset(seed=1)
+    for chosen in actions[:20]:
+        many.step(chosen)
+        one.step(chosen[0])
+    others = deepcopy(many), deepcopy(one)
+    went_on = [(many.step(chosen), one.step(chosen[0])) for chosen in actions[20:40]]
+    for chosen, wanted in zip(actions[20:40], went_on, strict=True):
+        assert same((others[0].step(chosen), others[1].step(chosen[0])), wanted)
