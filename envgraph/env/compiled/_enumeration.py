@@ -241,7 +241,7 @@ class _Visit:
             outcomes = simulator.starts() if state < 0 else simulator.outcomes(action)
             for _ in outcomes:
                 simulator.observe()
-        raise EvaluationError(f"a question has more than {CAPACITY} matches")
+        raise EvaluationError(f"a question has more than {CAPACITY} matches, or an int more than 32 bits")
 
     def _result(self, states: int, used: int, beginnings: Array, chances: Array) -> Tabular:
         program, actions = self._program, self._actions
