@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
@@ -171,6 +172,7 @@ def _doorkey() -> None:
     if find_spec("minigrid") is None:
         print("minigrid is not installed and left out; `make bench` installs it")
         return
+    import_module("minigrid")  # registers its environments
     env = gymnasium.make("MiniGrid-DoorKey-6x6-v0")
     engine, behaviour = opened("keydoor")
     fast, slow = alternating(many(program_of(engine, behaviour)), alone(env, None, 50))

@@ -136,7 +136,11 @@ class Matching:
                 code.If(code.equal(number, code.Constant(0)), (nothing,)),
                 code.Assign(row, code.call("pick", D, number)),
                 *self._bodies(
-                    key, given, True, lambda body: body.nth(row, lambda: then(body.values(key))), words=True
+                    key,
+                    given,
+                    True,
+                    lambda body: _do_with_nth(body, row, lambda: then(body.values(key))),
+                    words=True,
                 ),
                 nothing,
             )
@@ -226,7 +230,7 @@ class Matching:
         self, key: ViewKey, given: Sequence[code.Local], sure: bool, number: code.Local
     ) -> code.Body:
         """Statements that count rows of which none is repeated."""
-        counted = self._bodies(key, given, sure, lambda body: body.count(number), words=True)
+        counted = self._bodies(key, given, sure, lambda body: _count_solutions(body, number), words=True)
         return (code.Assign(number, code.Constant(0)), *counted)
 
     def _given(self, key: ViewKey) -> list[StaticType]:
@@ -377,22 +381,6 @@ class _Body:
         self._matching.module.uses(name, self._levels)
         return call(name, *values, top=self._top)
 
-    def count(self, number: code.Local) -> None:
-        """Count the solution, or those of the word."""
-        one = code.Constant(1) if self.word is None else code.call("count_bits", self.word.word)
-        self.block.add(code.Assign(number, one, "+="))
-
-    def nth(self, number: code.Local, then: Callable[[], code.Body]) -> None:
-        """Do something with the solution that has a number; what stands there ends with a return."""
-        assert self.word is not None
-        here = self._matching.module.fresh("n")
-        self.block.add(code.Assign(here, code.call("count_bits", self.word.word)))
-        node = self._names[self.looped[-1]]
-        assert isinstance(node, code.Local)
-        chosen = code.Assign(node, self._facts.nth_of(self.word, number))
-        self.block.add(code.If(code.Operation("<", (number, here)), (chosen, *then())))
-        self.block.add(code.Assign(number, here, "-="))
-
     def values(self, key: ViewKey) -> list[code.Expression]:
         """The values at the positions that are asked for."""
         return [self.source(self.conjunction.parameters[position]) for position in key.outputs]
@@ -449,13 +437,13 @@ class _Body:
             loops, known = self.block.loops, {*self._names}
             step = todo.pop(0)
             goal = step.goal
-            within = self._among(step, todo[0]) if todo else None
+            within = _among(self, step, todo[0]) if todo else None
             if within is not None:
                 self._learn_all(goal)
                 goal = todo.pop(0).goal
-            if within is not None or (self._words and not todo and self._loops_over_sets(step)):
+            if within is not None or (self._words and not todo and _loops_over_sets(self, step)):
                 assert isinstance(goal, InstanceAtom)
-                self._in_sets(goal, within, last=not todo)
+                _in_sets(self, goal, within, last=not todo)
             else:
                 self._step(step)
             new = [v for v in self._names if v not in known and v not in self._constants]
@@ -464,49 +452,6 @@ class _Body:
                 self.looped += [-1, *new] if searched or not new else new
             self._depth.update((variable, len(self.looped)) for variable in new)
         found(self)
-
-    def _loops_over_sets(self, step: Step) -> bool:
-        """Whether a step loops over the objects of a class that are a union of sets."""
-        goal = step.goal
-        return (
-            step.kind is Kind.LOOP
-            and isinstance(goal, InstanceAtom)
-            and not self._known(goal.variable)
-            and self._facts.sets(goal.cls, goal.exact) is not None
-        )
-
-    def _among(self, step: Step, following: Step) -> tuple[Keys, int, code.Expression] | None:
-        """Where a loop over what a table relates is followed by a test for a class that is a set: what is related."""
-        goal, test = step.goal, following.goal
-        if not (
-            step.kind is Kind.LOOP
-            and following.kind is Kind.TEST
-            and isinstance(goal, LinkAtom | CallAtom | ClosureAtom)
-            and isinstance(test, InstanceAtom)
-            and step.binds == (test.variable,)
-            and self._static(goal)
-            and self._facts.sets(test.cls, test.exact) is not None
-        ):
-            return None
-        variables = _arguments(goal)
-        if variables.count(test.variable) > 1:
-            return None
-        bound = {p: self.source(v) for p, v in enumerate(variables) if self._known(v)}
-        return self._facts.related(_relation(goal), bound, variables.index(test.variable))
-
-    def _in_sets(
-        self, goal: InstanceAtom, within: tuple[Keys, int, code.Expression] | None, *, last: bool
-    ) -> None:
-        """Loop over objects of a class that are a union of sets."""
-        sets = self._facts.sets(goal.cls, goal.exact)
-        assert sets is not None
-        word = self._facts.words(self.block, sets, within)
-        self._learn(goal.variable, ObjectType(goal.cls))
-        if last and self._words:
-            self.word = word
-            self._names[goal.variable] = self._facts.local(ObjectType(goal.cls))
-        else:
-            self._names[goal.variable] = self._facts.each_in(self.block, word)
 
     def _step(self, step: Step) -> None:
         goal = step.goal
@@ -719,7 +664,7 @@ class _Body:
         values = [self.source(goal.arguments[position]) for position in key.bound]
         types = self._facts.library.parameter_types(goal.pattern)
         if not key.outputs:
-            self.block.test(self._called(self._matching.exists(key, self._suits(goal, key)), values))
+            self.block.test(self._called(self._matching.exists(key, _suits(self, goal, key)), values))
         else:
             self._loop_rows(goal, key, values)
         for variable, type_ in zip(goal.arguments, types, strict=True):
@@ -749,12 +694,6 @@ class _Body:
         for variable, type_ in zip((goal.source, goal.target), types, strict=True):
             self._learn(variable, type_)
 
-    def _suits(self, goal: CallAtom, key: ViewKey) -> bool:
-        """Whether the objects that a call is given are certainly of the classes of the parameters."""
-        types = self._facts.library.parameter_types(goal.pattern)
-        given = [(goal.arguments[position], types[position]) for position in key.bound]
-        return all(self._is_sure(v, type_.cls) for v, type_ in given if isinstance(type_, ObjectType))
-
     def _loop_rows(self, goal: CallAtom, key: ViewKey, values: Sequence[code.Expression]) -> None:
         """Loop over the rows of a call, which are written behind those of this function."""
         fresh = self._matching.module.fresh
@@ -762,7 +701,7 @@ class _Body:
         self.block.add(code.Assign(top, plus(self._top, CAPACITY)))
         self._top, self._levels = top, self._levels + 1
         self.block.add(
-            code.Assign(number, self._called(self._matching.rows(key, self._suits(goal, key)), values))
+            code.Assign(number, self._called(self._matching.rows(key, _suits(self, goal, key)), values))
         )
         self.block.loop(row, code.call("range", number))
         loads, values = self._matching.loaded(key, plus(top, row))
@@ -779,7 +718,7 @@ class _Body:
             key = call_key(relation, {v for v in relation.arguments if self._known(v)}, free)
             values = [self.source(relation.arguments[position]) for position in key.bound]
             self._give(
-                goal.result, self._called(self._matching.count(key, self._suits(relation, key)), values)
+                goal.result, self._called(self._matching.count(key, _suits(self, relation, key)), values)
             )
             return
         head = (code.Assign(COUNT, code.Constant(0)),)
@@ -789,7 +728,7 @@ class _Body:
             steps = (replace(steps[0], kind=Kind.LOOP, binds=tuple(self._free(relation))),)
         if goal.column is None:
             counted = self._inside(
-                lambda body: body.steps(steps, lambda body: body.count(COUNT)), COUNT, head
+                lambda body: body.steps(steps, lambda body: _count_solutions(body, COUNT)), COUNT, head
             )
             self._give(goal.result, counted)
         else:
@@ -811,7 +750,7 @@ class _Body:
                 first = code.equal(COUNT, code.Constant(0))
                 better = code.Operation("or", (first, code.Operation(operator, (value, folded))))
                 body.block.add(code.If(better, (code.Assign(folded, value),)))
-            body.count(COUNT)
+            _count_solutions(body, COUNT)
 
         nothing: code.Expression = code.Constant(0.0 if type_ is Scalar.FLOAT else 0)
         head = (code.Assign(COUNT, code.Constant(0)), code.Assign(folded, nothing))
@@ -822,6 +761,77 @@ class _Body:
             self.block.test(code.Operation(">", (number, code.Constant(0))))
         value = code.Operation("/", (result, number)) if goal.function == "avg" else result
         self._give(goal.result, value)
+
+
+def _loops_over_sets(body: _Body, step: Step) -> bool:
+    """Whether a step loops over the objects of a class that are a union of sets."""
+    goal = step.goal
+    return (
+        step.kind is Kind.LOOP
+        and isinstance(goal, InstanceAtom)
+        and not body._known(goal.variable)
+        and body._facts.sets(goal.cls, goal.exact) is not None
+    )
+
+
+def _among(body: _Body, step: Step, following: Step) -> tuple[Keys, int, code.Expression] | None:
+    """Where a loop over what a table relates is followed by a test for a class that is a set: what is related."""
+    goal, test = step.goal, following.goal
+    if not (
+        step.kind is Kind.LOOP
+        and following.kind is Kind.TEST
+        and isinstance(goal, LinkAtom | CallAtom | ClosureAtom)
+        and isinstance(test, InstanceAtom)
+        and step.binds == (test.variable,)
+        and body._static(goal)
+        and body._facts.sets(test.cls, test.exact) is not None
+    ):
+        return None
+    variables = _arguments(goal)
+    if variables.count(test.variable) > 1:
+        return None
+    bound = {p: body.source(v) for p, v in enumerate(variables) if body._known(v)}
+    return body._facts.related(_relation(goal), bound, variables.index(test.variable))
+
+
+def _in_sets(
+    body: _Body, goal: InstanceAtom, within: tuple[Keys, int, code.Expression] | None, *, last: bool
+) -> None:
+    """Loop over objects of a class that are a union of sets."""
+    sets = body._facts.sets(goal.cls, goal.exact)
+    assert sets is not None
+    word = body._facts.words(body.block, sets, within)
+    body._learn(goal.variable, ObjectType(goal.cls))
+    if last and body._words:
+        body.word = word
+        body._names[goal.variable] = body._facts.local(ObjectType(goal.cls))
+    else:
+        body._names[goal.variable] = body._facts.each_in(body.block, word)
+
+
+def _suits(body: _Body, goal: CallAtom, key: ViewKey) -> bool:
+    """Whether the objects that a call is given are certainly of the classes of the parameters."""
+    types = body._facts.library.parameter_types(goal.pattern)
+    given = [(goal.arguments[position], types[position]) for position in key.bound]
+    return all(body._is_sure(v, type_.cls) for v, type_ in given if isinstance(type_, ObjectType))
+
+
+def _count_solutions(body: _Body, number: code.Local) -> None:
+    """Count the solution, or those of the word."""
+    one = code.Constant(1) if body.word is None else code.call("count_bits", body.word.word)
+    body.block.add(code.Assign(number, one, "+="))
+
+
+def _do_with_nth(body: _Body, number: code.Local, then: Callable[[], code.Body]) -> None:
+    """Do something with the solution that has a number; what stands there ends with a return."""
+    assert body.word is not None
+    here = body._matching.module.fresh("n")
+    body.block.add(code.Assign(here, code.call("count_bits", body.word.word)))
+    node = body._names[body.looped[-1]]
+    assert isinstance(node, code.Local)
+    chosen = code.Assign(node, body._facts.nth_of(body.word, number))
+    body.block.add(code.If(code.Operation("<", (number, here)), (chosen, *then())))
+    body.block.add(code.Assign(number, here, "-="))
 
 
 def _relation(goal: Goal) -> Relation:
