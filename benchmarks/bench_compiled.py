@@ -23,9 +23,10 @@ import gymnasium
 import numpy as np
 
 from envgraph.behaviour import Behaviour
-from envgraph.env import EnvgraphLiveEnv, Simulator
-from envgraph.env.compiled import Batch, CompiledEnv, Program, program_of
+from envgraph.env import EnvgraphLiveEnv, Simulator, explore
+from envgraph.env.compiled import Batch, CompiledEnv, Program, enumerated, program_of
 from envgraph.lang import load_workspace
+from envgraph.learn import TrainingSettings, train_program
 from envgraph.rewrite import Engine
 
 ROOT = Path(__file__).parents[1]
@@ -63,6 +64,8 @@ def main() -> None:
         print(f"{name:16} {rates} {ratios(slow, fast)} {needed:7}   {ratios(frozen, one, 2):>21}", flush=True)
     _by_hand()
     _doorkey()
+    _tables()
+    _learning()
     _compiling()
 
 
@@ -177,6 +180,56 @@ def _doorkey() -> None:
     engine, behaviour = opened("keydoor")
     fast, slow = alternating(many(program_of(engine, behaviour)), alone(env, None, 50))
     print(f"MiniGrid-DoorKey-6x6: {1 / min(slow):,.0f} steps/s; keydoor {ratios(slow, fast)} times")
+
+
+# --- tables, and learning
+
+
+def _tables() -> None:
+    """Visits of all states, beside the live engine where that takes less than a minute."""
+    print("seconds to visit all states: the best of 5, and how many times that is the live engine's")
+    for name in ("burning_forest", "keydoor", "sokoban"):
+        engine, behaviour = opened(name)
+        program = program_of(engine, behaviour)
+        states = enumerated(program).n_states
+        fast = _best(lambda program=program: enumerated(program))  # type: ignore[misc]
+        keys = program.keys
+        again = _best(lambda e=engine, k=keys, p=program: enumerated(p.over(e, k)))  # type: ignore[misc]
+        slow = _best(lambda e=engine, b=behaviour: explore(e, b), 1) if states < 1_000 else None  # type: ignore[misc]
+        times = "" if slow is None else f"{slow / fast:10,.0f}"
+        print(
+            f"{name:25} {states:8,} states {fast:10.5f} {times:>10}; of another model {again:.5f}", flush=True
+        )
+
+
+def _learning() -> None:
+    """Q-learning of the states of two boxes, until the best actions succeed."""
+    engine, behaviour = opened("sokoban")
+    program = program_of(engine, behaviour)
+    settings = TrainingSettings(limit=100, checkpoint=1_000_000)
+    train_program(program, settings, np.random.default_rng(0), of="state", steps=[1_000])
+    for steps in (500_000, 1_000_000, 2_000_000, 4_000_000):
+        start = perf_counter()
+        agents = [
+            train_program(program, settings, np.random.default_rng(seed), of="state", steps=[steps])
+            for seed in range(5)
+        ]
+        seconds = (perf_counter() - start) / 5
+        solved = [one.learner.play(0, 1, 100, np.random.default_rng(9))[0] for one in agents]
+        rate = steps / seconds / 1e6
+        print(
+            f"two boxes, {steps:,} steps: {seconds:.2f} s (<= 2; {rate:.1f} M/s), {sum(solved):.0f} of 5 solve it",
+            flush=True,
+        )
+
+
+def _best(job: Callable[[], object], times: int = 5) -> float:
+    found = []
+    for _ in range(times):
+        start = perf_counter()
+        job()
+        found.append(perf_counter() - start)
+    return min(found)
 
 
 # --- compiling, in processes of their own
