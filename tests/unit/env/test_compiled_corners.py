@@ -897,7 +897,11 @@ def test_it_steps_as_the_live_engine_does(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["enums", "floats", "parameters whose object goes", "closures over links that change"]
+    "name",
+    [
+        "floats",
+        *(["enums", "parameters whose object goes", "closures over links that change"] if NIGHTLY else []),
+    ],
 )
 def test_compiled_by_numba_too(name: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")

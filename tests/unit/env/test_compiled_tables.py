@@ -9,6 +9,7 @@ import pytest
 
 from envgraph.env import KeyIndex, Tabular, explore, indexed_classes
 from envgraph.env.compiled import Program, Tables, enumerated, program_of
+from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
 
 MODELS = {
@@ -37,6 +38,8 @@ def domain(model: Path) -> list[Path]:
 def test_the_table_is_that_of_the_live_engine(name: str, native: bool) -> None:
     if native:
         pytest.importorskip("numba")
+        if name != "keydoor" and not NIGHTLY:
+            pytest.skip("numba takes seconds for each domain: `make nightly`")
     engine, behaviour = opened(*domain(MODELS[name]))
     engines = mutants(engine, behaviour, 3)
     keys = family_keys(engines, behaviour)
