@@ -148,6 +148,8 @@ def make_environment(
     if isinstance(found, Program):
         environment = CompiledEnv(found, **shown)
     elif found is None:
+        if wanted is None:
+            warn(f"{opened.refused().message}; it steps on the live engine", stacklevel=2)
         read = opened.family
         live_engine = read.domain.engine(read.model(read.members[place]))
         environment = EnvgraphLiveEnv(Simulator(live_engine, read.behaviour, read.keys), **shown)
@@ -181,7 +183,11 @@ def make_vector_environment(
         InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"`, which has no
             vector environment: `make_vec` makes single ones of it.
     """
-    wanted = "compiled" if streams is not None else _engine_of(engine, live=False)
+    wanted = _engine_of(engine, live=False)
+    if streams is not None:
+        if wanted not in (None, "compiled"):
+            raise InvalidArgument(f'`streams` are those of `engine="compiled"`, not of {engine!r}')
+        wanted = "compiled"
     if wanted == "live":
         raise InvalidArgument("the live engine steps one environment", 'give `vectorization_mode="sync"`')
     variants = () if variant is None else (variant,) if isinstance(variant, int | str) else tuple(variant)
@@ -256,7 +262,6 @@ class _Opened:
             self._refused = refused
             if engine == "compiled":
                 raise self.refused() from None
-            warn(f"{self.refused().message}; it steps on the live engine", stacklevel=4)
             return None
 
     def refused(self) -> EvaluationError:

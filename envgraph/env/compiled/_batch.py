@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env._simulator import Simulator
-from envgraph.env.compiled._kernels import BEYOND, CAPACITY, FAILED, OVERFLOW
+from envgraph.env.compiled._kernels import BEYOND, CAPACITY, OVERFLOW
 from envgraph.env.compiled._program import Program, streams
 from envgraph.env.compiled._twin import Twin
 from envgraph.errors import EvaluationError
 
 NO_NUMBERS: Final = np.zeros(0)
 _SHOWN: Final = {
-    FAILED: "something had no value",
     OVERFLOW: f"a question has more than {CAPACITY} matches",
     BEYOND: "an int has more than 32 bits",
 }
@@ -55,10 +54,9 @@ class Batch:
         self.ended = np.zeros(n, dtype=np.int64)
         self.cut = np.zeros(n, dtype=np.bool_)
         self._drawn = np.zeros(n)
-        kept = 2 if program.may_fail else 0
         self._before = (
-            np.zeros((kept, self.states.shape[1]), dtype=np.int64),
-            np.zeros((kept, self.float_states.shape[1])),
+            np.zeros((2, self.states.shape[1]), dtype=np.int64),
+            np.zeros((2, self.float_states.shape[1])),
         )
         self._streams = np.zeros((n, 4), dtype=np.uint64)
         self._arrays = (
@@ -146,14 +144,15 @@ class Batch:
         error, arrays = int(self.states[row, 0]), self.program.arrays
         self.over[row] = True
         member = int(self.members[row])
-        if error not in (OVERFLOW, BEYOND):
+        if error not in _SHOWN:
             twin = self._twin(member)
             begun = action is None or self.steps[row] == 0
             before = arrays.states[member] if begun else self._before[0][1]
             floats = arrays.float_states[member] if begun else self._before[1][1]
             with twin.at(before, floats) as simulator:
                 _again(simulator, None if begun else action, float(self._drawn[row]))
-        raise EvaluationError(_SHOWN.get(error, "a rule cannot be applied"))
+        message = _SHOWN.get(error, "a rule cannot be applied, or something has no value")
+        raise EvaluationError(message, self.program.behaviour.span, 'step with `engine="live"`')
 
     @contextmanager
     def model_of(self, row: int) -> Iterator[Simulator]:
@@ -170,6 +169,13 @@ class Batch:
     def n_observations(self) -> int:
         """How many observations there are."""
         return prod(self.program.observation_shape)
+
+
+def longer(array: NDArray[Any], size: int) -> NDArray[Any]:
+    """A copy with more rows."""
+    found = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
+    found[: len(array)] = array
+    return found
 
 
 def tables_of(program: Program) -> NDArray[Any]:

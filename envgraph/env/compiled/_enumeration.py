@@ -14,13 +14,12 @@ from envgraph.env._explore import DEFAULT_LIMIT, Explored, Progress, TooManyStat
 from envgraph.env._keys import KeyIndex
 from envgraph.env._simulator import MOST_OUTCOMES
 from envgraph.env._tabular import Tabular
-from envgraph.env.compiled._batch import space_of, tables_of
+from envgraph.env.compiled._batch import longer, space_of, tables_of
 from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._listing import DONE, SPACE
 from envgraph.env.compiled._program import Program, has_numba, program_of
 from envgraph.env.compiled._refused import Misfit, NotCompiled
-from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 
 CHOICES: Final = 1_000
@@ -45,6 +44,7 @@ def enumerated(
     Raises:
         EvaluationError: more states than the limit, too many outcomes, or an observation without a value.
         RuleError: a rule matches but cannot be applied.
+        NotCompiled: in some state there is more than a program has space for, or a larger int.
     """
     return _Visit(program, member, limit, progress).table()
 
@@ -88,7 +88,6 @@ class Tables:
         self._behaviour = behaviour
         self._visits = 0
         self._program: Program | None = None
-        self._compiled = has_numba()
 
     def table(self, engine: Engine, keys: KeyIndex, progress: Progress | None = None) -> Tabular:
         """The table of the present model of an engine: that of `explore`; once it pays, a program makes it.
@@ -97,11 +96,10 @@ class Tables:
             EvaluationError, RuleError, ResolutionError: as `explore`.
         """
         self._visits += 1
-        if self._compiled and self._visits > LIVE_VISITS:
+        if self._visits > LIVE_VISITS and has_numba():
             with suppress(NotCompiled):
                 self._program = self._over(engine, keys)
                 return enumerated(self._program, progress=progress)
-            self._compiled = False
         return explored(engine, self._behaviour, keys, progress=progress).tabular
 
     def _over(self, engine: Engine, keys: KeyIndex) -> Program:
@@ -218,19 +216,20 @@ class _Visit:
         if 2 * states >= len(self.states) - 1 or states == 0:
             size = 4 * len(self.states)
             for name in ("states", "floats", "components", "observations"):
-                setattr(self, name, _longer(getattr(self, name), size))
-            self.starts = _longer(self.starts, size * self._actions + 1)
+                setattr(self, name, longer(getattr(self, name), size))
+            self.starts = longer(self.starts, size * self._actions + 1)
             self.hashed = np.full(4 * size, -1, dtype=np.int64)
             self._kernels["hash_all"](self.states, self.floats.view(np.int64), self.hashed, states)
         if 2 * used >= len(self.to):
             for name in ("to", "ended", "chance", "reward"):
-                setattr(self, name, _longer(getattr(self, name), 4 * len(self.to)))
+                setattr(self, name, longer(getattr(self, name), 4 * len(self.to)))
 
     def _raise(self, state: int, action: int) -> None:
         """Let the live engine say what went wrong.
 
         Raises:
-            RuleError, EvaluationError: always.
+            RuleError, EvaluationError: what the live engine says.
+            NotCompiled: it has nothing to say: only the program has a bound there.
         """
         program, arrays = self._program, self._program.arrays
         if state < 0:
@@ -241,7 +240,7 @@ class _Visit:
             outcomes = simulator.starts() if state < 0 else simulator.outcomes(action)
             for _ in outcomes:
                 simulator.observe()
-        raise EvaluationError(f"a question has more than {CAPACITY} matches, or an int more than 32 bits")
+        raise NotCompiled(f"more than {CAPACITY} matches of a question, or an int of more than 32 bits")
 
     def _result(self, states: int, used: int, beginnings: Array, chances: Array) -> Tabular:
         program, actions = self._program, self._actions
@@ -278,10 +277,3 @@ class _Visit:
             agent_names=names,
             turn=self.states[:states, TURN].astype(np.int32) if names else None,
         )
-
-
-def _longer(array: Array, size: int) -> Array:
-    """A copy with more rows."""
-    longer = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
-    longer[: len(array)] = array
-    return longer

@@ -245,11 +245,10 @@ def step_all(W, UNIFORM, STARTS, A, AGAIN, LIMIT):
             END[e] = 0
             CUT[e] = False
         else:
-            if len(B):
-                for column in range(S.shape[1]):
-                    B[0, column] = S[e, column]
-                for column in range(F.shape[1]):
-                    BF[0, column] = F[e, column]
+            for column in range(S.shape[1]):
+                B[0, column] = S[e, column]
+            for column in range(F.shape[1]):
+                BF[0, column] = F[e, column]
             D[0] = UNIFORM[e] if len(UNIFORM) else uniform(R, e)
             U[e] = D[0]
             REWARD[e], end = step_one(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, A[e])
@@ -262,9 +261,8 @@ def step_all(W, UNIFORM, STARTS, A, AGAIN, LIMIT):
             OBS[e] = look(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, C[e])
         if S[e, 0] != 0:
             failed = e
-            if len(B):
-                for column in range(S.shape[1]):
-                    B[1, column] = B[0, column]
-                for column in range(F.shape[1]):
-                    BF[1, column] = BF[0, column]
+            for column in range(S.shape[1]):
+                B[1, column] = B[0, column]
+            for column in range(F.shape[1]):
+                BF[1, column] = BF[0, column]
     return failed

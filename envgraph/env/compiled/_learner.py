@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
-from envgraph.env.compiled._batch import space_of, tables_of
+from envgraph.env.compiled._batch import longer, space_of, tables_of
 from envgraph.env.compiled._learning import OUTCOMES, SPACE, STARTS, WRONG
 from envgraph.env.compiled._program import Program, set_stream, streams
 from envgraph.errors import EvaluationError
@@ -176,21 +176,19 @@ class Learner:
         yield stream
         set_stream(rng, stream[0])
 
-    @staticmethod
-    def _check(how: int) -> None:
+    def _check(self, how: int) -> None:
         if how == WRONG:
+            behaviour = self._program.behaviour
             raise EvaluationError(
-                "something went wrong in a step", hint="step the environment by itself: it says what"
+                f"in a step of `{behaviour.name}` a rule cannot be applied, or something has no value",
+                behaviour.span,
+                'steps of `envgraph.make(.., engine="live")` say what and where',
             )
 
     def _grow(self) -> None:
         """Four times the space."""
         size = 4 * len(self.keys)
-        for name in ("keys", "values"):
-            old = getattr(self, name)
-            new = np.zeros((size, old.shape[1]), dtype=old.dtype)
-            new[: self.count] = old[: self.count]
-            setattr(self, name, new)
+        self.keys, self.values = longer(self.keys, size), longer(self.values, size)
         self._hashed = np.full(4 * size, -1, dtype=np.int64)
         nothing = np.zeros((size, 0), dtype=np.int64)
         self._functions["hash_all"](self.keys, nothing, self._hashed, self.count)

@@ -6,6 +6,7 @@ import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from hashlib import sha256
@@ -72,11 +73,6 @@ class Program:
     def functions(self, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
         """The functions for a purpose; compiled when they are first asked for."""
         return _functions(self.source, self.native, purpose)
-
-    @property
-    def may_fail(self) -> bool:
-        """Whether something in it may go wrong besides a lack of space."""
-        return "= FAILED\n" in self.source or "= REFUSED\n" in self.source
 
     def __deepcopy__(self, _: object) -> Program:
         return self
@@ -225,18 +221,22 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
 
     known = numba.__version__, inspect.getsource(_addresses), source
     digest = sha256("\n".join(known).encode()).hexdigest()[:32]
-    folder = cache_directory()
-    path = (folder or Path()) / "programs" / f"program_{digest}.py"
-    if folder is not None and not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, source)
+    path = Path("programs") / f"program_{digest}.py"
+    folder, kept = cache_directory(), False
+    if folder is not None:
+        path = folder / path
+        with suppress(OSError):  # a directory that cannot be written keeps nothing
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if not path.exists():
+                replace_file(path, source)
+            kept = True
     module = ModuleType(path.stem)
     sys.modules[path.stem] = module  # numba looks there for the functions of what it has cached
     namespace = vars(module)
     code.define_text(source, str(path), namespace)
     options: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
     inside: Any = {**options, "forceinline": True, "no_cpython_wrapper": True}
-    inner, outer = numba.njit(**inside), numba.njit(nogil=True, cache=folder is not None, **options)
+    inner, outer = numba.njit(**inside), numba.njit(nogil=True, cache=kept, **options)
     for name, value in list(namespace.items()):
         if inspect.isfunction(value) and value.__module__ == path.stem:
             namespace[name] = (outer if name in called else inner)(value)

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from envgraph.env import EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
 from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, program_of
+from envgraph.env.compiled._program import _native
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import (
     BUNDLED,
@@ -148,3 +149,11 @@ def test_copies_go_on_alike_and_by_themselves(native: bool) -> None:
     went_on = [(many.step(chosen), one.step(chosen[0])) for chosen in actions[20:40]]
     for chosen, wanted in zip(actions[20:40], went_on, strict=True):
         assert same((others[0].step(chosen), others[1].step(chosen[0])), wanted)
+
+
+def test_nothing_is_kept_where_that_cannot_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("numba")
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("ENVGRAPH_CACHE", str(tmp_path / "file" / "cache"))
+    assert set(_native("def twice(x):\n    return 2 * x\n", ["twice"])) > {"twice"}
+    assert [path.name for path in tmp_path.rglob("*")] == ["file"]

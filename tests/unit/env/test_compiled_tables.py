@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from envgraph.env import KeyIndex, Tabular, explore, indexed_classes
-from envgraph.env.compiled import Program, Tables, enumerated, program_of
+from envgraph.env.compiled import (
+    Batch,
+    NotCompiled,
+    Program,
+    Tables,
+    enumerated,
+    explored,
+    program_of,
+)
+from envgraph.errors import EvaluationError
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
 
@@ -33,13 +42,14 @@ def domain(model: Path) -> list[Path]:
     return [model, *model.parent.glob("*.environment")]
 
 
-@pytest.mark.parametrize("native", [False, True], ids=["python", "numba"])
-@pytest.mark.parametrize("name", MODELS)
+CASES = [(name, False) for name in MODELS] + [(name, True) for name in (MODELS if NIGHTLY else ["keydoor"])]
+"""By numba, too: that takes seconds for each domain."""
+
+
+@pytest.mark.parametrize(("name", "native"), CASES)
 def test_the_table_is_that_of_the_live_engine(name: str, native: bool) -> None:
     if native:
         pytest.importorskip("numba")
-        if name != "keydoor" and not NIGHTLY:
-            pytest.skip("numba takes seconds for each domain: `make nightly`")
     engine, behaviour = opened(*domain(MODELS[name]))
     engines = mutants(engine, behaviour, 3)
     keys = family_keys(engines, behaviour)
@@ -72,3 +82,38 @@ def test_tables_of_many_models_of_one_engine_are_made_by_one_program(monkeypatch
                 engine.apply(name)
         assert len(written) <= number + 1
     assert len(written) < 4
+
+
+def test_what_a_program_has_no_space_for_is_visited_by_the_live_engine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("numba")
+    texts = {
+        "big.metamodel": "metamodel big\nclass Box { int n = 0 int large = 1 }\n",
+        "big.rules": """
+            package big
+            import "big.metamodel"
+            rule up(b : Box) { lhs { b : Box; check b.n < 9; } modify { set b.n += 1; set b.large = b.large * 50; } }
+        """,
+        "big.model": 'import "big.metamodel"\nmodel m : big { box : Box { } }\n',
+        "big.environment": """
+            import "big.rules"
+            environment Big(box : Box) { action up = up(box) observe box.n in 0..9 }
+        """,
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    engine, behaviour = opened(tmp_path / "big.model", tmp_path / "big.environment")
+    wanted = explore(engine, behaviour).tabular
+    assert wanted.n_states == 10
+    with pytest.raises(NotCompiled, match="32 bits"):
+        enumerated(program_of(engine, behaviour, native=False))
+    monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW", 3)
+    assert_equal_tables(explored(engine, behaviour).tabular, wanted)
+    batch = Batch(program_of(engine, behaviour, native=False), [0])
+    batch.reset(np.ones(1, dtype=np.bool_))
+    with pytest.raises(
+        EvaluationError, match=r"an int has more than 32 bits[\s\S]*hint: .*`engine=\"live\"`"
+    ):
+        for _ in range(9):
+            batch.step(np.zeros(1, dtype=np.int64), again=False)

@@ -124,6 +124,8 @@ def test_what_steps_is_chosen_by_name() -> None:
         make_environment("keydoor", engine="table", live=True)
     with pytest.raises(InvalidArgument, match="one environment"):
         make_vector_environment(2, "keydoor", engine="live")
+    with pytest.raises(InvalidArgument, match="`streams` are those of"):
+        make_vector_environment(2, "keydoor", engine="table", streams="each")
 
 
 def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
@@ -150,6 +152,8 @@ def test_what_is_not_compiled_is_told_or_steps_on_the_live_engine(
     monkeypatch.setattr("envgraph.search._tables.explored", partial(limited, limit=5))
     with pytest.warns(UserWarning, match="it has the unit `grab`; it steps on the live engine"):
         assert isinstance(make_environment(str(tmp_path)), EnvgraphLiveEnv)
+    with pytest.raises(EvaluationError, match=r"it has the unit `grab`[\s\S]*`engine=\"live\"`"):
+        make_vector_environment(2, str(tmp_path))  # and no warning that it steps
 
 
 def limited(*arguments: object, limit: int = 500, **options: object) -> object:
