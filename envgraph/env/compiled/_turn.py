@@ -20,11 +20,12 @@ from envgraph.behaviour import (
 )
 from envgraph.code import dataclass
 from envgraph.env._program import ENDS, Types, added, stands_before
+from envgraph.env.compiled._bodies import CAPACITY
 from envgraph.env.compiled._changes import plan_of
 from envgraph.env.compiled._effects import Effects
 from envgraph.env.compiled._facts import call
 from envgraph.env.compiled._layout import BEYOND, TOP, D, failed, plus
-from envgraph.env.compiled._matching import CAPACITY, Matching
+from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._refused import standing
 from envgraph.env.compiled._terms import Term, Terms, as_float, named
 from envgraph.match.plan import ViewKey
