@@ -7,14 +7,13 @@ from dataclasses import field
 from math import inf
 from typing import ClassVar
 
-import numpy as np
-
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, KeyIndex, Tabular, indexed_classes
 from envgraph.env.compiled import Tables
 from envgraph.files import counting
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
+from envgraph.solve import shortest_plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +118,11 @@ class ShortestPlan:
         return self.steps(engine, 1)
 
     def steps(self, engine: Engine, outcome: int) -> float:
-        """`steps_to` an outcome; objects are numbered among themselves alone."""
+        """Fewest steps to an outcome (1 success, 2 failure); objects are numbered among themselves alone."""
         state = engine.model.state_hash()
         if self._last is None or self._last[0] != state:
             self._last = state, self.known(engine) or self._visited(engine)
-        return steps_to(self._last[1], outcome)
+        return shortest_plan(self._last[1], outcome, native=False)
 
     def _visited(self, engine: Engine) -> Tabular:
         keys = KeyIndex.of(engine.model, indexed_classes(self.behaviour, engine.model.metamodel))
@@ -131,20 +130,3 @@ class ShortestPlan:
             if self._tables is None:
                 self._tables = Tables(self.behaviour)
             return self._tables.table(engine, keys, progress)
-
-
-def steps_to(tabular: Tabular, outcome: int) -> float:
-    """Fewest steps to a termination of a kind (1 success, 2 failure); infinity when there is no way."""
-    reached = np.zeros(tabular.n_states, dtype=bool)
-    frontier = np.unique(tabular.start_states)
-    steps = 0
-    while frontier.size:
-        reached[frontier] = True
-        steps += 1
-        possible = tabular.probability[frontier] > 0
-        if np.any(possible & (tabular.terminated[frontier] == outcome)):
-            return float(steps)
-        onward = possible & (tabular.terminated[frontier] == 0)
-        targets = np.unique(tabular.next_state[frontier][onward])
-        frontier = targets[~reached[targets]]
-    return inf

@@ -1,23 +1,30 @@
 """What can be computed of environments whose tables are known, without training: certificates of families.
 
-`value_iteration` gives the best policy, `evaluate_policy` the expected values of any, `hit_probability` how likely it
-meets success within a time, and `chain_transfer` how easily what is best in one environment finds success in the next.
+`certify` puts together what is known of an environment and of a policy in it: `shortest_plan`, `optimal_return`, and
+what `evaluate_policy` expects of any policy. `cvar` is about the worst members of a family, `value_iteration` gives the
+best policy without a time limit, and `chain_transfer` says how easily what is best in one environment finds success in
+the next.
 """
 
 from envgraph.errors import shorten
+from envgraph.solve._certificates import Certificates, certify, cvar, shortest_plan
 from envgraph.solve._evaluation import Evaluation, accumulate, evaluate, evaluate_policy
 from envgraph.solve._transfer import chain_transfer, hit_probability, softened_policy
-from envgraph.solve._value_iteration import Optimum, greedy_return, value_iteration
+from envgraph.solve._value_iteration import Optimum, optimal_return, value_iteration
 
 __all__ = [
+    "Certificates",
     "Evaluation",
     "Optimum",
     "accumulate",
+    "certify",
     "chain_transfer",
+    "cvar",
     "evaluate",
     "evaluate_policy",
-    "greedy_return",
     "hit_probability",
+    "optimal_return",
+    "shortest_plan",
     "softened_policy",
     "value_iteration",
 ]

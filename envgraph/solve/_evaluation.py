@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
+from envgraph.solve._running import flat, run
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +19,7 @@ class Evaluation:
 
     Attributes:
         success_rate: how many end in success, from 0 to 1; not in failure, nor at the limit.
-        mean_return: sum of rewards, undiscounted.
+        mean_return: sum of rewards; undiscounted unless a discount was asked for.
         mean_length: steps.
         episodes: how many were looked at.
         exact: these are expected values, not estimates.
@@ -98,31 +101,52 @@ def _sample(
     )
 
 
-def evaluate_policy(tabular: Tabular, policy: NDArray[np.float64], limit: int) -> Evaluation:
+def evaluate_policy(
+    tabular: Tabular, policy: NDArray[Any] | None, limit: int, *, discount: float = 1.0
+) -> Evaluation:
     """Expected values of a policy over states, from the distribution over states after each step.
 
     Args:
         tabular: the environment.
-        policy: float64 [states, actions], the probability of an action in a state.
+        policy: int [states], an action for each state; or float64 [states, actions], the probability of an action in a
+            state; None: a random walk, all actions are equally likely. Of Q-values over observations it is
+            `q.argmax(axis=1)[tabular.observation]`.
         limit: steps after which an episode is over.
+        discount: in [0, 1]; a reward after t steps counts `discount ** t` times.
 
     Raises:
-        InvalidArgument: the policy does not fit the environment.
+        InvalidArgument: the policy does not fit the environment, or a number is outside its range.
     """
-    if policy.shape != (tabular.n_states, tabular.n_actions):
-        raise InvalidArgument(f"`policy` is {policy.shape}, not {(tabular.n_states, tabular.n_actions)}")
-    chance = policy[:, :, None] * tabular.probability
-    reward = (chance * tabular.reward).sum(axis=(1, 2))
-    success = np.where(tabular.terminated == 1, chance, 0.0).sum(axis=(1, 2))
-    origin, action, outcome = np.nonzero((chance > 0.0) & (tabular.terminated == 0))
-    moved, target = chance[origin, action, outcome], tabular.next_state[origin, action, outcome]
-    present = np.bincount(tabular.start_states, tabular.start_probability, minlength=tabular.n_states)
-    expected = np.zeros(3)
-    for _ in range(limit):
-        expected += present @ success, present @ reward, present.sum()
-        present = np.bincount(target, present[origin] * moved, minlength=tabular.n_states)
-    success_rate, mean_return, mean_length = expected.tolist()
+    if limit < 1 or not 0.0 <= discount <= 1.0:
+        raise InvalidArgument("`limit` must be positive, and `discount` from 0 to 1")
+    states, outcomes = tabular.n_states, tabular.next_state.size
+    arrays = flat(tabular), _shares(tabular, policy).reshape(-1)
+    first, target = np.zeros(states + 1, np.int64), np.zeros(outcomes, np.int64)
+    moved, success, gain = np.zeros(outcomes), np.zeros(states), np.zeros(states)
+    written = first, target, moved, success, gain
+    used = run("chain", (*arrays[0], arrays[1], *tabular.next_state.shape[1:]), written)
+    present = np.bincount(tabular.start_states, tabular.start_probability, minlength=states)
+    steps = first, target[:used], moved[:used], success, gain, discount, limit
+    success_rate, mean_return, mean_length = run("follow", steps, (present, np.zeros(states)))
     return Evaluation(success_rate, mean_return, mean_length, len(tabular.start_states), exact=True)
+
+
+def _shares(tabular: Tabular, policy: NDArray[Any] | None) -> NDArray[np.float64]:
+    """The probability of each action in each state."""
+    shape = tabular.n_states, tabular.n_actions
+    if policy is None:
+        return np.full(shape, 1.0 / tabular.n_actions)
+    if policy.shape == shape:
+        if not (policy >= 0.0).all() or not np.allclose(policy.sum(axis=1), 1.0, rtol=0.0, atol=1e-9):
+            raise InvalidArgument("`policy` has a row that is no distribution over actions")
+        return np.ascontiguousarray(policy, np.float64)
+    if policy.shape != shape[:1] or not np.issubdtype(policy.dtype, np.integer):
+        raise InvalidArgument(f"`policy` is {policy.shape}, not {shape}, nor an action for each state")
+    if not ((policy >= 0) & (policy < tabular.n_actions)).all():
+        raise InvalidArgument("`policy` names an action that is not there")
+    shares = np.zeros(shape)
+    shares[np.arange(tabular.n_states), policy] = 1.0
+    return shares
 
 
 def accumulate(probability: NDArray[np.float64]) -> NDArray[np.float64]:

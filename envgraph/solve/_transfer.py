@@ -26,11 +26,10 @@ def hit_probability(tabular: Tabular, policy: NDArray[np.float64] | None = None,
         InvalidArgument: the policy does not fit the environment.
     """
     shape = (tabular.n_observations, tabular.n_actions)
-    if policy is None:
-        policy = np.full(shape, 1.0 / tabular.n_actions)
-    if policy.shape != shape:
+    if policy is not None and policy.shape != shape:
         raise InvalidArgument(f"`policy` is {policy.shape}, not {shape}")
-    return evaluate_policy(tabular, policy[tabular.observation], horizon).success_rate
+    of_states = None if policy is None else policy[tabular.observation]
+    return evaluate_policy(tabular, of_states, horizon).success_rate
 
 
 def softened_policy(tabular: Tabular, epsilon: float = 0.5, discount: float = 0.99) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import EvaluationError, InvalidArgument
-from envgraph.solve._evaluation import evaluate_policy
+from envgraph.solve._running import flat, run
 
 MOST_ITERATIONS = 1_000_000
 
@@ -56,25 +56,45 @@ def value_iteration(tabular: Tabular, discount: float = 0.99, tolerance: float =
         raise InvalidArgument("`discount` must be from 0 to 1, and `tolerance` positive")
     scale = max(1.0, float(np.abs(tabular.reward).max()))
     enough = scale * tolerance * ((1.0 - discount) / discount if 0.0 < discount < 1.0 else 1.0)
-    reward = (tabular.probability * tabular.reward).sum(axis=2)
-    weight = np.where(tabular.terminated == 0, discount * tabular.probability, 0.0)
+    values, iterations, change = _settled(tabular, discount, enough, MOST_ITERATIONS)
+    if change > enough:
+        raise EvaluationError(f"values do not settle in {MOST_ITERATIONS} sweeps at discount {discount}")
+    onward = np.where(tabular.terminated == 0, discount * values[tabular.next_state], 0.0)
+    action_values = (tabular.probability * (tabular.reward + onward)).sum(axis=2)
+    return Optimum(values, action_values, np.argmax(_best(action_values), axis=1), iterations)
+
+
+def optimal_return(tabular: Tabular, limit: int = 200, *, discount: float = 1.0) -> float:
+    """The greatest expected sum of rewards within `limit` steps that any agent has, also one that counts the steps.
+
+    It takes so many sweeps of value iteration from 0, or fewer once no value changes (backward induction; Puterman
+    1994, section 4.5), and is exact but for rounding.
+
+    Args:
+        tabular: the environment.
+        limit: steps after which an episode is over.
+        discount: in [0, 1]; a reward after t steps counts `discount ** t` times.
+
+    Raises:
+        InvalidArgument: a number is outside its range.
+    """
+    if limit < 1 or not 0.0 <= discount <= 1.0:
+        raise InvalidArgument("`limit` must be positive, and `discount` from 0 to 1")
+    values, _, _ = _settled(tabular, discount, 0.0, limit)
+    return float(tabular.start_probability @ values[tabular.start_states])
+
+
+def _settled(
+    tabular: Tabular, discount: float, enough: float, most: int
+) -> tuple[NDArray[np.float64], int, float]:
+    """Values after sweeps until none changes by more than `enough`, how many, and the change in the last one."""
     values = np.zeros(tabular.n_states)
-    for iteration in range(1, MOST_ITERATIONS + 1):
-        action_values = reward + (weight * values[tabular.next_state]).sum(axis=2)
-        change = float(np.abs(action_values.max(axis=1) - values).max())
-        values = action_values.max(axis=1)
-        if change <= enough:
-            return Optimum(values, action_values, np.argmax(_best(action_values), axis=1), iteration)
-    raise EvaluationError(f"values do not settle in {MOST_ITERATIONS} sweeps at discount {discount}")
+    read = (*flat(tabular), *tabular.next_state.shape[1:], discount, enough, most)
+    sweeps, change = run("settle", read, (values, np.zeros_like(values)))
+    return values, sweeps, change
 
 
 def _best(action_values: NDArray[np.float64]) -> NDArray[np.bool_]:
     values = action_values.max(axis=1, keepdims=True)
     best: NDArray[np.bool_] = action_values >= values - MARGIN * (1.0 + float(np.abs(values).max()))
     return best
-
-
-def greedy_return(tabular: Tabular, discount: float = 0.99, limit: int = 200) -> float:
-    """Expected undiscounted return, within `limit` steps, of the policy that value iteration finds."""
-    policy = value_iteration(tabular, discount).policy
-    return evaluate_policy(tabular, np.eye(tabular.n_actions)[policy], limit).mean_return

@@ -33,7 +33,7 @@ from envgraph.env import Simulator
 from envgraph.errors import Diagnostic
 from envgraph.graph import check_conformance
 from envgraph.lang import LANGUAGES, TextFiles, load_workspace
-from envgraph.learn import greedy_return
+from envgraph.learn import optimal_return
 from envgraph.search import generate
 
 ROOT = Path(__file__).parents[2]
@@ -215,7 +215,7 @@ def test_family_of_the_reference_is_diverse_and_its_agent_gets_home(garden_direc
     family = generate("family.toml", garden_directory / "run.sqlite")
     assert len({member.measures["beds"] for member in family.members}) == 4
     for member in family.members:
-        assert greedy_return(family.explored(member).tabular) > 5  # 10 for the nest; two apples are 2
+        assert optimal_return(family.explored(member).tabular) > 5  # 10 for the nest; two apples are 2
 
 
 # --- pages whose code runs

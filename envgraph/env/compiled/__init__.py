@@ -9,6 +9,7 @@ from envgraph.env.compiled._enumeration import Tables, enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._explanation import explanation
 from envgraph.env.compiled._learner import Learner, Rates
+from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._program import Program, program_of
 from envgraph.env.compiled._refused import NotCompiled
 
@@ -25,5 +26,7 @@ __all__ = [
     "enumerated",
     "explanation",
     "explored",
+    "functions",
+    "has_numba",
     "program_of",
 ]

@@ -18,7 +18,8 @@ from envgraph.env.compiled._batch import longer, space_of, tables_of
 from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._listing import DONE, SPACE
-from envgraph.env.compiled._program import Program, has_numba, program_of
+from envgraph.env.compiled._native import has_numba
+from envgraph.env.compiled._program import Program, program_of
 from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.rewrite import Engine
 

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-import inspect
-import sys
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
-from hashlib import sha256
-from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, Literal
-from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +20,14 @@ from envgraph.env.compiled import _kernels, _learning, _listing
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Arrays, Layout
 from envgraph.env.compiled._member import Member, strings_of
+from envgraph.env.compiled._native import WORD, functions, has_numba
 from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.env.compiled._twin import Twin
-from envgraph.files import cache_directory, replace_file
 from envgraph.rewrite import Engine
 
 Purpose = Literal["step", "list", "learn"]
 
-PURPOSES: Final[Mapping[Purpose, tuple[Sequence[ModuleType], Sequence[str]]]] = {
+PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
     "step": ((_kernels,), ("reset_all", "step_all")),
     "list": ((_kernels, _listing), ("visit_starts", "visit", "hash_all")),
     "learn": ((_kernels, _learning), ("learn", "follow", "hash_all")),
@@ -72,7 +64,8 @@ class Program:
 
     def functions(self, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
         """The functions for a purpose; compiled when they are first asked for."""
-        return _functions(self.source, self.native, purpose)
+        modules, called = PURPOSES[purpose]
+        return functions(self.source, modules, called, native=self.native)
 
     def __deepcopy__(self, _: object) -> Program:
         return self
@@ -153,11 +146,6 @@ def _numbered(texts: Iterable[str], layout: Layout) -> dict[str, int]:
     return {text: number for number, text in enumerate(sorted({*texts, *layout.texts}))}
 
 
-def has_numba() -> bool:
-    """Whether programs can be compiled."""
-    return importlib.util.find_spec("numba") is not None
-
-
 def _check_agents(behaviour: Behaviour, engine: Engine) -> None:
     for agent in behaviour.agents:
         if not engine.model.extent(agent.cls):
@@ -189,86 +177,12 @@ def _compiled(
     )
 
 
-@lru_cache(maxsize=64)
-def _functions(source: str, native: bool, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
-    """The functions of a program that are called from outside; what several families share is compiled once."""
-    modules, called = PURPOSES[purpose]
-    text = "\n\n".join([*map(inspect.getsource, modules), source])
-    namespace = _native(text, called) if native else _interpreted(text)
-    quiet: Any = (lambda function: function) if native else np.errstate(all="ignore")
-    return {name: quiet(namespace[name]) for name in called}
-
-
-def _interpreted(source: str) -> dict[str, Any]:
-    """The functions of a text, run by Python."""
-    namespace: dict[str, Any] = {"__name__": "program"}
-    code.define_text(source, "<program of envgraph>", namespace)
-    namespace.update(
-        uniform=_uniform,
-        hash_row=_hash_row,
-        at=int,
-        count_bits=lambda word: int(word).bit_count(),
-        arrays_at=lambda arrays: arrays,
-    )
-    return namespace
-
-
-def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
-    """The functions of a text, compiled by numba; it caches them beside a file with the text, named by its hash."""
-    import numba
-
-    from envgraph.env.compiled import _addresses
-
-    known = numba.__version__, inspect.getsource(_addresses), source
-    digest = sha256("\n".join(known).encode()).hexdigest()[:32]
-    path = Path("programs") / f"program_{digest}.py"
-    folder, kept = cache_directory(), False
-    if folder is not None:
-        path = folder / path
-        with suppress(OSError):  # a directory that cannot be written keeps nothing
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if not path.exists():
-                replace_file(path, source)
-            kept = True
-    module = ModuleType(path.stem)
-    sys.modules[path.stem] = module  # numba looks there for the functions of what it has cached
-    namespace = vars(module)
-    code.define_text(source, str(path), namespace)
-    options: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
-    inside: Any = {**options, "forceinline": True, "no_cpython_wrapper": True}
-    inner, outer = numba.njit(**inside), numba.njit(nogil=True, cache=kept, **options)
-    for name, value in list(namespace.items()):
-        if inspect.isfunction(value) and value.__module__ == path.stem:
-            namespace[name] = (outer if name in called else inner)(value)
-    namespace["arrays_at"] = inner(_addresses.arrays_at)
-    return namespace
-
-
-def _uniform(states: Any, row: int) -> float:
-    """NumPy's PCG64, with Python's ints."""
-    lo, hi, inc_lo, inc_hi = (int(part) for part in states[row])
-    state = (hi << 64 | lo) * 0x2360ED051FC65DA44385DF649FCCF645 + (inc_hi << 64 | inc_lo)
-    lo, hi = state & _WORD, state >> 64 & _WORD
-    states[row, 0], states[row, 1] = lo, hi
-    mixed, turns = hi ^ lo, hi >> 58
-    mixed = (mixed >> turns | mixed << (-turns & 63)) & _WORD
-    return (mixed >> 11) * 2.0**-53
-
-
-_WORD: Final = 2**64 - 1
-
-
-def _hash_row(states: Any, floats: Any, row: int) -> Any:
-    """A hash of a state, where whole numbers are Python's."""
-    return np.uint64(crc32(states[row].tobytes() + floats[row].tobytes()))
-
-
 def streams(generators: Sequence[np.random.Generator]) -> np.ndarray[Any, np.dtype[np.uint64]]:
     """The states of NumPy's generators, a row each."""
     rows = []
     for generator in generators:
         state: Any = generator.bit_generator.state["state"]
-        rows.append([state["state"] & _WORD, state["state"] >> 64, state["inc"] & _WORD, state["inc"] >> 64])
+        rows.append([state["state"] & WORD, state["state"] >> 64, state["inc"] & WORD, state["inc"] >> 64])
     return np.array(rows, dtype=np.uint64).reshape(len(rows), 4)
 
 

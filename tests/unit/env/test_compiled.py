@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from envgraph.env import EnvgraphLiveEnv, EnvgraphVectorEnv, Simulator, explore
 from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, program_of
-from envgraph.env.compiled._program import _native
+from envgraph.env.compiled._native import _native
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import (
     BUNDLED,

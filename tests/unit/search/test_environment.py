@@ -18,7 +18,7 @@ import envgraph
 import envgraph.env
 from envgraph.errors import InvalidArgument, Source
 from envgraph.lang import bundled_domain
-from envgraph.learn import FamilyMember, TrainingSettings, greedy_return, run_experiment, sequences
+from envgraph.learn import FamilyMember, TrainingSettings, optimal_return, run_experiment, sequences
 from envgraph.search import Family, import_ga4cl, write_family
 from tests.unit.learn.forest_tables import forest
 
@@ -66,7 +66,7 @@ def test_every_published_map_steps_as_published(imported: Family, published: Pat
 
 
 def test_the_best_policy_on_the_published_target_returns_10_2(imported: Family) -> None:
-    assert greedy_return(imported.explored(imported.members[-1]).tabular) == pytest.approx(10.2, abs=1e-9)
+    assert optimal_return(imported.explored(imported.members[-1]).tabular) == pytest.approx(10.2, abs=1e-9)
 
 
 def test_the_published_curriculum_succeeds_and_direct_training_does_not(imported: Family) -> None:

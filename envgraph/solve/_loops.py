@@ -1,0 +1,105 @@
+"""Loops over the arrays of tables, as `envgraph.env.compiled` compiles them: by numba, or run by Python on lists.
+
+Arrays of a table are flat: outcome `k` of action `a` in state `s` stands at `(s * actions + a) * width + k`. Sums are
+made in the order of these places, so that both ways give the same numbers bit for bit.
+"""
+
+# mypy: ignore-errors
+
+
+def search(FOLLOWING, CHANCE, ENDED, STARTS, START_CHANCE, actions, width, outcome, STEPS, QUEUE):
+    """Breadth-first: fewest steps to an outcome, or 0; `STEPS` are those after which each state was left, or 0."""
+    count, head = 0, 0
+    for place in range(len(STARTS)):
+        if START_CHANCE[place] > 0.0:
+            STEPS[STARTS[place]] = 1
+            QUEUE[count] = STARTS[place]
+            count += 1
+    while head < count:
+        state = QUEUE[head]
+        head += 1
+        for place in range(state * actions * width, (state + 1) * actions * width):
+            if CHANCE[place] > 0.0:
+                if ENDED[place] == outcome:
+                    return STEPS[state]
+                following = FOLLOWING[place]
+                if ENDED[place] == 0 and STEPS[following] == 0:
+                    STEPS[following] = STEPS[state] + 1
+                    QUEUE[count] = following
+                    count += 1
+    return 0
+
+
+def settle(FOLLOWING, CHANCE, REWARD, ENDED, actions, width, discount, enough, most, VALUES, NEW):
+    """Sweeps of value iteration until no value changes by more than `enough`: how many, and the last change."""
+    new, old = NEW, VALUES
+    sweeps, change = 0, enough + 1.0
+    while sweeps < most and change > enough:
+        change = 0.0
+        place = 0
+        for state in range(len(VALUES)):
+            best = 0.0
+            for action in range(actions):
+                value = 0.0
+                for _ in range(width):
+                    chance = CHANCE[place]
+                    if chance > 0.0:
+                        gain = REWARD[place]
+                        if ENDED[place] == 0:
+                            gain += discount * old[FOLLOWING[place]]
+                        value += chance * gain
+                    place += 1
+                if action == 0 or value > best:
+                    best = value
+            change = max(change, abs(best - old[state]))
+            new[state] = best
+        old, new = new, old
+        sweeps += 1
+    for state in range(len(VALUES)):
+        VALUES[state] = old[state]
+    return sweeps, change
+
+
+def chain(FOLLOWING, CHANCE, REWARD, ENDED, POLICY, actions, width, FIRST, TO, MOVED, SUCCESS, GAIN):
+    """The Markov chain of a policy: where states lead, and what is expected of a step; how many moves it has."""
+    used, place = 0, 0
+    for state in range(len(SUCCESS)):
+        FIRST[state] = used
+        for action in range(actions):
+            share = POLICY[state * actions + action]
+            for _ in range(width):
+                chance = share * CHANCE[place]
+                if chance > 0.0:
+                    GAIN[state] += chance * REWARD[place]
+                    if ENDED[place] == 1:
+                        SUCCESS[state] += chance
+                    elif ENDED[place] == 0:
+                        TO[used] = FOLLOWING[place]
+                        MOVED[used] = chance
+                        used += 1
+                place += 1
+    FIRST[len(SUCCESS)] = used
+    return used
+
+
+def follow(FIRST, TO, MOVED, SUCCESS, GAIN, discount, limit, PRESENT, NEXT):
+    """Expected successes, discounted rewards and steps of an episode in a chain that begins as `PRESENT` says."""
+    present, after = PRESENT, NEXT
+    success, total, length, factor = 0.0, 0.0, 0.0, 1.0
+    for _ in range(limit):
+        running = 0.0
+        for state in range(len(SUCCESS)):
+            share = present[state]
+            if share > 0.0:
+                present[state] = 0.0
+                running += share
+                success += share * SUCCESS[state]
+                total += factor * share * GAIN[state]
+                for place in range(FIRST[state], FIRST[state + 1]):
+                    after[TO[place]] += share * MOVED[place]
+        if running == 0.0:
+            break
+        length += running
+        factor *= discount
+        present, after = after, present
+    return success, total, length

@@ -1,0 +1,45 @@
+"""Running the loops over tables: compiled where numba is installed, else by Python."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env import Tabular
+from envgraph.env.compiled import functions, has_numba
+from envgraph.solve import _loops
+
+CALLED: Final = ("search", "settle", "chain", "follow")
+
+
+def run(
+    name: str, read: tuple[Any, ...], written: tuple[NDArray[Any], ...], *, native: bool | None = None
+) -> Any:
+    """What a loop returns; numbers are the same however it runs.
+
+    Args:
+        name: of the loop.
+        read: its first arguments, numbers and flat arrays.
+        written: its last arguments, which it changes.
+        native: whether numba compiles it; None: if that is installed.
+    """
+    if has_numba() if native is None else native:
+        return functions("", (_loops,), CALLED, native=True)[name](*read, *written)
+    lists = [array.tolist() for array in written]
+    known = [one.tolist() if isinstance(one, np.ndarray) else one for one in read]
+    result = functions("", (_loops,), CALLED, native=False)[name](*known, *lists)
+    for array, values in zip(written, lists, strict=True):
+        array[:] = values
+    return result
+
+
+def flat(tabular: Tabular) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Next states, probabilities, rewards and ends of a table, each in one row."""
+    return (
+        np.ascontiguousarray(tabular.next_state, np.int32).reshape(-1),
+        np.ascontiguousarray(tabular.probability, np.float64).reshape(-1),
+        np.ascontiguousarray(tabular.reward, np.float64).reshape(-1),
+        np.ascontiguousarray(tabular.terminated, np.int8).reshape(-1),
+    )
