@@ -151,14 +151,16 @@ class Layout:
         Raises:
             Misfit: a member does not meet an assumption.
         """
-        filled: list[dict[Symbol, Sequence[Cell]]] = []
+        symbols = [symbol for symbol in self._numbers if _is_array(symbol)]
+        filled: list[list[Sequence[Cell]]] = []
         for member in members:
             for assumed in self._single.values():
                 assumed.check(member)
-            filled.append({s: _numbers(s, member, stride) for s in self._numbers if _is_array(s)})
+            filled.append([_numbers(symbol, member, stride) for symbol in symbols])
         offsets = np.zeros(len(self._numbers), dtype=np.int64)
         tails: list[int] = []
         ends = {"T": 0, "G": 0, "S": FIRST_COLUMN, "F": 0}
+        homes: list[tuple[str, int]] = []
         for symbol, number in self._numbers.items():
             if isinstance(symbol, Stride):
                 offsets[number] = stride
@@ -171,7 +173,8 @@ class Layout:
                 where = _where(symbol)
                 ends[where] += where in "TG"  # an entry for what is not there: -1 is a place, too
                 offsets[number] = ends[where]
-                ends[where] += max(len(each[symbol]) for each in filled)
+                ends[where] += max(len(each[len(homes)]) for each in filled)
+                homes.append((where, int(offsets[number])))
         count = len(filled)
         arrays: dict[str, NDArray[Any]] = {
             "T": np.full((count, ends["T"]), NO_OBJECT, dtype=np.int32),
@@ -180,9 +183,8 @@ class Layout:
             "F": np.zeros((count, ends["F"])),
         }
         for row, each in enumerate(filled):
-            for symbol, values in each.items():
-                start = offsets[self._numbers[symbol]]
-                arrays[_where(symbol)][row, start : start + len(values)] = values
+            for (where, start), values in zip(homes, each, strict=True):
+                arrays[where][row, start : start + len(values)] = values
         whole = np.concatenate([offsets, np.array(tails, dtype=np.int64)])
         return Arrays(arrays["T"], arrays["G"], arrays["S"], arrays["F"], whole)
 

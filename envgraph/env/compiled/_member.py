@@ -131,11 +131,13 @@ class Member:
     def links(self, feature: Reference | Attribute) -> list[Row]:
         """The links of a reference, or an object with each of its values."""
         found: list[Row] = []
+        if isinstance(feature, Reference):
+            targets = self.model.store.forward[feature.index]
+            numbers = self.extent(feature.owner)
+            return [(one, self.number[other]) for one in numbers for other in targets[self.objects[one]]]
         for number in self.extent(feature.owner):
             node = self.objects[number]
-            if isinstance(feature, Reference):
-                found += [(number, self.number[target]) for target in self.model.targets(node, feature)]
-            elif feature.many:
+            if feature.many:
                 values: Sequence[Value] = self.model.values(node, feature)
                 found += [(number, self.encoded(value, feature.type)) for value in values]
             elif self.model.value(node, feature) is not None:

@@ -109,12 +109,12 @@ class Keys:
         """How many values each column may have, where there are so many objects."""
         return tuple(width or stride for width in self.widths)
 
-    def place(self, row: Row, sizes: Sequence[int]) -> int:
-        """The place of a row."""
-        place = 0
+    def places(self, rows: Sequence[Row], sizes: Sequence[int]) -> list[int]:
+        """The place of each row."""
+        places = [0] * len(rows)
         for position, size in zip(self.positions, sizes, strict=True):
-            place = place * size + int(row[position])
-        return place
+            places = [place * size + int(row[position]) for place, row in zip(places, rows, strict=True)]
+        return places
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +128,10 @@ class Bits:
         """The table of a member."""
         sizes = self.keys.sizes(stride)
         bits = np.zeros(-(-max(prod(sizes), 1) // WORD) * WORD, dtype=np.uint8)
-        for row in member.rows(self.keys.relation):
-            bits[self.keys.place(row, sizes)] = 1
+        bits[self.keys.places(member.rows(self.keys.relation), sizes)] = 1
         packed = np.packbits(bits, bitorder="little").view("<i4")
-        return [int(word) for word in packed]
+        words: list[int] = packed.tolist()
+        return words
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,10 +156,17 @@ class Values:
         """
         sizes = self.keys.sizes(stride)
         found = [missing(self.type)] * max(prod(sizes), 1)
-        for place, rows in _grouped(self.keys, self.shown, member, sizes).items():
-            if len(rows) > 1:
+        rows = member.rows(self.keys.relation)
+        places = self.keys.places(rows, sizes)
+        different = len(set(places))
+        if different < len(places):
+            shown = {
+                (place, *[row[at] for at in self.shown]) for place, row in zip(places, rows, strict=True)
+            }
+            if different < len(shown):
                 raise Misfit(One(self.keys, self.shown))
-            found[place] = rows[0][self.shown.index(self.position)]
+        for place, row in zip(places, rows, strict=True):
+            found[place] = row[self.position]
         return found
 
 
@@ -212,9 +219,10 @@ class SetsOf:
         objects = members(member, self.group)
         bits = np.zeros((max(prod(sizes), 1), -(-len(objects) // WORD) * WORD), dtype=np.uint8)
         rank = {number: place for place, number in enumerate(objects)}
-        for row in member.rows(self.keys.relation):
+        rows = member.rows(self.keys.relation)
+        for place, row in zip(self.keys.places(rows, sizes), rows, strict=True):
             if row[self.position] in rank:
-                bits[self.keys.place(row, sizes), rank[int(row[self.position])]] = 1
+                bits[place, rank[int(row[self.position])]] = 1
         packed = np.packbits(bits, axis=1, bitorder="little").ravel().view("<i4")
         return [int(word) for word in packed]
 
@@ -232,8 +240,9 @@ def _grouped(
 ) -> dict[int, list[Row]]:
     """The different rows, of some columns, by the place that others make; sorted."""
     groups: dict[int, set[Row]] = {}
-    for row in member.rows(keys.relation):
-        groups.setdefault(keys.place(row, sizes), set()).add(tuple(row[position] for position in shown))
+    rows = member.rows(keys.relation)
+    for place, row in zip(keys.places(rows, sizes), rows, strict=True):
+        groups.setdefault(place, set()).add(tuple([row[position] for position in shown]))
     return {place: sorted(rows) for place, rows in groups.items()}
 
 
