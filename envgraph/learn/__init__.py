@@ -17,8 +17,6 @@ from envgraph.learn._intervals import mean_interval, wilson_interval
 from envgraph.learn._journal import Journal, fingerprint
 from envgraph.learn._programs import InProgram, ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
-from envgraph.learn._settings import Epsilon, TrainingSettings
-from envgraph.learn._training import Curve, Training, available_backends, train_curriculum
 from envgraph.solve import (
     Evaluation,
     Optimum,
@@ -29,6 +27,14 @@ from envgraph.solve import (
     optimal_return,
     softened_policy,
     value_iteration,
+)
+from envgraph.solve.learning import (
+    Curve,
+    Epsilon,
+    Training,
+    TrainingSettings,
+    available_backends,
+    train_curriculum,
 )
 
 __all__ = [

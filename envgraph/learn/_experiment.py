@@ -16,10 +16,17 @@ from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._programs import InProgram, ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult
-from envgraph.learn._settings import TrainingSettings
-from envgraph.learn._stage import Table
-from envgraph.learn._training import Backend, Training, choose_backend, initial_values, prepare, train
 from envgraph.solve import Evaluation, evaluate
+from envgraph.solve.learning import (
+    Backend,
+    Table,
+    Training,
+    TrainingSettings,
+    choose_backend,
+    initial_values,
+    prepare,
+    train,
+)
 
 TRAINING, EVALUATION = 0, 1
 

@@ -19,7 +19,7 @@ from envgraph.errors import InvalidArgument, spelling
 from envgraph.files import open_input, replace_file
 from envgraph.learn._programs import InProgram
 from envgraph.learn._results import RunResult
-from envgraph.learn._training import Curve
+from envgraph.solve.learning import Curve
 
 FORMAT = "envgraph-training-1"
 

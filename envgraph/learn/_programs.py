@@ -10,9 +10,7 @@ import numpy as np
 from envgraph.code import dataclass
 from envgraph.env.compiled import Learner, Program, Rates
 from envgraph.errors import InvalidArgument
-from envgraph.learn._settings import TrainingSettings
-from envgraph.learn._stage import Stage, StageOutcome
-from envgraph.learn._training import Curve, joined
+from envgraph.solve.learning import Curve, Stage, StageOutcome, TrainingSettings, joined
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,7 @@ from envgraph.errors import EnvgraphError, InvalidArgument
 from envgraph.files import open_input, replacing
 from envgraph.learn._curricula import Kind
 from envgraph.learn._intervals import mean_interval, wilson_interval
-from envgraph.learn._training import Curve
+from envgraph.solve.learning import Curve
 
 Parsed = TypeVar("Parsed")
 

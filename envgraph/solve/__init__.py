@@ -8,6 +8,7 @@ the next.
 
 from envgraph.errors import shorten
 from envgraph.solve._certificates import Certificates, certify, cvar, shortest_plan
+from envgraph.solve._distance import steps_to_success
 from envgraph.solve._evaluation import Evaluation, accumulate, evaluate, evaluate_policy
 from envgraph.solve._transfer import chain_transfer, hit_probability, softened_policy
 from envgraph.solve._value_iteration import Optimum, optimal_return, value_iteration
@@ -26,6 +27,7 @@ __all__ = [
     "optimal_return",
     "shortest_plan",
     "softened_policy",
+    "steps_to_success",
     "value_iteration",
 ]
 

@@ -8,9 +8,10 @@ from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._enumeration import Tables, enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._explanation import explanation
+from envgraph.env.compiled._kernels import uniform
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._native import functions, has_numba
-from envgraph.env.compiled._program import Program, program_of
+from envgraph.env.compiled._program import Program, program_of, set_stream, streams
 from envgraph.env.compiled._refused import NotCompiled
 
 __all__ = [
@@ -29,4 +30,7 @@ __all__ = [
     "functions",
     "has_numba",
     "program_of",
+    "set_stream",
+    "streams",
+    "uniform",
 ]

@@ -20,7 +20,7 @@ from envgraph.learn import (
     sequences,
     train_run,
 )
-from envgraph.learn._training import Backend
+from envgraph.solve.learning._training import Backend
 from tests.unit.learn.small_tables import random_table
 
 FAMILY = [FamilyMember(f"E{number}", random_table(number), number / 3) for number in (1, 2, 3)]

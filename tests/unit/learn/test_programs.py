@@ -18,7 +18,7 @@ from envgraph.learn import (
     train_curriculum,
     train_program,
 )
-from envgraph.learn._stage import Stage
+from envgraph.solve.learning._stage import Stage
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
 
 KEYDOOR = BUNDLED / "keydoor"

@@ -12,12 +12,11 @@ from envgraph.learn import (
     Epsilon,
     Training,
     TrainingSettings,
-    _q_learning,
-    _training,
     available_backends,
     train_curriculum,
 )
-from envgraph.learn._training import COMPILING_PAYS, Backend, choose_backend
+from envgraph.solve.learning import _q_learning, _training
+from envgraph.solve.learning._training import COMPILING_PAYS, Backend, choose_backend
 from tests.unit.learn.forest_tables import published_family
 from tests.unit.learn.small_tables import random_table
 
@@ -72,10 +71,6 @@ def test_draws_do_not_depend_on_the_size_of_blocks(backend: Backend, monkeypatch
     tables = [random_table(1), random_table(2)]
     whole = trained(tables, SETTINGS, backend)
     monkeypatch.setattr(_q_learning, "BLOCK", 7)
-    if backend == "numba":
-        from envgraph.learn import _compiled
-
-        monkeypatch.setattr(_compiled, "BLOCK", 7)
     assert_identical(whole, trained(tables, SETTINGS, backend))
 
 

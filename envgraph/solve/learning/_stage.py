@@ -13,13 +13,15 @@ Rows are drawn in blocks; the numbers do not depend on the size of the blocks.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.learn._settings import TrainingSettings
-from envgraph.solve import accumulate
+from envgraph.solve._evaluation import accumulate
+from envgraph.solve.learning._settings import TrainingSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +51,21 @@ class Table:
     def draws(self) -> int:
         """How many random numbers a step takes."""
         return 1 + int(self.n_outcomes > 1) + int(len(self.start_states) > 1)
+
+    @property
+    def arrays(self) -> tuple[Any, ...]:
+        """What the compiled loop takes: all but the number of observations."""
+        return (
+            self.next_state,
+            self.next_observation,
+            self.reward,
+            self.terminated,
+            self.cumulative,
+            self.start_states,
+            self.start_observations,
+            self.start_cumulative,
+            (self.n_actions, self.n_outcomes),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envgraph.learn._stage import Stage, StageOutcome, Table
+from envgraph.solve.learning._stage import Stage, StageOutcome, Table
 
 BLOCK = 16_384
 

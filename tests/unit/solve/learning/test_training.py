@@ -7,8 +7,8 @@ import pytest
 
 from envgraph.errors import InvalidArgument
 from envgraph.learn import Epsilon, TrainingSettings, available_backends, train_curriculum
-from envgraph.learn._stage import accumulate
-from envgraph.learn._training import Backend
+from envgraph.solve.learning._stage import accumulate
+from envgraph.solve.learning._training import Backend
 from tests.unit.learn.small_tables import random_table, table
 
 HALVES = TrainingSettings(

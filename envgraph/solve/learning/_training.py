@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from envgraph.code import dataclass
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
-from envgraph.learn._settings import TrainingSettings
-from envgraph.learn._stage import Stage, StageOutcome, Table, flatten
+from envgraph.solve.learning._settings import TrainingSettings
+from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
 
 Backend = Literal["auto", "python", "numba"]
 
@@ -158,9 +158,9 @@ def _loop(
     backend: Backend,
 ) -> Callable[[Table, Stage, NDArray[np.float64], np.random.Generator], StageOutcome]:
     if backend == "numba":
-        from envgraph.learn._compiled import run_stage
+        from envgraph.solve.learning._loop import run_stage
     else:
-        from envgraph.learn._q_learning import run_stage
+        from envgraph.solve.learning._q_learning import run_stage
     return run_stage
 
 

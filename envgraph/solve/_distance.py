@@ -1,0 +1,27 @@
+"""How far a state is from success."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env import Tabular
+
+
+def steps_to_success(tabular: Tabular) -> NDArray[np.int64]:
+    """Fewest steps to a success, for each state [states]; the number of states, plus one, where there is no way.
+
+    An outcome counts if it is possible. Breadth-first search backward from success.
+    """
+    never = tabular.n_states + 1
+    possible = tabular.probability > 0.0
+    distance = np.full(tabular.n_states, never, np.int64)
+    distance[np.any(possible & (tabular.terminated == 1), axis=(1, 2))] = 1
+    onward = possible & (tabular.terminated == 0)
+    origin, target = np.nonzero(onward)[0], tabular.next_state[onward]
+    for steps in range(1, never):
+        found = origin[(distance[target] == steps) & (distance[origin] == never)]
+        if not found.size:
+            break
+        distance[found] = steps + 1
+    return distance

@@ -1,0 +1,88 @@
+"""Learners side by side, which are asked what they make of a family."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.code import dataclass
+from envgraph.env import Tabular
+from envgraph.errors import InvalidArgument
+from envgraph.solve._distance import steps_to_success
+from envgraph.solve.learning._settings import TrainingSettings
+from envgraph.solve.learning._stage import Stage, Table, flatten
+from envgraph.solve.learning._training import available_backends
+
+EPISODES = 16
+"""Episodes that are played where starts or outcomes are drawn; elsewhere all are the same."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judgement:
+    """How learners do on the target, an entry for each.
+
+    Attributes:
+        scores: float64, mean over episodes: 1 where one succeeds, else a quarter of the share of the way that it came.
+        successes: float64, share of the episodes that succeed.
+    """
+
+    scores: NDArray[np.float64]
+    successes: NDArray[np.float64]
+
+
+class Learners:
+    """Trains learners alike, each with a stream of numbers of its own, and lets them play a target.
+
+    A learner does what `train_curriculum` does with `numpy.random.Generator(PCG64(..))` over its stream, bit for bit.
+
+    Args:
+        settings: how they learn; `steps_per_environment` is that of `judge`.
+        target: what they play at the end. It agrees in observations and actions with all that they are trained on.
+
+    Raises:
+        InvalidArgument: numba, which they need, is not installed.
+    """
+
+    def __init__(self, settings: TrainingSettings, target: Tabular) -> None:
+        if "numba" not in available_backends():
+            raise InvalidArgument("learners side by side need numba: pip install 'envgraph[fast]'")
+        self._settings = settings
+        self._target = flatten(target)
+        self._distance = steps_to_success(target)
+        self._episodes = 1 if target.deterministic and len(target.start_states) == 1 else EPISODES
+
+    def judge(self, tables: Sequence[Table], streams: NDArray[np.uint64], steps: int) -> Judgement:
+        """Train on each of the tables in their order, then play the target greedily.
+
+        Args:
+            tables: of a curriculum.
+            streams: uint64 [learners, 4], see `envgraph.env.compiled.streams`; left as they are.
+            steps: on each table.
+        """
+        from envgraph.solve.learning._loop import learn, play
+
+        settings, target, count = self._settings, self._target, len(streams)
+        rows = streams.copy()
+        values = np.full((count, target.n_observations, target.n_actions), settings.initial_value + 0.0)
+        epsilons = np.full(count, settings.epsilon.start)
+        points = np.array([steps], np.int64)
+        curve = np.empty((count, 1)), np.empty((count, 1), np.int64), np.empty((count, 1), np.int64)
+        factors = Stage(steps, 0.0, settings).factors
+        for table in tables:
+            if settings.epsilon.reset == "stage":
+                epsilons[:] = settings.epsilon.start
+            learn(table.arrays, values, rows, epsilons, factors, settings.limit, points, curve)
+        found = Judgement(np.empty(count), np.empty(count))
+        play(
+            target.arrays,
+            values,
+            rows,
+            self._distance,
+            settings.limit,
+            self._episodes,
+            found.scores,
+            found.successes,
+        )
+        return found

@@ -1,0 +1,146 @@
+"""Q-learning of learners side by side, compiled with numba; each as the loop on lists, bit for bit.
+
+Nothing here may be reordered without the other: no `fastmath`, and each expression as it stands there. The numbers are
+drawn in the loop, from NumPy's PCG64. Imported only when it is used, because numba takes about a second to import and
+compile.
+"""
+
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env.compiled import set_stream, streams, uniform
+from envgraph.errors import InvalidArgument
+from envgraph.solve.learning._stage import Stage, StageOutcome, Table
+
+# Inlined before compilation: left to the compiler's own inlining, training is a third slower.
+_uniform = numba.njit(inline="always")(uniform)
+
+
+def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
+    """Train on a table; `q` [observations, actions] is changed in place. Releases the interpreter lock."""
+    if not isinstance(rng.bit_generator, np.random.PCG64):
+        message = (
+            "backend 'numba' draws from NumPy's PCG64: make the generator with `numpy.random.default_rng`"
+        )
+        raise InvalidArgument(message)
+    points = np.array(stage.points, np.int64)
+    rows, epsilons = streams([rng]), np.array([stage.epsilon])
+    curve = np.zeros((1, len(points))), *(np.zeros((1, len(points)), np.int64) for _ in range(2))
+    learn(table.arrays, q[None], rows, epsilons, stage.factors, stage.settings.limit, points, curve)
+    set_stream(rng, rows[0])
+    return StageOutcome(float(epsilons[0]), list(zip(*(column[0].tolist() for column in curve), strict=True)))
+
+
+@numba.njit(nogil=True, inline="always")
+def _greedy(q, seen):
+    action = 0
+    for other in range(1, q.shape[1]):
+        if q[seen, other] > q[seen, action]:
+            action = other
+    return action
+
+
+@numba.njit(nogil=True, inline="always")
+def _best(q, seen):
+    """The value of the greedy action: a chain of maxima, which is quicker than finding the action first."""
+    best = q[seen, 0]
+    for other in range(1, q.shape[1]):
+        best = max(best, q[seen, other])
+    return best
+
+
+@numba.njit(nogil=True, inline="always")
+def _pick(cumulative, first, draw):
+    found = 0
+    while cumulative[first + found] <= draw:
+        found += 1
+    return found
+
+
+@numba.njit(nogil=True)
+def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
+    """One stage of each learner.
+
+    Args:
+        arrays: see `Table.arrays`.
+        values: float64 [learners, observations, actions], changed.
+        rows: uint64 [learners, 4], their streams, advanced.
+        epsilons: float64 [learners], changed.
+        factors: see `Stage.factors`.
+        limit: steps of an episode.
+        points: int64, steps at which the curve is read; the last one is the end.
+        curve: of each learner and point the total reward, finished episodes and successes among them; written.
+    """
+    next_state, following, rewards, terminated, cumulative, starts, start_seen, start_cumulative, shape = (
+        arrays
+    )
+    rate, discount, step_decay, episode_decay, minimum = factors
+    n_actions, n_outcomes = shape
+    several = len(starts) > 1
+    for learner in range(len(values)):
+        q, epsilon = values[learner], epsilons[learner]
+        start = _pick(start_cumulative, 0, _uniform(rows, learner)) if several else 0
+        state, seen, left = starts[start], start_seen[start], limit
+        point, total, episodes, successes = 0, 0.0, 0, 0
+        for step in range(1, points[-1] + 1):
+            u = _uniform(rows, learner)
+            v = _uniform(rows, learner) if n_outcomes > 1 else 0.0
+            w = _uniform(rows, learner) if several else 0.0
+            if u < epsilon:
+                action = int(u / epsilon * n_actions)
+            else:
+                action = _greedy(q, seen)
+            at = (state * n_actions + action) * n_outcomes
+            if n_outcomes > 1:
+                at += _pick(cumulative, at, v)
+            reward, state, after, ended = rewards[at], next_state[at], following[at], terminated[at]
+            total += reward
+            target = reward
+            if ended == 0:
+                target = reward + discount * _best(q, after)
+            old = q[seen, action]
+            q[seen, action] = old + rate * (target - old)
+            seen = after
+            left -= 1
+            epsilon = max(minimum, epsilon * step_decay)
+            if ended != 0 or left == 0:
+                episodes += 1
+                successes += ended == 1
+                epsilon = max(minimum, epsilon * episode_decay)
+                left = limit
+                start = _pick(start_cumulative, 0, w) if several else 0
+                state, seen = starts[start], start_seen[start]
+            if step == points[point]:
+                curve[0][learner, point], curve[1][learner, point] = total, episodes
+                curve[2][learner, point] = successes
+                point += 1
+        epsilons[learner] = epsilon
+
+
+@numba.njit(nogil=True)
+def play(arrays, values, rows, distance, limit, episodes, scores, successes):
+    """Episodes of each learner's greedy policy; arguments as in `learn`, results as in `Learners.play`."""
+    next_state, following, _, terminated, cumulative, starts, start_seen, start_cumulative, shape = arrays
+    n_actions, n_outcomes = shape
+    for learner in range(len(values)):
+        q, total, reached = values[learner], 0.0, 0
+        for _ in range(episodes):
+            start = _pick(start_cumulative, 0, _uniform(rows, learner)) if len(starts) > 1 else 0
+            state, seen, ended, left = starts[start], start_seen[start], 0, limit
+            first = nearest = distance[state]
+            while ended == 0 and left > 0:
+                at = (state * n_actions + _greedy(q, seen)) * n_outcomes
+                if n_outcomes > 1:
+                    at += _pick(cumulative, at, _uniform(rows, learner))
+                state, seen, ended = next_state[at], following[at], terminated[at]
+                left -= 1
+                if ended == 0:
+                    nearest = min(nearest, distance[state])
+            reached += ended == 1
+            total += 1.0 if ended == 1 else 0.25 * (1.0 - nearest / first)
+        scores[learner], successes[learner] = total / episodes, reached / episodes
