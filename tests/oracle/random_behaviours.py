@@ -131,6 +131,8 @@ def _simple(dice: Dice, rule: Rule) -> Rule:
     if dice.chance(3):
         return rule
     right = rule.right
+    if dice.chance(50):
+        return replace(rule, blocks=tuple(_conditions(rule.blocks)))
     if isinstance(right, Modification):
         right = Modification(tuple(one for one in right.actions if not _makes(one)))
     elif isinstance(right, RightSide):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env._simulator import Simulator
-from envgraph.env.compiled._kernels import BEYOND, CAPACITY, OVERFLOW
+from envgraph.env.compiled._kernels import BEYOND, CAPACITY, FULL, OVERFLOW
 from envgraph.env.compiled._program import Program, streams
 from envgraph.env.compiled._twin import Twin
 from envgraph.errors import EvaluationError
@@ -20,6 +20,7 @@ NO_NUMBERS: Final = np.zeros(0)
 _SHOWN: Final = {
     OVERFLOW: f"a question has more than {CAPACITY} matches",
     BEYOND: "an int has more than 32 bits",
+    FULL: "there are more objects that rules have created than there is space for",
 }
 
 

@@ -47,6 +47,7 @@ from envgraph.env.compiled._member import ranks
 from envgraph.env.compiled._refused import NotCompiled, standing
 from envgraph.env.compiled._tables import Bound, IndexOf, Keyed, Seats
 from envgraph.env.compiled._terms import Term, named
+from envgraph.env.compiled._tidying import tidied
 from envgraph.env.compiled._turn import END, NOTHING, ONE, TOTAL, ZERO, Turn, Writer
 from envgraph.errors import Span
 from envgraph.match.plan import CallGraph, LiveSizes, Planner
@@ -114,6 +115,8 @@ class _Program:
         library = engine.library
         plans = [plan_of(engine, one) for one in calls_of(behaviour) if one.rule is not None]
         self._changes = Changes.of(plans, self._metamodel)
+        layout.created = self._changes.created
+        layout.renumbered = not self._changes.created.isdisjoint(self._changes.deleted)
         self._check(plans)
         calls = CallGraph(library)
         static = StaticPatterns(self._changes, library, calls)
@@ -125,12 +128,16 @@ class _Program:
     def _check(self, plans: Sequence[RulePlan]) -> None:
         """See that indices of objects and agents stay what they are."""
         for cls in indexed_classes(self._behaviour, self._metamodel):
-            for attribute in key_attributes(self._metamodel, cls):
+            key = key_attributes(self._metamodel, cls)
+            if key and not self._changes.created.isdisjoint(self._indexable(cls)):
+                span = next(plan.body.span for plan in plans if plan.body.creates)
+                raise NotCompiled(f"objects with a key that a rule creates (`{cls}`)", span)
+            for attribute in key:
                 if attribute.index in self._changes.written:
                     raise NotCompiled(f"keys that change (`{attribute}`)", _set_at(plans, attribute))
         for agent in self._behaviour.agents:
             if not self._changes.fixed_class(agent.cls):
-                raise NotCompiled(f"agents that may go (`{agent.variable}`)", agent.span)
+                raise NotCompiled(f"agents that may come or go (`{agent.variable}`)", agent.span)
 
     # --- the program
 
@@ -151,6 +158,8 @@ class _Program:
         self._facts_of_observations = self._layout.offset(Constants("components", (len(shape), *weights)))
         turns = [self._turn(number, block, numbered[number], names) for number, block in enumerate(blocks)]
         looks = [self._look(number, block, len(blocks)) for number, block in enumerate(blocks)]
+        if self._changes.growing is not None:
+            self._define("tidy", (), tidied(self._facts, self._changes.growing))
         self._define("begin", (), self._begin())
         self._define("step_one", (ACTION,), self._dispatched(turns, (ACTION,), NOTHING))
         self._define("look", (SEEN,), self._dispatched(looks, (SEEN,), code.Return(ZERO)))
@@ -294,6 +303,7 @@ class _Program:
             turn.write(actions, clause, parameters)
             self._check_needed(writer, scope, turn.did)
             self._advance(writer)
+            self._tidy(writer)
             writer.add(code.Return(code.tuple_of(TOTAL, END)))
             return self._module.add("turn", (SELF, ACTION), writer.body())
 
@@ -303,6 +313,11 @@ class _Program:
             count = table(self._layout.offset(Seats(tuple(agent.cls for agent in agents), "count")))
             after = code.Operation("%", (plus(cell(TURN), 1), count))
             writer.add(code.Assign(cell(TURN), after))
+
+    def _tidy(self, writer: Writer) -> None:
+        """Between steps new objects have the first numbers there are for them, in the order in which they came."""
+        if self._changes.growing is not None:
+            writer.add(code.Do(call("tidy")))
 
     def _check_needed(self, writer: Writer, scope: Mapping[str, Term], did: code.Expression | None) -> None:
         """The episode can go on only if objects are there that it will be asked for."""
@@ -322,6 +337,7 @@ class _Program:
             for reset in self._behaviour.resets:
                 writer.run(reset.apply, scope)
             self._check_needed(writer, scope, None)
+            self._tidy(writer)
             writer.add(code.Return(ZERO))
             name = self._module.add("start", (), writer.body())
         return (code.Return(call(name)),)

@@ -64,7 +64,6 @@ def _check(plan: RulePlan, call: RuleCall) -> None:
     body = plan.body
     refused = {
         "blocks inside a rule": body.nested,
-        "objects that a rule creates": body.creates,
         "objects that a rule merges": body.absorbs,
         "variables of a rule that may stand for one object, where it changes several": (
             body.coinciding and body.operations > 1
@@ -87,6 +86,13 @@ def _many_valued(change: SetValue | Increase | SetTargets | SetValues | ChangeTa
     return feature.many
 
 
+def class_of(body: BlockPlan, slot: int) -> str | None:
+    """The class of the object in a slot, one that the block creates included; None for values."""
+    created = (new.cls for new in body.creates if new.node == slot)
+    known = body.classes[slot] if slot < len(body.classes) else None
+    return known or next(created, None)
+
+
 @dataclass(frozen=True, slots=True)
 class Changes:
     """What some rules may change.
@@ -95,8 +101,9 @@ class Changes:
         attributes, references: indices of the features.
         written: indices of the attributes that rules set; the others that change only go with their objects.
         groups: concrete classes, by the sets of them among which the class of an object changes, or from which
-            objects are deleted.
+            objects are deleted, or which rules create; those that are created are in one.
         deleted: those whose objects may be deleted.
+        created: those whose objects may come; all of a group, since objects that have come may be retyped.
     """
 
     metamodel: Metamodel
@@ -105,6 +112,7 @@ class Changes:
     references: frozenset[int]
     groups: tuple[tuple[str, ...], ...]
     deleted: frozenset[str]
+    created: frozenset[str]
 
     @classmethod
     def of(cls, plans: Iterable[RulePlan], metamodel: Metamodel) -> Changes:
@@ -122,8 +130,9 @@ class Changes:
     def fixed_class(self, name: str, exact: bool = False) -> bool:
         """Whether always the same objects are of a class."""
         members = {name} if exact else {*self.metamodel.concrete(name)}
+        passing = self.deleted | self.created
         return all(
-            members.isdisjoint(group) or (members.issuperset(group) and self.deleted.isdisjoint(group))
+            members.isdisjoint(group) or (members.issuperset(group) and passing.isdisjoint(group))
             for group in self.groups
         )
 
@@ -136,6 +145,11 @@ class Changes:
         """The group that a concrete class belongs to, if it belongs to one."""
         return next((group for group in self.groups if cls in group), None)
 
+    @property
+    def growing(self) -> tuple[str, ...] | None:
+        """The group of the objects that rules create, if they do."""
+        return next((group for group in self.groups if not self.created.isdisjoint(group)), None)
+
 
 class _Found:
     """Collects changes."""
@@ -146,13 +160,14 @@ class _Found:
         self.written: set[int] = set()
         self.references: set[int] = set()
         self.deleted: set[str] = set()
+        self.created: set[str] = set()
         self._groups: list[set[str]] = []
 
     def add(self, body: BlockPlan) -> None:
         for reference in (*(one.reference for one in body.unlinks), *(one.reference for one in body.links)):
             self._reference(reference)
         for move in body.moves:
-            self._enters(body.classes[move.node], move.reference)
+            self._enters(class_of(body, move.node), move.reference)
         for change in body.sets:
             match change:
                 case SetTargets(_, reference):
@@ -166,6 +181,10 @@ class _Found:
             self._delete(body.classes[delete.node], body)
         for retype in body.retypes:
             self._retype(body.classes[retype.node], retype.cls, body)
+        for new in body.creates:
+            self.created.add(new.cls)
+            self._group(self.created)
+            self._passing([new.cls])
 
     def _reference(self, reference: Reference) -> None:
         opposite = self.metamodel.opposite(reference)
@@ -196,10 +215,16 @@ class _Found:
         self.deleted.update(concrete)
         for one in concrete:
             for feature in self.metamodel.features(one).values():
-                if isinstance(feature, Attribute):
-                    self.attributes.add(feature.index)
-                elif feature.containment:
+                if isinstance(feature, Reference) and feature.containment:
                     raise NotCompiled(f"containers that a rule deletes (`{one}`)", body.span)
+        self._passing(concrete)
+
+    def _passing(self, concrete: Iterable[str]) -> None:
+        """Objects come or go: what they have changes, and what is linked to them."""
+        concrete = [*concrete]
+        for one in concrete:
+            features = self.metamodel.features(one).values()
+            self.attributes.update(f.index for f in features if isinstance(f, Attribute))
         for reference in self.metamodel.references:
             if any(
                 self.metamodel.is_a(one, end)
@@ -234,6 +259,7 @@ class _Found:
     def result(self) -> Changes:
         order = [cls.name for cls in self.metamodel.class_list]
         groups = sorted(tuple(sorted(group, key=order.index)) for group in self._groups)
+        growing = (cls for group in groups if not self.created.isdisjoint(group) for cls in group)
         return Changes(
             self.metamodel,
             frozenset(self.attributes | self.written),
@@ -241,6 +267,7 @@ class _Found:
             frozenset(self.references),
             tuple(groups),
             frozenset(self.deleted),
+            frozenset(growing),
         )
 
 

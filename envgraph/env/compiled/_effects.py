@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from envgraph import code
+from envgraph.env.compiled._changes import class_of
 from envgraph.env.compiled._facts import Facts, Stored, call
-from envgraph.env.compiled._layout import BEYOND, cell, failed, plus
+from envgraph.env.compiled._layout import BEYOND, cell, failed, plus, table
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._tables import WORD, ClassSet
-from envgraph.env.compiled._terms import Term, Terms, as_float, named
+from envgraph.env.compiled._tables import WORD, ClassSet, Made, Spare
+from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
 from envgraph.metamodel import Attribute, Reference, Scalar
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite.plans import (
@@ -20,6 +21,7 @@ from envgraph.rewrite.plans import (
     Delete,
     Increase,
     Link,
+    New,
     Rehome,
     RulePlan,
     SetTargets,
@@ -28,6 +30,7 @@ from envgraph.rewrite.plans import (
 )
 
 REFUSED = code.Name("REFUSED")
+FULL = code.Name("FULL")
 MISSING = code.Constant(-1)
 
 
@@ -69,6 +72,8 @@ class Effects:
             self._delete(delete)
         for retype in body.retypes:
             self._retype(retype)
+        for new in body.creates:
+            self._create(new)
         for move in body.moves:
             self._link(move)
         for link in body.links:
@@ -111,7 +116,7 @@ class Effects:
         self._add(code.If(code.inverse(test), (failed(REFUSED), self._leave)))
 
     def _sure(self, slot: int, cls: str) -> bool:
-        own = self._body.classes[slot] if slot < len(self._body.classes) else None
+        own = class_of(self._body, slot)
         return own is not None and self._facts.metamodel.is_a(own, cls)
 
     # --- values
@@ -119,7 +124,7 @@ class Effects:
     def _compute(self, compute: Compute) -> None:
         names = {}
         for name, slot, type_ in compute.scope:
-            sure = self._body.classes[slot] if slot < len(self._body.classes) else None
+            sure = class_of(self._body, slot)
             names[name] = named(self._slots[slot], type_, sure)
         terms = Terms(self._facts, names)
         term = terms.write(compute.expression, self._expected(compute.slot))
@@ -209,15 +214,17 @@ class Effects:
         self._add(code.If(test, (code.Assign(place, MISSING),)))
 
     def _leave_containers(self, move: Rehome) -> None:
-        """An object leaves its container, unless that is where it is to go."""
-        cls = self._body.classes[move.node]
+        """An object leaves its container, unless that is where it is to go; new objects are in no slot yet."""
+        if move.node not in self._slots:
+            return
+        cls = class_of(self._body, move.node)
         assert cls is not None
         metamodel, node = self._facts.metamodel, self._slots[move.node]
         for reference in metamodel.references:
             if not (reference.containment and metamodel.overlap(cls, reference.target)):
                 continue
             stays = None
-            if reference == move.reference:
+            if reference == move.reference and move.container in self._slots:
                 stays = code.Operation(
                     "!=", (self._held_cell(reference, node, cls), self._slots[move.container])
                 )
@@ -254,12 +261,16 @@ class Effects:
         else:
             source, reference, target = link.source, link.reference, link.target
         opposite = self._facts.metamodel.opposite(reference)
+        content = None
         if reference.containment:
-            self._check_contents(reference.target)
+            content, end = target, reference.target
         elif opposite is not None and opposite.containment:
-            self._check_contents(reference.owner)
+            content, end = source, reference.owner
         before = self._statements
         self._statements = []
+        if content is not None:
+            self._check_contents(content, end)
+            self._check_homeless(content, end, reference)
         self._check_room(reference, self._slots[source], source, forward=True)
         self._check_room(reference, self._slots[target], target, forward=False)
         _, place, other, guard = self._ends(source, reference, target)
@@ -272,13 +283,48 @@ class Effects:
         test = code.Operation("and", (there, missing_)) if target in self._types else missing_
         self._add(code.If(test, made))
 
-    def _check_contents(self, cls: str) -> None:
-        """An object that moves contains nothing that it could move into."""
+    def _check_contents(self, content: int, cls: str) -> None:
+        """An object that enters a container contains nothing that it could enter."""
+        if any(new.node == content for new in self._body.creates):
+            self._check_new_contents(content)
+            return
         metamodel = self._facts.metamodel
         for one in metamodel.concrete(cls):
             for feature in metamodel.features(one).values():
                 if isinstance(feature, Reference) and feature.containment:
                     raise NotCompiled(f"containers that a rule moves (`{one}`)", self._body.span)
+
+    def _check_homeless(self, content: int, cls: str, entered: Reference) -> None:
+        """The rule is refused where an object is in another container, by another reference than the one it enters."""
+        metamodel, cls = self._facts.metamodel, class_of(self._body, content) or cls
+        for reference in metamodel.references:
+            if (
+                reference.containment
+                and reference not in (entered, metamodel.opposite(entered))
+                and metamodel.overlap(cls, reference.target)
+            ):
+                held = self._held_cell(reference, self._slots[content], cls)
+                self._unless(code.Operation("<", (held, code.Constant(0))))
+
+    def _check_new_contents(self, content: int) -> None:
+        """What contains a new object is not inside of it, as far as the rule puts it together."""
+        containers = self._containers()
+        above = content
+        for _ in containers:
+            above = containers.get(above, above)
+        if above in containers:
+            raise NotCompiled("objects that contain each other", self._body.span)
+
+    def _containers(self) -> dict[int, int]:
+        """The slots of what gets a container, and of these."""
+        found: dict[int, int] = {move.node: move.container for move in self._body.moves}
+        for link in self._body.links:
+            opposite = self._facts.metamodel.opposite(link.reference)
+            if link.reference.containment:
+                found[link.target] = link.source
+            elif opposite is not None and opposite.containment:
+                found[link.source] = link.target
+        return found
 
     def _check_room(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
         """The rule is refused unless an object may have one more target, or one more source."""
@@ -359,6 +405,27 @@ class Effects:
         self._add(code.If(code.Operation("!=", (old, target)), made))
 
     # --- objects
+
+    def _create(self, new: New) -> None:
+        """A spare object is taken; its attributes have their initial values."""
+        facts = self._facts
+        group = facts.changes.group_of(new.cls)
+        assert group is not None
+        made = cell(facts.layout.offset(Made()))
+        node, there = facts.local(ObjectType(new.cls)), facts.module.fresh("p")
+        room = code.Operation("<", (made, table(facts.layout.offset(Spare("count")))))
+        self._add(code.If(code.inverse(room), (failed(FULL), self._leave)))
+        self._add(code.Assign(node, plus(table(facts.layout.offset(Spare("first"))), made)))
+        self._add(code.Assign(made, code.Constant(1), "+="))
+        self._slots[new.node] = node
+        self._add(code.Assign(there, facts.place(group, node, sure=True)[0]))
+        self._add(code.Assign(self._word(group, new.cls, there), _bit_at(there), "|="))
+        for attribute in facts.metamodel.features(new.cls).values():
+            if isinstance(attribute, Attribute) and not attribute.many:
+                place, _ = facts.attribute_cell(attribute, node, sure=True)
+                value = attribute.initial
+                assert not isinstance(value, tuple)
+                self._add(code.Assign(place, literal(facts, value, attribute.type).number))
 
     def _retype(self, retype: ChangeClass) -> None:
         group = self._facts.changes.group_of(retype.cls)

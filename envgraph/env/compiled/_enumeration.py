@@ -45,8 +45,11 @@ def enumerated(
     Raises:
         EvaluationError: more states than the limit, too many outcomes, or an observation without a value.
         RuleError: a rule matches but cannot be applied.
-        NotCompiled: in some state there is more than a program has space for, or a larger int.
+        NotCompiled: in some state there is more than a program has space for, or a larger int; or rules delete objects
+            that others have created, which makes states equal that differ on the live engine, by the ids of objects.
     """
+    if program.layout.renumbered:
+        raise NotCompiled("objects that rules create and delete: a table of the live engine tells them apart")
     return _Visit(program, member, limit, progress).table()
 
 
@@ -241,7 +244,8 @@ class _Visit:
             outcomes = simulator.starts() if state < 0 else simulator.outcomes(action)
             for _ in outcomes:
                 simulator.observe()
-        raise NotCompiled(f"more than {CAPACITY} matches of a question, or an int of more than 32 bits")
+        bounds = f"{CAPACITY} matches of a question, {program.spare} new objects, an int of 32 bits"
+        raise NotCompiled(f"more than there is space for: {bounds}")
 
     def _result(self, states: int, used: int, beginnings: Array, chances: Array) -> Tabular:
         program, actions = self._program, self._actions

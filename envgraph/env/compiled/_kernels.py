@@ -16,9 +16,10 @@ CAPACITY = 4096
 """Rows of one question; more are an error."""
 BELOW = 1.0 - 2.0**-53
 NAN, INFINITY = nan, inf
-FAILED, REFUSED, OVERFLOW, BEYOND = 1, 2, 3, 4
-"""What went wrong in an environment: no value, a rule that cannot be applied, more rows or a larger int than there
-is space for."""
+FAILED, REFUSED, OVERFLOW, BEYOND, FULL = 1, 2, 3, 4, 5
+"""What went wrong in an environment: no value, a rule that cannot be applied, more rows, a larger int, or more new
+objects than there is space for."""
+WHOLE = 2**32 - 1
 U64 = np.uint64
 at = np.uint64
 """A place in an array, which is never negative: of other numbers it is asked each time."""
@@ -100,6 +101,36 @@ def nth_bit(word, number):
 def lowest_bit(low):
     """The number of the only bit of a word."""
     return count_bits(low - 1)
+
+
+def slide(A, start, used, RI, top, nothing):
+    """Entries for new objects move to where these go, as the rows from `top` on say: to a place before, or nowhere."""
+    kept = 0
+    for number in range(used):
+        if RI[top + number, 0] >= 0:
+            A[start + kept] = A[start + number]
+            kept += 1
+    for number in range(kept, used):
+        A[start + number] = nothing
+
+
+def slide_bits(S, words, place, used, RI, top):
+    """The same for the bits of a set, where new objects begin at a place."""
+    kept = place
+    for number in range(place, place + used):
+        word = S[words + (number >> 5)]
+        S[words + (number >> 5)] = word & (WHOLE ^ bit_at(number))
+        if RI[top + number - place, 0] >= 0:
+            if bit(word, number):
+                S[words + (kept >> 5)] |= bit_at(kept)
+            kept += 1
+
+
+def renumber(S, start, count, first, RI, top):
+    """Entries that are objects name them as they are numbered now; new ones begin at `first`."""
+    for number in range(start, start + count):
+        if S[number] >= first:
+            S[number] = first + RI[top + S[number] - first, 0]
 
 
 def quotient(left, right):

@@ -19,6 +19,7 @@ from envgraph.env.compiled._tables import (
     Bits,
     ClassSet,
     Column,
+    Made,
     One,
     Relation,
     Single,
@@ -77,7 +78,7 @@ class Arrays:
     offsets: NDArray[np.int64]
 
 
-Symbol: TypeAlias = "Table | Column | Stride | Constants | Text"
+Symbol: TypeAlias = "Table | Column | Made | Stride | Constants | Text"
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,10 +94,16 @@ class Layout:
 
     Args:
         broken: the assumptions that members do not meet.
+
+    Attributes:
+        created: the concrete classes of objects that rules create.
+        renumbered: whether these may go, too, so that others get their numbers.
     """
 
     def __init__(self, broken: Iterable[Hashable] = ()) -> None:
         self.broken = frozenset(broken)
+        self.created: frozenset[str] = frozenset()
+        self.renumbered = False
         self._numbers: dict[Symbol, int] = {Stride(): 0}
         self._single: dict[tuple[str, ...], Single] = {}
 

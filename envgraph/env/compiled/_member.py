@@ -17,6 +17,8 @@ NO_OBJECT = -1
 NO_INT = -(2**31)
 """Stands for the absence of an int; ints in states have 32 bits."""
 MOST_INT = 2**31 - 1
+SPARE = 64
+"""How many objects there may be that rules have created, where nobody says it."""
 
 Cell: TypeAlias = "int | float"
 Row: TypeAlias = "tuple[Cell, ...]"
@@ -56,9 +58,23 @@ class Member:
         keys: the indices of objects over the family.
         strings: number of each string that the family has, in alphabetical order.
         library: of the domain: has the patterns that are asked about.
+        created: the concrete classes of objects that rules create.
+        spare: how many of these there may be.
+
+    Attributes:
+        objects: the ids of those that are there, by number.
+        spare: the numbers of those that rules may create: they are in none of the extents.
     """
 
-    def __init__(self, engine: Engine, keys: KeyIndex, strings: dict[str, int], library: Library) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        keys: KeyIndex,
+        strings: dict[str, int],
+        library: Library,
+        created: frozenset[str] = frozenset(),
+        spare: int = SPARE,
+    ) -> None:
         self.engine = engine
         self.keys = keys
         self.model = engine.model
@@ -67,10 +83,17 @@ class Member:
         extents = {cls: sorted(self.model.exact_extent(cls)) for cls in concrete}
         self.objects = sorted(node for nodes in extents.values() for node in nodes)
         self.number = {node: number for number, node in enumerate(self.objects)}
+        self.created = created
+        self.spare = range(len(self.objects), len(self.objects) + (spare if created else 0))
         self._extents = {cls: [self.number[node] for node in nodes] for cls, nodes in extents.items()}
         self._strings = strings
         self._library = library
         self._rows: dict[Relation, list[Row]] = {}
+
+    @property
+    def size(self) -> int:
+        """How many objects there may be."""
+        return self.spare.stop
 
     def rows(self, relation: Relation) -> list[Row]:
         """The tuples of a relation, asked for once."""
@@ -121,10 +144,14 @@ class Member:
 
     def value(self, number: int, attribute: Attribute) -> Cell:
         """The value of an object in an attribute."""
+        if number in self.spare:
+            return missing(attribute.type)
         return self.encoded(self.model.value(self.objects[number], attribute), attribute.type)
 
     def target(self, number: int, reference: Reference) -> int:
         """The target of an object in a single-valued reference."""
+        if number in self.spare:
+            return NO_OBJECT
         target = self.model.target(self.objects[number], reference)
         return NO_OBJECT if target is None else self.number[target]
 

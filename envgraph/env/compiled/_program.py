@@ -19,7 +19,7 @@ from envgraph.env._simulator import Simulator
 from envgraph.env.compiled import _kernels, _learning, _listing
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Arrays, Layout
-from envgraph.env.compiled._member import Member, strings_of
+from envgraph.env.compiled._member import SPARE, Member, strings_of
 from envgraph.env.compiled._native import WORD, functions, has_numba
 from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.env.compiled._twin import Twin
@@ -48,6 +48,7 @@ class Program:
         layout: what is where.
         levels, width: how many stretches of rows there are, and how many columns.
         native: whether numba has compiled it.
+        spare: how many objects there may be that rules have created.
     """
 
     source: str
@@ -61,6 +62,7 @@ class Program:
     levels: int
     width: int
     native: bool
+    spare: int
 
     def functions(self, purpose: Purpose) -> Mapping[str, Callable[..., Any]]:
         """The functions for a purpose; compiled when they are first asked for."""
@@ -83,8 +85,8 @@ class Program:
         if keys != self.keys:
             raise Misfit("keys")
         strings = _numbered(strings_of(engine), self.layout)
-        member = Member(engine, keys, strings, engine.library)
-        arrays = self.layout.arrays([member], len(member.objects), strings)
+        member = Member(engine, keys, strings, engine.library, self.layout.created, self.spare)
+        arrays = self.layout.arrays([member], member.size, strings)
         return replace(self, arrays=arrays, members=(member,))
 
     def agent_names(self, number: int) -> tuple[str, ...]:
@@ -107,6 +109,7 @@ def program_of(
     *,
     native: bool | None = None,
     broken: Iterable[Hashable] = (),
+    spare: int = SPARE,
 ) -> Program:
     """Compile a behaviour.
 
@@ -117,6 +120,7 @@ def program_of(
         keys: the indices of objects over the family; those of the first engine's model alone if None.
         native: whether to compile it with numba; None: if that is installed.
         broken: assumptions that are not made, because other members do not meet them.
+        spare: how many objects there may be that rules have created.
 
     Raises:
         NotCompiled: something in it only the live engine has.
@@ -132,13 +136,13 @@ def program_of(
         layout = Layout(unmet)
         text = written(engine, behaviour, keys, layout)
         strings = _numbered(known, layout)
-        data = [Member(each, keys, strings, engine.library) for each in engines]
+        data = [Member(each, keys, strings, engine.library, layout.created, spare) for each in engines]
         try:
-            arrays = layout.arrays(data, max(len(each.objects) for each in data), strings)
+            arrays = layout.arrays(data, max(each.size for each in data), strings)
         except Misfit as misfit:
             unmet.add(misfit.assumption)
             continue
-        return _compiled(text, arrays, native, data, behaviour, keys)
+        return _compiled(text, arrays, native, data, behaviour, keys, spare)
 
 
 def _numbered(texts: Iterable[str], layout: Layout) -> dict[str, int]:
@@ -159,6 +163,7 @@ def _compiled(
     members: Sequence[Member],
     behaviour: Behaviour,
     keys: KeyIndex,
+    spare: int,
 ) -> Program:
     source = code.printed(text.functions).text
     native = has_numba() if native is None else native
@@ -174,6 +179,7 @@ def _compiled(
         text.levels,
         text.width,
         native,
+        spare,
     )
 
 

@@ -302,8 +302,9 @@ class Single:
 
 
 def members(member: Member, classes: Sequence[str]) -> list[int]:
-    """The objects of some concrete classes, ascending."""
-    return sorted(number for cls in classes for number in member.extent(cls, exact=True))
+    """The objects of some concrete classes, ascending, and behind them those that rules may create."""
+    found = sorted(number for cls in classes for number in member.extent(cls, exact=True))
+    return found if member.created.isdisjoint(classes) else [*found, *member.spare]
 
 
 def classes_below(metamodel: Metamodel, cls: str) -> tuple[str, ...]:
@@ -382,6 +383,29 @@ class ClassSet:
 
 
 @dataclass(frozen=True, slots=True)
+class Made:
+    """How many of the spare objects rules have taken."""
+
+    is_float = False
+
+    def initial(self, member: Member) -> Sequence[Cell]:
+        """The column in the initial state."""
+        return [0]
+
+
+@dataclass(frozen=True, slots=True)
+class Spare:
+    """The number of the first object that rules may create, or how many there are of these."""
+
+    of: Literal["first", "count"]
+    is_float = False
+
+    def fill(self, member: Member, stride: int) -> Sequence[Cell]:
+        """The table of a member."""
+        return [member.spare.start if self.of == "first" else len(member.spare)]
+
+
+@dataclass(frozen=True, slots=True)
 class Words:
     """How many words a set of the objects of a group has."""
 
@@ -448,10 +472,18 @@ class IndexOf:
 
 
 def _indexed(member: Member, cls: str, classes: Sequence[str]) -> Iterator[tuple[int, int]]:
-    """The objects of some classes with their indices among a class."""
+    """The objects of some classes with their indices among a class.
+
+    Raises:
+        NotCompiled: one that a rule creates may have an index.
+    """
     key_of = key_reader(member.model, cls)
     rank = {key: position for position, key in enumerate(member.keys.of_class(cls))}
-    for number in members(member, classes):
+    if not member.created.isdisjoint(classes) and any(key >= (member.model.store.next_id,) for key in rank):
+        raise NotCompiled(
+            f"objects without a key that rules create, where other members have more of them (`{cls}`)"
+        )
+    for number in (number for number in members(member, classes) if number not in member.spare):
         yield number, rank.get(key_of(member.objects[number]), NO_OBJECT)
 
 
@@ -477,7 +509,7 @@ class Seats:
 
 
 OfRows: TypeAlias = "Bits | Values | Starts | Listed | SetsOf"
-Table: TypeAlias = "OfRows | Places | Holders | HowMany | Words | Bound | Keyed | IndexOf | Seats"
+Table: TypeAlias = "OfRows | Places | Holders | HowMany | Words | Spare | Bound | Keyed | IndexOf | Seats"
 Column: TypeAlias = "AttributeColumn | TargetColumn | SourceColumn | ClassSet"
 
 

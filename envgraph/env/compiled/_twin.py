@@ -37,6 +37,7 @@ class Twin:
     def __init__(self, simulator: Simulator, member: Member, layout: Layout, offsets: Numbers) -> None:
         self.simulator = simulator
         self._member = member
+        self._objects = [*member.objects]
         self._columns = [(column, int(offsets[number])) for column, number in layout.columns()]
         for column, _ in self._columns:
             if isinstance(column, TargetColumn | SourceColumn):
@@ -57,24 +58,26 @@ class Twin:
             self.simulator.turn = turn
 
     def _restore(self, state: Numbers, floats: Numbers) -> None:
-        member, model = self._member, self._member.model
+        member, model, objects = self._member, self._member.model, self._objects
         for column, _ in self._columns:
             if isinstance(column, TargetColumn | SourceColumn):
                 for source, target in member.rows(Links(column.reference)):
                     model.unlink(member.objects[int(source)], column.reference, member.objects[int(target)])
+        del objects[len(member.objects) :]
         self._restore_classes(state)
         for column, start in self._columns:
             if isinstance(column, ClassSet):
                 continue
             for place, number in enumerate(members(member, column.classes)):
-                node = member.objects[number]
                 value = (floats if column.is_float else state)[start + place]
-                if not model.alive(node):
+                if number >= len(objects) or not model.alive(node := objects[number]):
+                    continue
+                if number in member.spare and model.class_of(node) not in column.classes:
                     continue
                 if isinstance(column, AttributeColumn):
                     model.set_value(node, column.attribute, member.decoded(value, column.attribute.type))
                 elif value >= 0:
-                    other = member.objects[int(value)]
+                    other = objects[int(value)]
                     ends = (node, other) if isinstance(column, TargetColumn) else (other, node)
                     model.link(ends[0], column.reference, ends[1])
 
@@ -88,6 +91,10 @@ class Twin:
                     if int(state[start + place // WORD]) >> (place % WORD) & 1:
                         found[number] = column.cls
         for number, cls in found.items():
+            if number in member.spare:
+                if cls is not None:
+                    self._objects.append(model.new(cls))
+                continue
             node = member.objects[number]
             if cls is None:
                 model.delete(node, "spo")

@@ -155,6 +155,20 @@ def written(folder: Path, corner: Corner) -> tuple[Engine, Behaviour]:
 
 
 CORNERS = {
+    "things that are in one container, and in another": Corner(
+        """
+        rule put { lhs { b : Box; i : Item; } modify { create b -item-> i; } }
+        rule keep(m : Man) { lhs { m : Man; i : Item; } modify { create m -bag-> i; } }
+        rule lose { lhs { m : Man -bag-> i : Item; } modify { delete m -bag-> i; } }
+        """,
+        """
+        action put = put() reward 1
+        action keep(m : Man) = keep(m) reward 2
+        action lose = lose() reward 4
+        observe count find kept(_, _) up to 9
+        """,
+        "pattern kept(m : Man, i : Item) { Man.bag(m, i); }",
+    ),
     "deletion under dpo": Corner(
         """
         rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }
@@ -914,7 +928,6 @@ WED = "rule wed(i : Item, j : Item) { lhs { i : Item; j : Item; } modify { set i
 
 REFUSED = {
     "blocks inside a rule": "lhs { m : Man; } forall { lhs { i : Item; } modify { set i.weight = 1.0; } }",
-    "objects that a rule creates": "lhs { y : Yard; } modify { create y -boxes-> b : Box; }",
     "objects that a rule merges": "lhs { s : Item; t : Item; } modify { merge s <- t; }",
     "strings that are put together": 'lhs { s : Spot; } modify { set s.tag = s.tag + "x"; }',
     "strings that a rule puts together": 'lhs { s : Spot; } modify { set s.tag += "x"; }',
@@ -964,7 +977,7 @@ REFUSED_ELSEWHERE = {
             'pattern long(t : string) { Spot.tag(_, u); t == eval(u + "x"); }',
         ),
     ),
-    "agents that may go": (
+    "agents that may come or go": (
         "yard.environment",
         Corner(
             "rule kill(i : Item) { lhs { i : Item; } modify { delete i; } }",

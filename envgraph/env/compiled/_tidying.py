@@ -1,0 +1,74 @@
+"""Objects that rules create take spare places one after the other; between steps those that are left close the gaps."""
+
+from __future__ import annotations
+
+from envgraph import code
+from envgraph.env.compiled._facts import Facts
+from envgraph.env.compiled._layout import RI, TOP, F, S, cell, entry, plus, table
+from envgraph.env.compiled._member import absent
+from envgraph.env.compiled._tables import (
+    AttributeColumn,
+    ClassSet,
+    Column,
+    HowMany,
+    Made,
+    Places,
+    Spare,
+)
+
+ZERO, ONE = code.Constant(0), code.Constant(1)
+
+
+def tidied(facts: Facts, group: tuple[str, ...]) -> code.Body:
+    """The body of a function that closes the gaps; the order of objects stays, which is that of their ids.
+
+    Args:
+        facts: has been asked for all columns that there are.
+        group: the classes of objects that rules create.
+    """
+    layout, fresh = facts.layout, facts.module.fresh
+    if facts.changes.deleted.isdisjoint(group):
+        return (code.Return(ZERO),)
+    made = cell(layout.offset(Made()))
+    used, kept, first, number, place = (fresh(prefix) for prefix in "ukfnp")
+    inside = [facts.in_set(group, cls, place) for cls in group]
+    begin = table(plus(layout.offset(Places(group)), first))
+    row = entry(RI, plus(TOP, number), 0)
+    gone = code.If(
+        code.joined("or", inside, False),
+        (code.Assign(row, kept), code.Assign(kept, ONE, "+=")),
+        (code.Assign(row, code.Constant(-1)),),
+    )
+    moved: list[code.Statement] = [code.Assign(made, kept)]
+    for column, _ in layout.columns():
+        moved += _moved(facts, column, first, used)
+    return (
+        code.Assign(used, made),
+        code.Assign(first, table(layout.offset(Spare("first")))),
+        code.Assign(kept, ZERO),
+        code.For(number, code.call("range", used), (code.Assign(place, plus(begin, number)), gone)),
+        code.If(code.Operation("<", (kept, used)), tuple(moved)),
+        code.Return(ZERO),
+    )
+
+
+def _moved(facts: Facts, column: Column, first: code.Local, used: code.Local) -> list[code.Statement]:
+    """What happens to a column."""
+    layout = facts.layout
+    start = layout.offset(column)
+    classes = column.group if isinstance(column, ClassSet) else column.classes
+    found: list[code.Statement] = []
+    if not facts.changes.created.isdisjoint(classes):
+        place = table(plus(layout.offset(Places(classes)), first))
+        if isinstance(column, ClassSet):
+            found.append(code.Do(code.call("slide_bits", S, start, place, used, RI, TOP)))
+        else:
+            nothing = (
+                absent(column.attribute.type) if isinstance(column, AttributeColumn) else code.Constant(-1)
+            )
+            array = F if column.is_float else S
+            found.append(code.Do(code.call("slide", array, plus(start, place), used, RI, TOP, nothing)))
+    if not isinstance(column, ClassSet | AttributeColumn):
+        count = table(layout.offset(HowMany(classes)))
+        found.append(code.Do(code.call("renumber", S, start, count, first, RI, TOP)))
+    return found
