@@ -17,6 +17,7 @@ from envgraph.env.compiled._twin import Twin
 from envgraph.errors import EvaluationError
 
 NO_NUMBERS: Final = np.zeros(0)
+NO_ACTIONS: Final = np.zeros(0, dtype=np.int64)
 _SHOWN: Final = {
     OVERFLOW: f"a question has more than {CAPACITY} matches",
     BEYOND: "an int has more than 32 bits",
@@ -42,7 +43,7 @@ class Batch:
     def __init__(self, program: Program, members: Sequence[int] | NDArray[Any]) -> None:
         self.program = program
         arrays, functions = program.arrays, program.functions("step")
-        self._reset, self._step = functions["reset_all"], functions["step_all"]
+        self._advance = functions["advance"]
         self.members = np.asarray(members, dtype=np.int64)
         n = len(self.members)
         self.states = np.zeros((n, arrays.states.shape[1]), dtype=np.int64)
@@ -59,6 +60,7 @@ class Batch:
             np.zeros((2, self.states.shape[1]), dtype=np.int64),
             np.zeros((2, self.float_states.shape[1])),
         )
+        self._none = np.zeros(n, dtype=np.bool_)
         self._streams = np.zeros((n, 4), dtype=np.uint64)
         self._arrays = (
             tables_of(program),
@@ -108,7 +110,7 @@ class Batch:
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        failed = self._reset(self._world, uniforms, which)
+        failed = self._advance(self._world, which, uniforms, NO_ACTIONS, NO_NUMBERS, 0)
         if failed >= 0:
             self._raise(failed, None)
 
@@ -132,7 +134,8 @@ class Batch:
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        failed = self._step(self._world, uniforms, starts, actions, again, limit)
+        begins = self.over if again else self._none
+        failed = self._advance(self._world, begins, starts, actions, uniforms, limit)
         if failed >= 0:
             self._raise(failed, int(actions[failed]))
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from math import prod
+from typing import Final
 
 from envgraph import code
 from envgraph.behaviour import (
@@ -30,6 +31,7 @@ from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
 from envgraph.env._program import Types, added, together
 from envgraph.env.compiled._changes import Changes, StaticPatterns, calls_of, plan_of
 from envgraph.env.compiled._facts import Facts, Module, call
+from envgraph.env.compiled._inlining import inlined
 from envgraph.env.compiled._layout import (
     RI,
     STATE,
@@ -56,6 +58,8 @@ from envgraph.pattern import ObjectType, StaticType, check_expression
 from envgraph.rewrite import Engine
 from envgraph.rewrite.plans import Increase, RulePlan, SetValue
 
+ENTRIES: Final = ("begin", "step_one", "look", "places")
+"""The functions of a program that `_kernels` calls."""
 SELF, ACTION = code.Local("self", "object"), code.Local("a", "int")
 SEEN, NEXT, INDEX = code.Local("C"), code.Local("j", "int"), code.Local("index", "int")
 """What is seen, by component; the number of the next one; and the index that they make."""
@@ -165,7 +169,7 @@ class _Program:
         self._define("look", (SEEN,), self._dispatched(looks, (SEEN,), code.Return(ZERO)))
         self._module.functions.append(code.Function("places", (L,), self._layout.places()))
         levels = max(self._module.levels.values())
-        functions = tuple(self._module.functions)
+        functions = inlined(self._module.functions, ENTRIES, self._module.fresh)
         return Text(functions, self._layout, levels, self._module.width, names, shape)
 
     def _define(self, name: str, parameters: tuple[code.Local, ...], body: code.Body) -> None:

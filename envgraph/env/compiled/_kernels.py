@@ -1,8 +1,8 @@
 """What every program has: drawing, sorting, sets, and the loops over environments.
 
 The text of these functions becomes part of each program, which `_program` compiles, with numba where that is
-installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`, `places`;
-`arrays_at` finds the arrays of a batch.
+installed. They know arrays alone. Names of the program's own functions: `begin`, `step_one`, `look`, `places`; names of
+`_arrays` and `_plain`: what arrays are, and operations on bits.
 """
 
 # ruff: noqa: F821, SIM110
@@ -21,8 +21,6 @@ FAILED, REFUSED, OVERFLOW, BEYOND, FULL = 1, 2, 3, 4, 5
 objects than there is space for."""
 WHOLE = 2**32 - 1
 U64 = np.uint64
-at = np.uint64
-"""A place in an array, which is never negative: of other numbers it is asked each time."""
 
 
 def pick(D, count):
@@ -71,36 +69,11 @@ def uniform(R, e):
     return (mixed >> U64(11)) * (1.0 / 9007199254740992.0)
 
 
-def bit(word, place):
-    """A bit of a word of a set."""
-    return (word >> (place & 31)) & 1
-
-
-def bit_at(place):
-    """The word with one bit."""
-    return 1 << (place & 31)
-
-
-def count_bits(word):
-    """How many bits of a word are set: in this form compilers know the instruction for it."""
-    one, two, four = U64(0x5555555555555555), U64(0x3333333333333333), U64(0x0F0F0F0F0F0F0F0F)
-    wide = U64(word)
-    wide = wide - ((wide >> U64(1)) & one)
-    wide = (wide & two) + ((wide >> U64(2)) & two)
-    wide = (wide + (wide >> U64(4))) & four
-    return np.int64((wide * U64(0x0101010101010101)) >> U64(56))
-
-
 def nth_bit(word, number):
     """The place of a bit that is set, counted from the lowest one."""
     for _ in range(number):
         word &= word - 1
-    return lowest_bit(word & -word)
-
-
-def lowest_bit(low):
-    """The number of the only bit of a word."""
-    return count_bits(low - 1)
+    return lowest_bit(word)
 
 
 def slide(A, start, used, RI, top, nothing):
@@ -186,10 +159,10 @@ def sort_rows(RI, RF, top, count, width, floats, repeated):
 def hash_row(S, BITS, row):
     """A hash of a state."""
     value = np.uint64(14695981039346656037)
-    for column in range(S.shape[1]):
+    for column in range(width(S)):
         value = (value ^ np.uint64(S[row, column])) * np.uint64(1099511628211)
         value ^= value >> np.uint64(29)
-    for column in range(BITS.shape[1]):
+    for column in range(width(BITS)):
         value = (value ^ np.uint64(BITS[row, column])) * np.uint64(1099511628211)
         value ^= value >> np.uint64(29)
     return value
@@ -197,10 +170,10 @@ def hash_row(S, BITS, row):
 
 def same_row(S, BITS, one, other):
     """Whether two states are the same."""
-    for column in range(S.shape[1]):
+    for column in range(width(S)):
         if S[one, column] != S[other, column]:
             return False
-    for column in range(BITS.shape[1]):
+    for column in range(width(BITS)):
         if BITS[one, column] != BITS[other, column]:
             return False
     return True
@@ -224,51 +197,38 @@ def number_of(S, BITS, HASHED, row):
 
 def hash_all(S, BITS, HASHED, count):
     """Put states into an empty table."""
+    S, BITS = matrix(S), matrix(BITS)
     for row in range(count):
         number_of(S, BITS, HASHED, row)
 
 
 def reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0):
     """Put an environment into a start state, which `D` decides."""
-    for column in range(S.shape[1]):
+    for column in range(width(S)):
         S[e, column] = S0[m, column]
-    for column in range(F.shape[1]):
+    for column in range(width(F)):
         F[e, column] = F0[m, column]
     begin(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0)
 
 
-def reset_all(W, UNIFORM, WHICH):
-    """Begin episodes, where `WHICH` says so; the numbers drawn are given, or come from the streams `R`."""
-    T, G, L, S, F, RI, RF, D, M, S0, F0, R, C, STEPS, OVER, OBS, _, _, _, U, _, _ = arrays_at(W)
-    failed = -1
-    K = places(L)
-    for e in range(len(M)):
-        if WHICH[e]:
-            D[0] = UNIFORM[e] if len(UNIFORM) else uniform(R, e)
-            U[e] = D[0]
-            reset_one(T, G, L, K, S, F, RI, RF, D, e, M[e], S0, F0)
-            if S[e, 0] == 0:
-                OBS[e] = look(T[M[e]], G[M[e]], L, K, S[e], F[e], RI, RF, D, 0, C[e])
-            if S[e, 0] != 0:
-                failed = e
-            STEPS[e] = 0
-            OVER[e] = False
-    return failed
+def advance(W, WHICH, STARTS, A, UNIFORM, LIMIT):
+    """Begin episodes where `WHICH` says so, and one step of each other environment, unless there are no actions.
 
-
-def step_all(W, UNIFORM, STARTS, A, AGAIN, LIMIT):
-    """One step of each environment; if `AGAIN`, those whose episode is over begin anew instead.
-
-    Returns the last environment in which something went wrong; its state before is the second row of `B` and `BF`.
+    The numbers drawn are given, or come from the streams `R`. Returns the last environment in which something went
+    wrong; its state before a step is the second row of `B` and `BF`.
     """
     T, G, L, S, F, RI, RF, D, M, S0, F0, R, C, STEPS, OVER, OBS, REWARD, END, CUT, U, B, BF = arrays_at(W)
     failed = -1
     K = places(L)
-    for e in range(len(M)):
-        m = at(M[e])
-        if AGAIN and OVER[e]:
-            D[0] = STARTS[e] if len(STARTS) else uniform(R, e)
-            U[e] = D[0]
+    for e in range(len(WHICH)):
+        m = M[e]
+        begins = WHICH[e]
+        if not begins and len(A) == 0:
+            continue
+        given = STARTS if begins else UNIFORM
+        D[0] = given[e] if len(given) else uniform(R, e)
+        U[e] = D[0]
+        if begins:
             reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0)
             STEPS[e] = 0
             OVER[e] = False
@@ -276,12 +236,10 @@ def step_all(W, UNIFORM, STARTS, A, AGAIN, LIMIT):
             END[e] = 0
             CUT[e] = False
         else:
-            for column in range(S.shape[1]):
+            for column in range(width(S)):
                 B[0, column] = S[e, column]
-            for column in range(F.shape[1]):
+            for column in range(width(F)):
                 BF[0, column] = F[e, column]
-            D[0] = UNIFORM[e] if len(UNIFORM) else uniform(R, e)
-            U[e] = D[0]
             REWARD[e], end = step_one(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, A[e])
             END[e] = end
             STEPS[e] += 1
@@ -292,8 +250,8 @@ def step_all(W, UNIFORM, STARTS, A, AGAIN, LIMIT):
             OBS[e] = look(T[m], G[m], L, K, S[e], F[e], RI, RF, D, 0, C[e])
         if S[e, 0] != 0:
             failed = e
-            for column in range(S.shape[1]):
+            for column in range(width(S)):
                 B[1, column] = B[0, column]
-            for column in range(F.shape[1]):
+            for column in range(width(F)):
                 BF[1, column] = BF[0, column]
     return failed

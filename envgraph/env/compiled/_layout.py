@@ -231,8 +231,7 @@ def plus(*parts: code.Expression | int) -> code.Expression:
 def entry(array: code.Expression, *places: code.Expression | int) -> code.Index:
     """Code for an entry of an array."""
     keys = [code.Constant(place) if isinstance(place, int) else place for place in places]
-    sure = [key if isinstance(key, code.Constant) else code.call("at", key) for key in keys]
-    return code.Index(array, code.tuple_of(*sure) if len(sure) > 1 else sure[0])
+    return code.Index(array, code.tuple_of(*keys) if len(keys) > 1 else keys[0])
 
 
 def table(place: code.Expression, is_float: bool = False) -> code.Expression:

@@ -33,21 +33,21 @@ def greedy(Q, key):
 def write_key(S, BITS, KEYS, row, seen, of_states):
     """The key of the present state into a row."""
     if of_states:
-        for column in range(S.shape[1]):
+        for column in range(width(S)):
             KEYS[row, column] = S[0, column]
-        for column in range(BITS.shape[1]):
-            KEYS[row, S.shape[1] + column] = BITS[0, column]
+        for column in range(width(BITS)):
+            KEYS[row, width(S) + column] = BITS[0, column]
     else:
         KEYS[row, 0] = seen
 
 
-def begin_episode(T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, HASHED, count, of_states):
+def begin_episode(T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, NONE, HASHED, count, of_states):
     """Begin an episode, as `D` decides; the number of the key, -1 after an error."""
     reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
-    return present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, HASHED, count, of_states)
+    return present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, of_states)
 
 
-def present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, HASHED, count, of_states):
+def present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, of_states):
     """The number of the key of the present state, a new one if it is not known; -1 after an error."""
     seen = 0
     if S[0, 0] == 0 and not of_states:
@@ -55,7 +55,7 @@ def present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, HASHED, count, of
     if S[0, 0] != 0:
         return -1
     write_key(S, BITS, KEYS, count, seen, of_states)
-    return number_of(KEYS, KEYS[:, :0], HASHED, count)
+    return number_of(KEYS, NONE, HASHED, count)
 
 
 def learn(
@@ -63,13 +63,18 @@ def learn(
     RATE, DISCOUNT, STEP_DECAY, EPISODE_DECAY, MINIMUM, LIMIT, POINTS, REWARDS, EPISODES, SUCCESSES, COUNTS, LEVELS,
 ):  # fmt: skip
     """Steps of Q-learning until the last of the points; how it ended."""
+    T, G, L, S, F, BITS = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(BITS)
+    RI, RF, D, R, C = matrix(RI), matrix(RF), vector(D), matrix(R), matrix(C)
+    S0, F0, NONE, KEYS, space = fixed(S0), fixed(F0), matrix(KEYS[:, :0]), matrix(KEYS), len(KEYS)
     K = places(L)
     step, point, count, key, left, episodes, successes = COUNTS[:7]
     epsilon, total = LEVELS[0], LEVELS[1]
     how = DONE
     if COUNTS[7] == 0:
         D[0] = uniform(R, 0) if DRAWS & STARTS else 0.0
-        key = begin_episode(T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, HASHED, count, OF_STATES)
+        key = begin_episode(
+            T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, NONE, HASHED, count, OF_STATES
+        )
         if key < 0:
             return WRONG
         if key == count:
@@ -77,7 +82,7 @@ def learn(
             count += 1
         COUNTS[7] = 1
     while step < POINTS[-1]:
-        if count + 2 >= len(KEYS):
+        if count + 2 >= space:
             how = SPACE
             break
         u = uniform(R, 0)
@@ -88,7 +93,9 @@ def learn(
         reward, ended = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
         following = -1
         if S[0, 0] == 0 and ended == 0:
-            following = present_key(T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, HASHED, count, OF_STATES)
+            following = present_key(
+                T, G, L, K, S, F, BITS, RI, RF, D, m, C, KEYS, NONE, HASHED, count, OF_STATES
+            )
         if S[0, 0] != 0:
             return WRONG
         if following == count:
@@ -109,7 +116,7 @@ def learn(
             left = LIMIT
             D[0] = w
             key = begin_episode(
-                T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, HASHED, count, OF_STATES
+                T, G, L, K, S, F, BITS, RI, RF, D, m, S0, F0, C, KEYS, NONE, HASHED, count, OF_STATES
             )
             if key < 0:
                 return WRONG
@@ -134,6 +141,9 @@ def follow(
     What was never seen has equal values, so its best action is the first. Its key is written into the last row, and
     taken out of the hash table again.
     """
+    T, G, L, S, F, BITS = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(BITS)
+    RI, RF, D, R, C = matrix(RI), matrix(RF), vector(D), matrix(R), matrix(C)
+    S0, F0, NONE, KEYS = fixed(S0), fixed(F0), matrix(KEYS[:, :0]), matrix(KEYS)
     K = places(L)
     successes, total, steps = 0, 0.0, 0
     for _ in range(EPISODES):
@@ -146,10 +156,10 @@ def follow(
             if S[0, 0] != 0:
                 return WRONG, successes, total, steps
             write_key(S, BITS, KEYS, count, seen, OF_STATES)
-            key = number_of(KEYS, KEYS[:, :0], HASHED, count)
+            key = number_of(KEYS, NONE, HASHED, count)
             action = 0
             if key == count:
-                forget(KEYS, KEYS[:, :0], HASHED, count)
+                forget(KEYS, NONE, HASHED, count)
             else:
                 action = greedy(Q, key)
             D[0] = uniform(R, 0)

@@ -1,6 +1,7 @@
 """What is added to a program to visit all its states: choices are made by a script, one way after the other.
 
-Part of the program's text, behind `_kernels`, whose `pick` and `choose` these replace.
+Part of the program's text, behind `_kernels`, whose `pick` and `choose` these replace. Functions that are called from
+outside get arrays, and make vectors and matrices of them.
 """
 
 # ruff: noqa: F821
@@ -15,11 +16,11 @@ MADE, CHANCE, KNOWN, SCRIPT = 0, 1, 2, 3
 def take(D, count):
     """The place that the script says, or the first."""
     number = int(D[MADE])
-    at = SCRIPT + 2 * number
-    if at + 1 >= len(D):
+    there = SCRIPT + 2 * number
+    if there + 1 >= len(D):
         return 0
-    place = int(D[at]) if number < D[KNOWN] else 0
-    D[at], D[at + 1] = place, count
+    place = int(D[there]) if number < D[KNOWN] else 0
+    D[there], D[there + 1] = place, count
     D[MADE] = number + 1
     return place
 
@@ -89,11 +90,13 @@ def enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, row, over):
 
 def visit_starts(T, G, L, S, F, RI, RF, D, m, S0, F0, BITS, HASHED, C, OBS, TO, P):
     """The states that an episode may begin in, with their probabilities; how it ended, states, and outcomes."""
-    count, used = 0, 0
+    count, used, space = 0, 0, len(S)
+    T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
+    S0, F0, BITS, C = fixed(S0), fixed(F0), matrix(BITS), matrix(C)
     K = places(L)
     begin_script(D)
     while True:
-        if count + 1 >= len(S) or used >= len(TO):
+        if count + 1 >= space or used >= len(TO):
             return SPACE, count, used
         begin_outcome(D)
         reset_one(T, G, L, K, S, F, RI, RF, D, count, m, S0, F0)
@@ -118,6 +121,9 @@ def visit(
 
     Returns how it ended, the state that is left next, how many states there are, and how many outcomes.
     """
+    space = len(S)
+    T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
+    BITS, C = matrix(BITS), matrix(C)
     K = places(L)
     while head < count <= LIMIT:
         first = used
@@ -128,11 +134,11 @@ def visit(
             begin_script(D)
             number, last = 0, used
             while True:
-                if count + 1 >= len(S) or used >= len(TO):
+                if count + 1 >= space or used >= len(TO):
                     return SPACE, head, count, first, action
-                for column in range(S.shape[1]):
+                for column in range(width(S)):
                     S[count, column] = S[head, column]
-                for column in range(F.shape[1]):
+                for column in range(width(F)):
                     F[count, column] = F[head, column]
                 begin_outcome(D)
                 reward, end = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)

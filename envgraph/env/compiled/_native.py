@@ -11,15 +11,13 @@ from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
-from zlib import crc32
+from typing import Any
 
 import numpy as np
 
 from envgraph import code
+from envgraph.env.compiled import _plain
 from envgraph.files import cache_directory, replace_file
-
-WORD: Final = 2**64 - 1
 
 
 def has_numba() -> bool:
@@ -49,13 +47,7 @@ def _interpreted(source: str) -> dict[str, Any]:
     """The functions of a text, run by Python."""
     namespace: dict[str, Any] = {"__name__": "program"}
     code.define_text(source, "<program of envgraph>", namespace)
-    namespace.update(
-        uniform=_uniform,
-        hash_row=_hash_row,
-        at=int,
-        count_bits=lambda word: int(word).bit_count(),
-        arrays_at=lambda arrays: arrays,
-    )
+    namespace.update({name: getattr(_plain, name) for name in _plain.__all__})
     return namespace
 
 
@@ -63,9 +55,9 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
     """The functions of a text, compiled by numba; it caches them beside a file with the text, named by its hash."""
     import numba
 
-    from envgraph.env.compiled import _addresses
+    from envgraph.env.compiled import _arrays
 
-    known = numba.__version__, inspect.getsource(_addresses), source
+    known = numba.__version__, inspect.getsource(_arrays), source
     digest = sha256("\n".join(known).encode()).hexdigest()[:32]
     path = Path("programs") / f"program_{digest}.py"
     folder, kept = cache_directory(), False
@@ -79,6 +71,7 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
     module = ModuleType(path.stem)
     sys.modules[path.stem] = module  # numba looks there for the functions of what it has cached
     namespace = vars(module)
+    namespace.update({name: getattr(_arrays, name) for name in _arrays.__all__})
     code.define_text(source, str(path), namespace)
     options: Any = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
     inside: Any = {**options, "forceinline": True, "no_cpython_wrapper": True}
@@ -86,21 +79,4 @@ def _native(source: str, called: Sequence[str]) -> dict[str, Any]:
     for name, value in list(namespace.items()):
         if inspect.isfunction(value) and value.__module__ == path.stem:
             namespace[name] = (outer if name in called else inner)(value)
-    namespace["arrays_at"] = inner(_addresses.arrays_at)
     return namespace
-
-
-def _uniform(states: Any, row: int) -> float:
-    """NumPy's PCG64, with Python's ints."""
-    lo, hi, inc_lo, inc_hi = (int(part) for part in states[row])
-    state = (hi << 64 | lo) * 0x2360ED051FC65DA44385DF649FCCF645 + (inc_hi << 64 | inc_lo)
-    lo, hi = state & WORD, state >> 64 & WORD
-    states[row, 0], states[row, 1] = lo, hi
-    mixed, turns = hi ^ lo, hi >> 58
-    mixed = (mixed >> turns | mixed << (-turns & 63)) & WORD
-    return (mixed >> 11) * 2.0**-53
-
-
-def _hash_row(states: Any, floats: Any, row: int) -> Any:
-    """A hash of a state, where whole numbers are Python's."""
-    return np.uint64(crc32(states[row].tobytes() + floats[row].tobytes()))

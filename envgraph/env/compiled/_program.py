@@ -20,7 +20,8 @@ from envgraph.env.compiled import _kernels, _learning, _listing
 from envgraph.env.compiled._behaviour import Text, written
 from envgraph.env.compiled._layout import Arrays, Layout
 from envgraph.env.compiled._member import SPARE, Member, strings_of
-from envgraph.env.compiled._native import WORD, functions, has_numba
+from envgraph.env.compiled._native import functions, has_numba
+from envgraph.env.compiled._plain import WORD
 from envgraph.env.compiled._refused import Misfit, NotCompiled
 from envgraph.env.compiled._twin import Twin
 from envgraph.rewrite import Engine
@@ -28,7 +29,7 @@ from envgraph.rewrite import Engine
 Purpose = Literal["step", "list", "learn"]
 
 PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
-    "step": ((_kernels,), ("reset_all", "step_all")),
+    "step": ((_kernels,), ("advance",)),
     "list": ((_kernels, _listing), ("visit_starts", "visit", "hash_all")),
     "learn": ((_kernels, _learning), ("learn", "follow", "hash_all")),
 }
@@ -188,7 +189,7 @@ def streams(generators: Sequence[np.random.Generator]) -> np.ndarray[Any, np.dty
     rows = []
     for generator in generators:
         state: Any = generator.bit_generator.state["state"]
-        rows.append([state["state"] & WORD, state["state"] >> 64, state["inc"] & WORD, state["inc"] >> 64])
+        rows.append([part >> shift & WORD for part in (state["state"], state["inc"]) for shift in (0, 64)])
     return np.array(rows, dtype=np.uint64).reshape(len(rows), 4)
 
 

@@ -1,0 +1,255 @@
+"""What numba makes of names that all programs use: arrays that are an address each, and sets of bits.
+
+An array of NumPy is seven values to numba, which has to compile what is done with each of them, for each function that
+gets it; a `Vector` is its address, a `Matrix` also the length of a row. For programs that numba compiles; nothing else
+may import it. `_plain` has the same names for Python.
+"""
+
+# mypy: ignore-errors
+
+import operator
+
+from llvmlite import ir
+from numba import types
+from numba.core.cgutils import create_struct_proxy
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+__all__ = [
+    "arrays_at",
+    "bit",
+    "bit_at",
+    "count_bits",
+    "fixed",
+    "lowest_bit",
+    "matrix",
+    "vector",
+    "width",
+]
+
+
+class Vector(types.Type):
+    """An array with one axis; its places are never negative, nor beyond its end."""
+
+    def __init__(self, dtype, fixed):
+        self.dtype, self.fixed = dtype, fixed
+        super().__init__(f"Vector({dtype}, {fixed})")
+
+
+class Matrix(types.Type):
+    """An array with two axes; a row of it is a vector.
+
+    Args:
+        dtype: of its entries.
+        fixed: whether nothing is written into it while a program runs, so what was read need not be read again.
+    """
+
+    def __init__(self, dtype, fixed):
+        self.dtype, self.row = dtype, Vector(dtype, fixed)
+        super().__init__(f"Matrix({dtype}, {fixed})")
+
+
+@register_model(Vector)
+class VectorModel(models.PrimitiveModel):
+    """The address of the first entry."""
+
+    def __init__(self, manager, type_):
+        super().__init__(manager, type_, manager.lookup(type_.dtype).get_data_type().as_pointer())
+
+
+@register_model(Matrix)
+class MatrixModel(models.StructModel):
+    """The address of the first row, and the length of one."""
+
+    def __init__(self, manager, type_):
+        super().__init__(manager, type_, [("first", type_.row), ("width", types.intp)])
+
+
+# --- entries
+
+FIRST = {"target": "cpu"}
+"""numba asks the most special declarations first."""
+
+
+@infer_global(operator.getitem)
+class Read(AbstractTemplate):
+    """Types of what is read; asked before those of other things, of which there are dozens."""
+
+    metadata = FIRST
+
+    def generic(self, args, kws):
+        array, place = args
+        if isinstance(array, Vector) and isinstance(place, types.Integer):
+            return signature(array.dtype, array, types.intp)
+        if isinstance(array, Matrix) and isinstance(place, types.Integer):
+            return signature(array.row, array, types.intp)
+        if isinstance(array, Matrix) and isinstance(place, types.BaseTuple):
+            return signature(array.dtype, array, types.UniTuple(types.intp, 2))
+        return None
+
+
+@infer_global(operator.setitem)
+class Write(AbstractTemplate):
+    """Types of what is written."""
+
+    metadata = FIRST
+
+    def generic(self, args, kws):
+        array, place, _ = args
+        if isinstance(array, Vector) and isinstance(place, types.Integer):
+            return signature(types.none, array, types.intp, array.dtype)
+        if isinstance(array, Matrix) and isinstance(place, types.BaseTuple):
+            return signature(types.none, array, types.UniTuple(types.intp, 2), array.dtype)
+        return None
+
+
+def entry_of(context, builder, array_type, array, place):
+    """The address of an entry, or of a row."""
+    if isinstance(array_type, Vector):
+        return builder.gep(array, [place], inbounds=True)
+    matrix = create_struct_proxy(array_type)(context, builder, array)
+    if not isinstance(place.type, ir.ArrayType):
+        return builder.gep(matrix.first, [builder.mul(place, matrix.width)], inbounds=True)
+    row, column = (builder.extract_value(place, number) for number in range(2))
+    return builder.gep(matrix.first, [builder.add(builder.mul(row, matrix.width), column)], inbounds=True)
+
+
+@lower_builtin(operator.getitem, Vector, types.Integer)
+@lower_builtin(operator.getitem, Matrix, types.BaseTuple)
+def read(context, builder, sig, args):
+    """Code for the value of an entry."""
+    address = entry_of(context, builder, sig.args[0], *args)
+    loaded = builder.load(address)
+    row = sig.args[0] if isinstance(sig.args[0], Vector) else sig.args[0].row
+    if row.fixed:
+        loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return context.data_model_manager[row.dtype].from_data(builder, loaded)
+
+
+@lower_builtin(operator.getitem, Matrix, types.Integer)
+def read_row(context, builder, sig, args):
+    """Code for a row."""
+    return entry_of(context, builder, sig.args[0], *args)
+
+
+@lower_builtin(operator.setitem, Vector, types.Integer, types.Any)
+@lower_builtin(operator.setitem, Matrix, types.BaseTuple, types.Any)
+def write(context, builder, sig, args):
+    """Code that changes an entry."""
+    address = entry_of(context, builder, sig.args[0], *args[:2])
+    builder.store(context.data_model_manager[sig.args[2]].as_data(builder, args[2]), address)
+
+
+# --- arrays
+
+
+def data_of(context, builder, array_type, array):
+    """The address of the entries of an array, and its lengths."""
+    held = create_struct_proxy(array_type)(context, builder, array)
+    return held.data, held.shape
+
+
+def made(context, builder, type_, first, width):
+    """Code for a matrix."""
+    matrix = create_struct_proxy(type_)(context, builder)
+    matrix.first, matrix.width = first, width
+    return matrix._getvalue()
+
+
+@intrinsic
+def vector(typing, array):
+    """The vector of an array."""
+
+    def code(context, builder, sig, args):
+        return data_of(context, builder, array, args[0])[0]
+
+    return Vector(array.dtype, False)(array), code
+
+
+@intrinsic
+def matrix(typing, array):
+    """The matrix of an array."""
+    return matrix_of(array, False)
+
+
+@intrinsic
+def fixed(typing, array):
+    """The matrix of an array that nothing is written into."""
+    return matrix_of(array, True)
+
+
+def matrix_of(array, is_fixed):
+    """The signature, and what writes the code."""
+
+    def code(context, builder, sig, args):
+        first, shape = data_of(context, builder, array, args[0])
+        return made(context, builder, sig.return_type, first, builder.extract_value(shape, 1))
+
+    return Matrix(array.dtype, is_fixed)(array), code
+
+
+@intrinsic
+def width(typing, array):
+    """The length of a row of a matrix."""
+
+    def code(context, builder, sig, args):
+        return create_struct_proxy(array)(context, builder, args[0]).width
+
+    return types.intp(array), code
+
+
+TABLES, REALS = Matrix(types.int32, True), Matrix(types.float64, True)
+INTS, FLOATS, WORDS = (Matrix(each, False) for each in (types.int64, types.float64, types.uint64))
+INT, FLOAT, BOOL = (Vector(each, False) for each in (types.int64, types.float64, types.bool_))
+GIVEN = TABLES, REALS, Vector(types.int64, True), INTS, FLOATS, INTS, FLOATS, FLOAT, INT, INTS, FLOATS, WORDS
+BATCH = types.Tuple((*GIVEN, INTS, INT, BOOL, INT, FLOAT, INT, BOOL, FLOAT, INTS, FLOATS))
+"""The arrays of a batch, in the order in which `_batch` has them."""
+
+
+@intrinsic
+def arrays_at(typing, addresses):
+    """The arrays of a batch; a row of `addresses` has the address of one, and its shape."""
+
+    def code(context, builder, sig, args):
+        numbers = data_of(context, builder, addresses, args[0])[0]
+        found = []
+        for row, type_ in enumerate(BATCH):
+            address, width = (
+                builder.load(builder.gep(numbers, [context.get_constant(types.intp, 3 * row + column)]))
+                for column in (0, 2)
+            )
+            held = type_.row if isinstance(type_, Matrix) else type_
+            first = builder.inttoptr(address, context.get_value_type(held))
+            found.append(made(context, builder, type_, first, width) if held is not type_ else first)
+        return context.make_tuple(builder, BATCH, found)
+
+    return BATCH(addresses), code
+
+
+# --- bits
+
+
+def of_ints(count, code):
+    """An operation on whole numbers."""
+
+    @intrinsic
+    def one(typing, word):
+        return types.int64(types.int64), lambda context, builder, sig, args: code(builder, *args)
+
+    @intrinsic
+    def two(typing, word, place):
+        return types.int64(types.int64, types.int64), lambda context, builder, sig, args: code(builder, *args)
+
+    return one if count == 1 else two
+
+
+def low_bits(builder, place):
+    """The place of a bit within a word of 32."""
+    return builder.and_(place, ir.Constant(place.type, 31))
+
+
+ONE = ir.Constant(ir.IntType(64), 1)
+bit = of_ints(2, lambda builder, word, place: builder.and_(builder.ashr(word, low_bits(builder, place)), ONE))
+bit_at = of_ints(1, lambda builder, place: builder.shl(ONE, low_bits(builder, place)))
+count_bits = of_ints(1, lambda builder, word: builder.ctpop(word))
+lowest_bit = of_ints(1, lambda builder, word: builder.cttz(word, ir.Constant(ir.IntType(1), 0)))

@@ -1,0 +1,131 @@
+"""Functions that are called from one place stand there: numba takes a while for each function, however short."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any
+
+from envgraph import code
+
+Fresh = Callable[[str], code.Local]
+
+
+def inlined(
+    functions: Sequence[code.Function], kept: Sequence[str], fresh: Fresh
+) -> tuple[code.Function, ...]:
+    """The functions that are left.
+
+    A call that is returned is replaced by the body of the function; one whose value a variable gets, if the function
+    returns at its end alone.
+
+    Args:
+        functions: in the order in which they call each other.
+        kept: names of functions that are called from outside.
+        fresh: makes a variable that no function has.
+    """
+    calls = Counter(name for function in functions for name in _called(function.body))
+    once = {name for name, number in calls.items() if number == 1 and name not in kept}
+    left: dict[str, code.Function] = {}
+    for function in functions:
+        body, used = _body(function.body, {name: left[name] for name in once if name in left}, fresh)
+        left[function.name] = code.Function(function.name, function.parameters, body)
+        for name in used:
+            del left[name]
+    return tuple(left.values())
+
+
+def _called(node: Any) -> Iterator[str]:
+    """The functions that something calls."""
+    if isinstance(node, code.Call) and isinstance(node.function, code.Name):
+        yield node.function.name
+    for part in _parts(node):
+        yield from _called(part)
+
+
+def _parts(node: Any) -> Sequence[Any]:
+    if isinstance(node, tuple):
+        return node
+    return [getattr(node, name) for name in _fields(node.__class__)]
+
+
+@cache
+def _fields(cls: Hashable) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(cls)) if is_dataclass(cls) else ()
+
+
+def _body(body: code.Body, known: Mapping[str, code.Function], fresh: Fresh) -> tuple[code.Body, list[str]]:
+    """A body with calls replaced, and the functions whose calls those were."""
+    found: list[code.Statement] = []
+    used: list[str] = []
+    for statement in body:
+        match statement:
+            case code.Return(code.Call(code.Name(name), arguments)) if name in known:
+                found += _inside(known[name], arguments, fresh)
+                used.append(name)
+            case code.Assign(target, code.Call(code.Name(name), arguments), "=") if (
+                name in known and _returns_at_end(known[name])
+            ):
+                *before, last = _inside(known[name], arguments, fresh)
+                assert isinstance(last, code.Return) and last.value is not None
+                found += [*before, code.Assign(target, last.value)]
+                used.append(name)
+            case code.If(test, then, otherwise):
+                then, more = _body(then, known, fresh)
+                otherwise, most = _body(otherwise, known, fresh)
+                found.append(code.If(test, then, otherwise))
+                used += more + most
+            case code.For(target, iterable, inside):
+                inside, more = _body(inside, known, fresh)
+                found.append(code.For(target, iterable, inside))
+                used += more
+            case code.While(test, inside):
+                inside, more = _body(inside, known, fresh)
+                found.append(code.While(test, inside))
+                used += more
+            case _:
+                found.append(statement)
+    return tuple(found), used
+
+
+def _returns_at_end(function: code.Function) -> bool:
+    return _returns(function.body) == 1 and isinstance(function.body[-1], code.Return)
+
+
+def _returns(node: Any) -> int:
+    return isinstance(node, code.Return) + sum(map(_returns, _parts(node)))
+
+
+def _inside(
+    function: code.Function, arguments: Sequence[code.Expression], fresh: Fresh
+) -> Iterator[code.Statement]:
+    """The statements of a function, with variables of their own; first its parameters get their values."""
+    names: dict[code.Local, code.Local] = {}
+    for parameter, argument in zip(function.parameters, arguments, strict=True):
+        assert isinstance(parameter, code.Local)
+        if parameter != argument:
+            names[parameter] = fresh(parameter.name)
+            yield code.Assign(names[parameter], argument)
+    for local in dict.fromkeys(_assigned(function.body)):
+        names[local] = fresh(local.name)
+    yield from _renamed(function.body, names)
+
+
+def _assigned(node: Any) -> Iterator[code.Local]:
+    """The variables that get values."""
+    if isinstance(node, code.Assign | code.For):
+        targets = node.target.items if isinstance(node.target, code.Tuple) else (node.target,)
+        yield from (target for target in targets if isinstance(target, code.Local))
+    for part in _parts(node):
+        yield from _assigned(part)
+
+
+def _renamed(node: Any, names: Mapping[code.Local, code.Local]) -> Any:
+    if isinstance(node, code.Local):
+        return names.get(node, node)
+    if isinstance(node, tuple):
+        return tuple(_renamed(part, names) for part in node)
+    parts = [_renamed(part, names) for part in _parts(node)]
+    return type(node)(*parts) if parts else node
