@@ -573,6 +573,13 @@ def import_(
     "family up to each environment, and evaluated there.",
 )
 @click.option(
+    "--controls",
+    show_default="all, where there is a curriculum",
+    help="What the curriculum is compared with, each with as many steps: some of direct (the target alone), optimistic "
+    "(likewise, with higher values at first), reversed, shuffled (other orders, the target last) and randomised (an "
+    "environment drawn for each episode), separated by commas, or none.",
+)
+@click.option(
     "--workers",
     type=click.IntRange(min=1),
     default=1,
@@ -591,13 +598,14 @@ def train(
     steps: str | None,
     seeds: int | None,
     curricula: str | None,
+    controls: str | None,
     workers: int,
     resume: bool,
     force: bool,
     directory: Path,
     format: OutputFormat,
 ) -> None:
-    """Train agents on curricula and on single environments, and evaluate them on the target."""
+    """Train agents on curricula, single environments and controls, and evaluate them on the target."""
     from envgraph.cli._learn import train_agents
 
     train_agents(
@@ -606,6 +614,7 @@ def train(
         steps=steps,
         seeds=seeds,
         curricula=curricula,
+        controls=controls,
         workers=workers,
         resume=resume,
         force=force,

@@ -14,17 +14,20 @@ from typing import Any
 from envgraph import __version__
 from envgraph.cli._family import REPORT, TRAINING, run_directory
 from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
-from envgraph.env import TooManyStates
+from envgraph.env import Tabular, TooManyStates
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument, did_you_mean, listed
 from envgraph.files import replace_file
 from envgraph.learn import (
+    CONTROLS,
     Curriculum,
     FamilyMember,
     InProgram,
     Journal,
     TrainingSettings,
+    controls,
     fingerprint,
+    optimistic_value,
     read_csv,
     run_experiment,
     run_stages,
@@ -39,6 +42,11 @@ STAGES = "stages"
 
 _KINDS = ("suffixes", "full", "baselines", "direct")
 
+_OPTIONS = {"steps": str, "seeds": int, "curricula": str, "controls": str}
+"""What a training is begun with, and `--resume` goes on with."""
+
+_OF_TABLES = ("optimistic", "randomised")
+"""Controls that need tables of the environments."""
 
 UNFINISHED = "unfinished.jsonl"
 """Name of the file of a training under way, among the results: its agents so far, for `--resume`."""
@@ -51,6 +59,7 @@ def train_agents(
     steps: str | None,
     seeds: int | None,
     curricula: str | None,
+    controls: str | None,
     workers: int,
     resume: bool,
     force: bool,
@@ -63,12 +72,12 @@ def train_agents(
     family = open_family(run, directory)
     base = run_directory(run, directory) / TRAINING
     again = f"envgraph train {run} --directory {directory} --resume"
-    wanted: dict[str, Any] = {"steps": steps, "seeds": seeds, "curricula": curricula}
+    wanted: dict[str, Any] = dict(zip(_OPTIONS, (steps, seeds, curricula, controls), strict=True))
     journal = None
     if resume:
         if force or any(value is not None for value in wanted.values()):
             raise InvalidArgument(
-                "a resumed training keeps its steps, seeds and curricula: leave the options out"
+                "a resumed training keeps its steps, seeds, curricula and controls: leave the options out"
             )
         if not (base / UNFINISHED).exists():
             raise InvalidArgument(f"no training of `{run}` was interrupted: there is nothing to go on with")
@@ -80,10 +89,12 @@ def train_agents(
             "interrupted: go on with --resume, or replace it with --force"
         )
     chosen = _curricula(family, wanted["curricula"])
+    compared = _named(wanted["controls"])
     budgets = [_settings(family, budget, wanted["seeds"]) for budget in _budgets(wanted["steps"])]
     if not resume and not force:
         _refuse_results(base, budgets)
     members = _members(family)
+    chosen = _with_controls(chosen, compared, members, budgets[0])
     made_of = fingerprint({member.name: member.tabular for member in members}, __version__, *budgets)
     if journal is None:
         journal = Journal.create(base / UNFINISHED, {**wanted, "made_of": made_of})
@@ -112,9 +123,8 @@ def _refuse_results(base: Path, budgets: list[TrainingSettings]) -> None:
 
 def _begun(journal: Journal) -> dict[str, Any]:
     """The options of a training, as they were given when it was begun."""
-    wanted = {name: journal.about.get(name) for name in ("steps", "seeds", "curricula")}
-    kinds = {"steps": str, "seeds": int, "curricula": str}
-    if not all(value is None or isinstance(value, kinds[name]) for name, value in wanted.items()):
+    wanted = {name: journal.about.get(name) for name in _OPTIONS}
+    if not all(value is None or isinstance(value, _OPTIONS[name]) for name, value in wanted.items()):
         raise InvalidArgument(f"{journal.path}:1: not what a training is begun with")
     return wanted
 
@@ -260,6 +270,40 @@ def _curricula(family: Family, kinds: str | None) -> list[Curriculum]:
         for one in sequences(names, kind):  # type: ignore[arg-type]
             chosen.setdefault((one.kind, one.label), one)
     return list(chosen.values())
+
+
+def _named(controls: str | None) -> list[str] | None:
+    """Kinds of controls; None where none were named."""
+    if controls is None or controls.strip() == "none":
+        return None if controls is None else []
+    kinds = [kind.strip() for kind in controls.split(",")]
+    for kind in kinds:
+        if kind not in CONTROLS:
+            hint = did_you_mean(kind, CONTROLS) or f"there are {', '.join(CONTROLS)}, or none"
+            raise InvalidArgument(f"unknown control `{kind}`", hint)
+    return kinds
+
+
+def _with_controls(
+    chosen: list[Curriculum],
+    kinds: list[str] | None,
+    members: list[FamilyMember],
+    settings: TrainingSettings,
+) -> list[Curriculum]:
+    """Curricula with what they are compared with; by default with all that there is for such environments."""
+    target, optimism = members[-1].tabular, None
+    if kinds is None:
+        kinds = list(CONTROLS) if any(curriculum.kind == "curriculum" for curriculum in chosen) else []
+        if not isinstance(target, Tabular):
+            kinds = [kind for kind in kinds if kind not in _OF_TABLES]
+    if isinstance(target, Tabular):
+        optimism = optimistic_value(target, settings) if "optimistic" in kinds else None
+    elif needed := [kind for kind in kinds if kind in _OF_TABLES]:
+        raise InvalidArgument(
+            f"`--controls {','.join(needed)}` needs tables of all states, of which there are too many"
+        )
+    found = controls([member.name for member in members], kinds, optimism=optimism)
+    return list({(one.kind, one.label): one for one in (*chosen, *found)}.values())
 
 
 def _print_summary(family: Family, trained: list[Trained], directory: Path, format: OutputFormat) -> None:

@@ -11,6 +11,7 @@ tables alone how well a family teaches.
 """
 
 from envgraph.errors import shorten
+from envgraph.learn._controls import CONTROLS, Control, controls, optimistic_value
 from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
 from envgraph.learn._intervals import mean_interval, wilson_interval
@@ -24,6 +25,7 @@ from envgraph.solve import (
     evaluate,
     evaluate_policy,
     hit_probability,
+    mixture,
     optimal_return,
     softened_policy,
     value_iteration,
@@ -38,6 +40,8 @@ from envgraph.solve.learning import (
 )
 
 __all__ = [
+    "CONTROLS",
+    "Control",
     "Curriculum",
     "Curve",
     "Epsilon",
@@ -54,12 +58,15 @@ __all__ = [
     "TrainingSettings",
     "available_backends",
     "chain_transfer",
+    "controls",
     "evaluate",
     "evaluate_policy",
     "fingerprint",
     "hit_probability",
     "mean_interval",
+    "mixture",
     "optimal_return",
+    "optimistic_value",
     "read_csv",
     "run_experiment",
     "run_stages",

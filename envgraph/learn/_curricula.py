@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import Literal, get_args
 
 from envgraph.code import dataclass
 from envgraph.errors import InvalidArgument, did_you_mean
 
-Kind = Literal["curriculum", "baseline"]
+Kind = Literal["curriculum", "baseline", "control"]
 Sequences = Literal["suffixes", "full", "baselines", "direct"]
 
 
@@ -17,20 +18,47 @@ class Curriculum:
     """A sequence of environments to train on.
 
     Attributes:
-        kind: "curriculum", or "baseline" for direct training on one environment.
+        kind: "curriculum"; "baseline" for direct training on one environment; "control" for what a curriculum is
+            compared with.
         label: what it is called in tables, unique among its kind.
-        stages: names of environments, in the order of training.
+        stages: names of environments, in the order of training. Several names together are a stage in which each
+            episode takes place in one of them, drawn uniformly.
         shares: length of each stage, in units of `steps_per_environment`.
+        initial_value: what every Q-value is at first; None: as the settings say.
     """
 
     kind: Kind
     label: str
-    stages: tuple[str, ...]
+    stages: tuple[str | tuple[str, ...], ...]
     shares: tuple[int, ...]
+    initial_value: float | None = None
 
     def __post_init__(self) -> None:
         if not self.stages or len(self.stages) != len(self.shares) or min(self.shares) < 1:
             raise InvalidArgument(f"curriculum `{self.label}` needs a positive share for each of its stages")
+        if any(not names or len(set(names)) != len(names) for names in self.members):
+            raise InvalidArgument(
+                f"curriculum `{self.label}` draws episodes from environments with different names"
+            )
+        if self.initial_value is not None and not isfinite(self.initial_value):
+            raise InvalidArgument(f"`initial_value` of curriculum `{self.label}` must be finite")
+
+    @property
+    def members(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the environments of each stage."""
+        return tuple((stage,) if isinstance(stage, str) else stage for stage in self.stages)
+
+
+def kind_of(text: object) -> Kind:
+    """A kind by its name.
+
+    Raises:
+        ValueError: there is no such kind.
+    """
+    for kind in get_args(Kind):
+        if kind == text:
+            return kind  # type: ignore[no-any-return]
+    raise ValueError(text)
 
 
 def sequences(names: Sequence[str], kind: Sequences = "suffixes") -> tuple[Curriculum, ...]:
@@ -47,8 +75,8 @@ def sequences(names: Sequence[str], kind: Sequences = "suffixes") -> tuple[Curri
 
     >>> [curriculum.label for curriculum in sequences(["E1", "E2", "E3"])]
     ['E1-E3', 'E2-E3']
-    >>> sequences(["E1", "E2", "E3"], "direct")
-    (Curriculum(kind='baseline', label='E3', stages=('E3',), shares=(3,)),)
+    >>> sequences(["E1", "E2", "E3"], "direct")[0].stages, sequences(["E1", "E2", "E3"], "direct")[0].shares
+    (('E3',), (3,))
     """
     if kind not in get_args(Sequences):
         hint = did_you_mean(str(kind), get_args(Sequences))

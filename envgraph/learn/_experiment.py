@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from math import isfinite
 
@@ -16,7 +17,7 @@ from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._programs import InProgram, ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult
-from envgraph.solve import Evaluation, evaluate
+from envgraph.solve import Evaluation, evaluate, mixture
 from envgraph.solve.learning import (
     Backend,
     Table,
@@ -29,6 +30,12 @@ from envgraph.solve.learning import (
 )
 
 TRAINING, EVALUATION = 0, 1
+
+Place = tuple[int, ...]
+"""Of a stage: the positions in the family of its environments."""
+
+_SEVERAL = 2**16
+"""Added to their number, it tells a stage of several environments from as many stages; families are smaller."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +72,8 @@ def run_experiment(
     """Train on each curriculum with each seed, and evaluate each agent on the last environment of the family.
 
     A run's randomness depends on its seed and on the environments of its curriculum alone. So neither the number of
-    workers, nor the loop, nor which other curricula and seeds are run, changes a result.
+    workers, nor the loop, nor which other curricula and seeds are run, changes a result. Curricula of the same
+    environments in the same order, which differ in their first values, draw the same numbers.
 
     Args:
         family: the environments from the easiest to the target.
@@ -92,7 +100,7 @@ def run_experiment(
         settings.steps_per_environment * sum(sum(curriculum.shares) for curriculum in curricula) * len(seeds)
     )
     backend = choose_backend(backend, steps)
-    prepared = _prepare(family)
+    prepared = _prepare(family, curricula)
     wanted = {(one.kind, one.label, seed): (one, seed) for one in curricula for seed in seeds}
     results = {key: result for result in known if (key := _key(result)) in wanted}
     tasks = [
@@ -173,26 +181,26 @@ def train_run(
     """
     _check([member.name for member in family], [curriculum], [seed], workers=1)
     steps = settings.steps_per_environment * sum(curriculum.shares)
-    return _run(_prepare(family), curriculum, settings, seed, choose_backend(backend, steps))
+    return _run(_prepare(family, [curriculum]), curriculum, settings, seed, choose_backend(backend, steps))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Tables:
-    """Tables of a family, made ready once for all runs."""
+    """The table of each stage, made ready once for all runs."""
 
-    tables: tuple[Table, ...]
+    tables: dict[Place, Table]
     target: Tabular
 
     def run(
         self,
-        stages: Sequence[int],
+        stages: Sequence[Place],
         steps: Sequence[int],
         settings: TrainingSettings,
         seed: int,
         backend: Backend,
     ) -> tuple[Training, Evaluation]:
         """Train on some of them, and evaluate on the last one."""
-        tables = [self.tables[stage] for stage in stages]
+        tables = [self.tables[place] for place in stages]
         rng = _generator(seed, TRAINING, stages)
         training = train(tables, settings, rng, steps, initial_values(tables[0], settings), backend)
         rng = _generator(seed, EVALUATION, stages)
@@ -209,14 +217,14 @@ class _Programs:
 
     def run(
         self,
-        stages: Sequence[int],
+        stages: Sequence[Place],
         steps: Sequence[int],
         settings: TrainingSettings,
         seed: int,
         backend: Backend,
     ) -> tuple[ProgramTraining, Evaluation]:
         """Train on some of them, and evaluate on the last one; there is one loop."""
-        members = [self.members[stage] for stage in stages]
+        members = [self.members[place] for (place,) in stages]
         rng = _generator(seed, TRAINING, stages)
         training = train_program(self.program, settings, rng, members=members, steps=steps)
         rng, episodes = _generator(seed, EVALUATION, stages), settings.evaluation_episodes
@@ -232,17 +240,30 @@ class _Prepared:
     ready: _Tables | _Programs
 
 
-def _prepare(family: Sequence[FamilyMember]) -> _Prepared:
+def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) -> _Prepared:
     positions = {member.name: position for position, member in enumerate(family)}
     tables = [member.tabular for member in family if isinstance(member.tabular, Tabular)]
     placed = [member.tabular for member in family if isinstance(member.tabular, InProgram)]
+    stages = [_places(curriculum, positions) for curriculum in curricula]
+    drawn = {place: None for one in stages for place in one if len(place) > 1}
     if not placed:
-        return _Prepared(positions, _Tables(prepare(tables), tables[-1]))
+        ready: dict[Place, Table] = {(place,): one for place, one in enumerate(prepare(tables))}
+        mixed = [mixture([tables[one] for one in place]) for place in drawn]
+        ready |= zip(drawn, prepare(mixed) if mixed else (), strict=True)
+        return _Prepared(positions, _Tables(ready, tables[-1]))
     if tables or len({id(one.program) for one in placed}) > 1:
         raise InvalidArgument("a family is in one program, or has a table of each member")
+    if drawn:
+        raise InvalidArgument(
+            "episodes in environments that are drawn need tables: there are too many states for domain randomisation"
+        )
     program = placed[0].program
     program.functions("learn")  # compiled before threads ask for it
     return _Prepared(positions, _Programs(program, tuple(one.member for one in placed)))
+
+
+def _places(curriculum: Curriculum, positions: dict[str, int]) -> tuple[Place, ...]:
+    return tuple(tuple(positions[name] for name in names) for names in curriculum.members)
 
 
 _Task = tuple[_Prepared, Curriculum, TrainingSettings, int, Backend]
@@ -276,7 +297,9 @@ def _run_result(
 def _run(
     prepared: _Prepared, curriculum: Curriculum, settings: TrainingSettings, seed: int, backend: Backend
 ) -> tuple[RunResult, Training | ProgramTraining]:
-    stages = tuple(prepared.positions[stage] for stage in curriculum.stages)
+    stages = _places(curriculum, prepared.positions)
+    if curriculum.initial_value is not None:
+        settings = replace(settings, initial_value=curriculum.initial_value)
     steps = [share * settings.steps_per_environment for share in curriculum.shares]
     training, found = prepared.ready.run(stages, steps, settings, seed, backend)
     result = RunResult(
@@ -293,19 +316,21 @@ def _run(
     return result, training
 
 
-def _generator(seed: int, role: int, stages: Sequence[int]) -> np.random.Generator:
+def _generator(seed: int, role: int, stages: Sequence[Place]) -> np.random.Generator:
     """Independent streams for training and evaluation, for each seed and sequence of environments."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(role, *stages)))
+    marked = (place if len(place) == 1 else (_SEVERAL + len(place), *place) for place in stages)
+    key = (number for place in marked for number in place)
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(role, *key)))
 
 
 def _check(names: Sequence[str], curricula: Sequence[Curriculum], seeds: Sequence[int], workers: int) -> None:
     if not names or len(set(names)) != len(names):
         raise InvalidArgument("a family needs environments with different names")
     for curriculum in curricula:
-        for stage in curriculum.stages:
-            if stage not in names:
-                hint = did_you_mean(stage, names)
-                raise InvalidArgument(f"no environment is called `{stage}`", hint)
+        for name in (name for stage in curriculum.members for name in stage):
+            if name not in names:
+                hint = did_you_mean(name, names)
+                raise InvalidArgument(f"no environment is called `{name}`", hint)
     labels = [(curriculum.kind, curriculum.label) for curriculum in curricula]
     if not labels or len(set(labels)) != len(labels):
         raise InvalidArgument("an experiment needs curricula with different labels")

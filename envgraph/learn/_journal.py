@@ -17,6 +17,7 @@ import numpy as np
 from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, spelling
 from envgraph.files import open_input, replace_file
+from envgraph.learn._curricula import kind_of
 from envgraph.learn._programs import InProgram
 from envgraph.learn._results import RunResult
 from envgraph.solve.learning import Curve
@@ -117,16 +118,13 @@ def _result(data: Mapping[str, Any]) -> RunResult:
     Raises:
         ValueError, TypeError, LookupError: it has another form.
     """
-    kind = data["kind"]
-    if kind not in ("curriculum", "baseline"):
-        raise ValueError(kind)
     points = data["curve"]
     whole = {name: tuple(map(int, points[name])) for name in ("steps", "episodes", "successes")}
     curve = Curve(reward=tuple(map(float, points["reward"])), **whole)
     if any(len(column) != len(curve.reward) for column in whole.values()):
         raise ValueError("the columns of a curve have different lengths")
     return RunResult(
-        kind=kind,
+        kind=kind_of(data["kind"]),
         label=str(data["label"]),
         seed=int(data["seed"]),
         steps=int(data["steps"]),

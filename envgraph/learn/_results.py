@@ -12,7 +12,7 @@ from typing import TypeVar
 from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument
 from envgraph.files import open_input, replacing
-from envgraph.learn._curricula import Kind
+from envgraph.learn._curricula import Kind, kind_of
 from envgraph.learn._intervals import mean_interval, wilson_interval
 from envgraph.solve.learning import Curve
 
@@ -40,7 +40,7 @@ class RunResult:
     """One training run and its evaluation on the target.
 
     Attributes:
-        kind: curriculum or baseline.
+        kind: that of the curriculum.
         label: the curriculum's label.
         seed: the run's seed.
         steps: training steps in all.
@@ -67,7 +67,7 @@ class Summary:
     """All runs of one curriculum.
 
     Attributes:
-        kind: curriculum or baseline.
+        kind: that of the curriculum.
         label: the curriculum's label.
         runs: how many.
         steps: training steps of each of them in all.
@@ -149,7 +149,7 @@ def read_csv(directory: Path) -> Experiment:
         success_rate, mean_return, mean_length = map(float, numbers)
         curve = Curve(*zip(*points[kind, label, seed], strict=True))
         return RunResult(
-            _kind(kind),
+            kind_of(kind),
             label,
             int(seed),
             int(steps),
@@ -220,11 +220,3 @@ def _read(path: Path, columns: Sequence[str], parse: Callable[[list[str]], Parse
     except (ValueError, KeyError, csv.Error) as error:
         raise InvalidArgument(f"{path}:{line}: not a line of such a result") from error
     return parsed
-
-
-def _kind(text: str) -> Kind:
-    if text == "curriculum":
-        return "curriculum"
-    if text == "baseline":
-        return "baseline"
-    raise ValueError(text)

@@ -185,14 +185,26 @@ def _stages(family: Family, trained: Sequence[Trained]) -> Section:
     return Section("Learning along the curriculum", charts=charts, tables=(stage_table(family, trained),))
 
 
-def _panels(found: Iterable[tuple[str, str]], target: str) -> list[list[tuple[str, str]]]:
-    """What is drawn together, by kind and label: curricula beside the target alone; all that were alone."""
+def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
+    """What is drawn together, by kind and label, under what it is: each beside the target alone but for the last."""
     every = list(found)
-    alone = [one for one in every if one[0] == "baseline"]
-    control = [one for one in alone if one[1] == target]
-    if len(alone) in (len(every), len(control)):
-        return [every]
-    return [[*(one for one in every if one not in alone), *control], alone]
+    taught, compared, alone = (
+        [one for one in every if one[0] == kind] for kind in ("curriculum", "control", "baseline")
+    )
+    beside = [one for one in alone if one[1] == target]
+    panels = {}
+    if taught and not (compared and len(taught) == 1):
+        panels["the curricula beside the target alone"] = [*taught, *beside]
+    if compared:
+        panels["the whole family beside its controls"] = [*taught[:1], *compared, *beside]
+    if len(alone) > len(beside) or not panels:
+        panels["every environment alone"] = alone
+    return panels
+
+
+def _line(kind: str, label: str) -> str:
+    """Of a legend, which has little room."""
+    return label if kind == "control" else f"{kind} {label}"
 
 
 def _budgets(family: Family, trained: Sequence[Trained]) -> tuple[str, ...]:
@@ -203,12 +215,12 @@ def _budgets(family: Family, trained: Sequence[Trained]) -> tuple[str, ...]:
             lines.setdefault((one.kind, one.label), []).append((budget.steps, one))
     series = {
         (kind, label): Series(
-            f"{kind} {label}",
+            _line(kind, label),
             tuple(float(steps) for steps, _ in points),
             tuple(one.success_rate for _, one in points),
             tuple(one.success_interval[0] for _, one in points),
             tuple(one.success_interval[1] for _, one in points),
-            dashed=kind == "baseline",
+            dashed=kind != "curriculum",
         )
         for (kind, label), points in lines.items()
     }
@@ -220,7 +232,7 @@ def _budgets(family: Family, trained: Sequence[Trained]) -> tuple[str, ...]:
             y_label=f"success on {target}",
             title=f"Success on {target} over the training budget, with Wilson intervals at 95 %",
         )
-        for panel in _panels(series, target)
+        for panel in _panels(series, target).values()
     )
 
 
@@ -246,6 +258,7 @@ def _training(family: Family, trained: Trained) -> Section:
     series: dict[tuple[str, str], Series] = {
         (one.kind, one.label): _curve(one, _runs_of(experiment, one)) for one in summaries
     }
+    panels = _panels(series, family.members[-1].name)
     charts = tuple(
         line_chart(
             [series[one] for one in panel],
@@ -253,11 +266,11 @@ def _training(family: Family, trained: Trained) -> Section:
             y_label="cumulative reward",
             title="Cumulative reward during training",
         )
-        for panel in _panels(series, family.members[-1].name)
+        for panel in panels.values()
     )
     text = "Cumulative reward during training: mean over the seeds, and one standard deviation around it."
     if len(charts) > 1:
-        text += " First the curricula beside the target alone, then every environment alone."
+        text += f" Drawn together are {'; '.join(panels)}."
     title = f"Training for {family.members[-1].name}, {_thousands(trained.steps)} steps an environment"
     return Section(title, (text,), charts, (table,))
 
@@ -275,12 +288,12 @@ def _curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
     values = [[run.curve.reward[place] for run in runs] for place in at]
     means, spread = [fmean(one) for one in values], [pstdev(one) for one in values]
     return Series(
-        f"{summary.kind} {summary.label}",
+        _line(summary.kind, summary.label),
         tuple(float(steps[place]) for place in at),
         tuple(means),
         tuple(mean - width for mean, width in zip(means, spread, strict=True)),
         tuple(mean + width for mean, width in zip(means, spread, strict=True)),
-        dashed=summary.kind == "baseline",
+        dashed=summary.kind != "curriculum",
     )
 
 

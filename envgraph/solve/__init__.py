@@ -3,13 +3,14 @@
 `certify` puts together what is known of an environment and of a policy in it: `shortest_plan`, `optimal_return`, and
 what `evaluate_policy` expects of any policy. `cvar` is about the worst members of a family, `value_iteration` gives the
 best policy without a time limit, and `chain_transfer` says how easily what is best in one environment finds success in
-the next.
+the next. `mixture` makes one environment of several.
 """
 
 from envgraph.errors import shorten
 from envgraph.solve._certificates import Certificates, certify, cvar, shortest_plan
 from envgraph.solve._distance import steps_to_success
 from envgraph.solve._evaluation import Evaluation, accumulate, evaluate, evaluate_policy
+from envgraph.solve._mixture import mixture
 from envgraph.solve._transfer import chain_transfer, hit_probability, softened_policy
 from envgraph.solve._value_iteration import Optimum, optimal_return, value_iteration
 
@@ -24,6 +25,7 @@ __all__ = [
     "evaluate",
     "evaluate_policy",
     "hit_probability",
+    "mixture",
     "optimal_return",
     "shortest_plan",
     "softened_policy",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,9 @@ from envgraph.learn import Journal, RunResult
 from envgraph.search import Family, Member, generate
 
 TRAIN = ("train", "forest", "--steps", "200,300", "--seeds", "2")
-AGENTS = 2 * (3 * 2 + 1 * 2)  # budgets x (a curriculum and two baselines, and the first environment) x seeds
+AGENTS = 2 * (
+    3 * 2 + 3 * 2 + 1 * 2
+)  # budgets x (a curriculum, baselines, controls, the first environment) x seeds
 
 
 @pytest.fixture(scope="module")
@@ -136,12 +139,32 @@ def test_results_are_replaced_only_by_force(
 
 def test_steps_are_all_that_an_agent_was_trained(run: Path, command: object) -> None:
     code, out, _ = command("train", "forest", "--steps", "200", "--seeds", "1")  # type: ignore[operator]
-    rows = [line.split() for line in out.splitlines()[2:5]]
-    assert code == 0 and [row[:3] for row in rows] == [
-        ["curriculum", "E1-E2", "400"],
-        ["baseline", "E1", "400"],
-        ["baseline", "E2", "400"],
+    rows = [line.split("  ") for line in out.splitlines()[2:8]]
+    assert code == 0 and [[cell.strip() for cell in row if cell][:2] for row in rows] == [
+        ["curriculum E1-E2", "400"],
+        ["baseline E1", "400"],
+        ["baseline E2", "400"],
+        ["control optimistic", "400"],
+        ["control randomised", "400"],
+        ["control randomised, renewed", "400"],
     ]
+
+
+def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple[int, str, str]]) -> None:
+    short = ("train", "forest", "--steps", "50", "--seeds", "1", "--curricula", "full", "--force")
+    for chosen, expected in (
+        ("none", ["curriculum E1-E2"]),
+        ("direct, optimistic", ["curriculum E1-E2", "baseline E2", "control optimistic"]),
+    ):
+        code, out, _ = command(*short, "--controls", chosen, "--format", "json")
+        assert code == 0
+        assert [f"{one['kind']} {one['label']}" for one in json.loads(out)["results"]] == expected
+    code, _, messages = command(*short, "--controls", "optimist")
+    assert code == 1 and "unknown control `optimist`" in messages and "did you mean `optimistic`?" in messages
+    code, _, messages = command(*short, "--controls", "nothing")
+    assert code == 1 and "there are direct, optimistic, reversed, shuffled, randomised, or none" in messages
+    code, out, _ = command(*short[:-3], "--curricula", "direct", "--force", "--format", "json")
+    assert [one["kind"] for one in json.loads(out)["results"]] == ["baseline"]
 
 
 def test_environments_with_too_many_states_are_trained_in_a_program(
@@ -155,4 +178,8 @@ def test_environments_with_too_many_states_are_trained_in_a_program(
     monkeypatch.setattr(Family, "explored", refused)
     code, out, _ = command("train", "forest", "--steps", "300", "--seeds", "2", "--curricula", "full")  # type: ignore[operator]
     assert code == 0 and "curriculum E1-E2" in out
+    assert "control" not in out and "baseline E2" in out  # of two members there is no other order
     assert (run / "training" / "300" / "runs.csv").is_file()
+    code, _, messages = command("train", "forest", "--steps", "400", "--controls", "direct,randomised")  # type: ignore[operator]
+    assert code == 1 and "`--controls randomised` needs tables of all states" in messages
+    assert not (run / "training" / "unfinished.jsonl").exists()

@@ -8,7 +8,9 @@ from envgraph.learn import (
     FamilyMember,
     TrainingSettings,
     available_backends,
+    controls,
     optimal_return,
+    optimistic_value,
     run_experiment,
     sequences,
 )
@@ -53,6 +55,27 @@ def test_optimism_solves_the_target_directly() -> None:
     settings = TrainingSettings(steps_per_environment=5_000, initial_value=1.0)
     found = run_experiment(PUBLISHED, settings, sequences(NAMES, "direct"), seeds=range(5))
     assert found.summaries()[0].success_rate == 1.0
+
+
+def test_the_default_optimism_solves_the_target_with_the_steps_of_a_short_curriculum() -> None:
+    settings = TrainingSettings(steps_per_environment=2_000)
+    value = optimistic_value(PUBLISHED[-1].tabular, settings)
+    found = run_experiment(
+        PUBLISHED, settings, controls(NAMES, ["optimistic"], optimism=value), seeds=range(5)
+    )
+    assert found.summaries()[0].success_rate == 1.0
+
+
+@pytest.mark.skipif(BACKEND != "numba", reason="a minute on lists")
+def test_the_published_order_is_worse_than_its_reverse() -> None:
+    """Of 1,000 seeds at 10,000 steps .50 succeed, reversed .82."""
+    curricula = (*sequences(NAMES, "full"), *controls(NAMES, ["reversed"]))
+    settings = TrainingSettings(steps_per_environment=10_000)
+    given, backwards = run_experiment(
+        PUBLISHED, settings, curricula, seeds=range(300), backend=BACKEND
+    ).summaries()
+    assert given.success_rate == pytest.approx(0.50, abs=0.1)
+    assert backwards.success_rate == pytest.approx(0.82, abs=0.1)
 
 
 def test_every_published_random_map_can_be_stepped_through() -> None:

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from envgraph.draw import contrast, parse_colour
 from envgraph.env import Key
 from envgraph.errors import InvalidArgument
-from envgraph.learn import FamilyMember, TrainingSettings, run_experiment, sequences
+from envgraph.learn import FamilyMember, TrainingSettings, controls, run_experiment, sequences
 from envgraph.metamodel import Glyph
 from envgraph.report import (
     Card,
@@ -205,6 +205,34 @@ def test_curricula_stand_beside_the_target_alone_and_the_baselines_in_a_chart_of
     for section in (learning, *training):
         labels = [re.findall(r">(?:curriculum|baseline) ([^<]*)<", one) for one in section.charts]
         assert [" ".join(one) for one in labels] == drawn
+
+
+@pytest.mark.parametrize(("curricula", "charts"), [("suffixes", 3), ("full", 2)])
+def test_controls_are_drawn_beside_the_whole_family(
+    tmp_path: Path, curricula: Literal["suffixes", "full"], charts: int
+) -> None:
+    family = generate("burning_forest", tmp_path / "run.sqlite", generations=0, population=3)
+    members = [FamilyMember(one.name, family.explored(one).tabular) for one in family.members]
+    names = [one.name for one in members]
+    chosen = (
+        *sequences(names, curricula),
+        *sequences(names, "baselines"),
+        *controls(names, optimism=1.0)[1:],
+    )
+    found = run_experiment(members, TrainingSettings(steps_per_environment=20, seeds=1), chosen)
+    *_, training = family_report(family, trained=[Trained(20, found)]).sections
+    assert len(training.charts) == charts
+    legend = re.findall(r'<text x="[\d.]+" y="3[\d.]+">([^<]*)<', training.charts[-2])
+    expected = [
+        "curriculum E1-E3",
+        "optimistic",
+        "reversed",
+        "randomised",
+        "randomised, renewed",
+        "baseline E3",
+    ]
+    assert legend == expected
+    assert "the whole family beside its controls; every environment alone." in training.text[0]
 
 
 def test_one_of_something_is_not_many(tmp_path: Path) -> None:

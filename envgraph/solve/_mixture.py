@@ -1,0 +1,57 @@
+"""Several environments as one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env import Tabular
+from envgraph.errors import InvalidArgument
+
+
+def mixture(tabulars: Sequence[Tabular]) -> Tabular:
+    """The environment in which each episode takes place in one of several, drawn uniformly when it begins.
+
+    Its states are those of the first, then those of the second and so on; what the agent sees does not tell which it
+    is in. Training on it is domain randomisation (Tobin et al. 2017).
+
+    Args:
+        tabulars: at least one; they agree in observations, actions and agents.
+
+    Raises:
+        InvalidArgument: they do not agree.
+    """
+    if not tabulars:
+        raise InvalidArgument("a mixture needs an environment")
+    first = tabulars[0]
+    for other in tabulars[1:]:
+        for name in ("n_observations", "observation_shape", "action_names", "agent_names"):
+            if getattr(other, name) != getattr(first, name):
+                raise InvalidArgument(f"the environments of a mixture must agree in `{name}`")
+    outcomes = max(one.next_state.shape[2] for one in tabulars)
+    before = np.cumsum([0, *(one.n_states for one in tabulars[:-1])])
+
+    def padded(name: str) -> NDArray[np.float64]:
+        arrays = (getattr(one, name) for one in tabulars)
+        return np.concatenate(
+            [np.pad(array, ((0, 0), (0, 0), (0, outcomes - array.shape[2]))) for array in arrays]
+        )
+
+    places = [np.full(one.n_states, shift) for one, shift in zip(tabulars, before, strict=True)]
+    starts = [one.start_states + shift for one, shift in zip(tabulars, before, strict=True)]
+    return replace(
+        first,
+        next_state=(padded("next_state") + np.concatenate(places)[:, None, None]).astype(np.int32),
+        probability=padded("probability"),
+        reward=padded("reward"),
+        terminated=padded("terminated").astype(np.int8),
+        observation=np.concatenate([one.observation for one in tabulars]),
+        start_states=np.concatenate(starts).astype(np.int32),
+        start_probability=np.concatenate([one.start_probability for one in tabulars]) / len(tabulars),
+        turn=None
+        if first.turn is None
+        else np.concatenate([one.turn for one in tabulars if one.turn is not None]),
+    )

@@ -1,0 +1,168 @@
+"""What curricula are compared with."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from envgraph.env import Tabular
+from envgraph.errors import InvalidArgument
+from envgraph.learn import (
+    Curriculum,
+    FamilyMember,
+    TrainingSettings,
+    available_backends,
+    controls,
+    evaluate_policy,
+    mixture,
+    optimal_return,
+    optimistic_value,
+    run_experiment,
+    sequences,
+    train_run,
+)
+from envgraph.solve.learning._training import Backend
+from tests.unit.learn.small_tables import random_table, table
+
+NAMES = ["E1", "E2", "E3", "E4"]
+FAMILY = [FamilyMember(name, random_table(seed, outcomes=seed)) for seed, name in enumerate(NAMES, start=1)]
+SETTINGS = TrainingSettings(
+    steps_per_environment=300, evaluation_episodes=20, limit=25, checkpoint=100, seeds=2
+)
+ALL = controls(NAMES, optimism=0.7)
+
+
+def test_every_control_has_exactly_the_steps_of_the_whole_family() -> None:
+    (whole,) = sequences(NAMES, "full")
+    found = run_experiment(FAMILY, SETTINGS, [whole, *ALL])
+    assert {run.steps for run in found.runs} == {1_200}
+    assert {run.curve.steps[-1] for run in found.runs} == {1_200}
+    assert len(found.runs) == 2 * (1 + 1 + 1 + 1 + 4 + 2)
+
+
+@pytest.mark.parametrize("backend", available_backends())
+def test_results_do_not_depend_on_workers_or_loop(backend: Backend) -> None:
+    assert run_experiment(FAMILY, SETTINGS, ALL, workers=2, backend=backend) == run_experiment(
+        FAMILY, SETTINGS, ALL, backend="python"
+    )
+
+
+@pytest.mark.parametrize("control", ALL, ids=lambda one: one.label)
+def test_a_control_does_not_depend_on_what_else_is_run(control: Curriculum) -> None:
+    together = run_experiment(FAMILY, SETTINGS, ALL).runs
+    (alone,) = run_experiment(FAMILY, SETTINGS, [control], seeds=[1]).runs
+    assert alone in together and alone == train_run(FAMILY, control, SETTINGS, 1)[0]
+
+
+def test_every_order_ends_in_the_target_and_is_met_once() -> None:
+    orders = [one.stages for one in controls(NAMES, ["reversed", "shuffled"], orders=100)]
+    assert orders[0] == ("E3", "E2", "E1", "E4")
+    others = {(*order, "E4") for order in permutations(NAMES[:3])} - {tuple(NAMES)}
+    assert len(orders) == len(others) == 5 and set(orders) == others
+
+
+def test_shuffled_orders_depend_on_their_seed_alone_and_few_of_them_are_the_first_of_many() -> None:
+    names = [f"E{place}" for place in range(1, 7)]
+    four, two, other = (
+        [one.stages for one in controls(names, ["shuffled"], orders=orders, seed=seed)]
+        for orders, seed in ((4, 0), (2, 0), (4, 1))
+    )
+    assert four[:2] == two and len(set(four)) == 4 and four != other
+
+
+def test_small_families_have_the_controls_that_there_is_room_for() -> None:
+    labels = [[one.label for one in controls(NAMES[:count], optimism=1.0)] for count in (1, 2, 3)]
+    assert labels[0] == ["E1", "optimistic"]
+    assert labels[1] == ["E2", "optimistic", "randomised", "randomised, renewed"]
+    assert labels[2] == ["E3", "optimistic", "reversed", "randomised", "randomised, renewed"]
+    assert [one.label for one in controls(NAMES, ["optimistic"])] == []
+
+
+def test_direct_training_and_optimistic_training_differ_in_the_first_values_alone() -> None:
+    direct, optimistic = controls(NAMES, ["direct", "optimistic"], optimism=0.0)
+    plain, zero = (train_run(FAMILY, one, SETTINGS, 1)[0] for one in (direct, optimistic))
+    assert plain.curve == zero.curve
+    (high,) = controls(NAMES, ["optimistic"], optimism=5.0)
+    first = TrainingSettings(steps_per_environment=1, limit=25)
+    _, training = train_run(FAMILY, high, first, 1)
+    q = training.q  # type: ignore[union-attr]
+    assert np.count_nonzero(q == 5.0) >= q.size - 4
+
+
+def test_optimism_is_half_the_best_discounted_return() -> None:
+    """Reward 8 after three steps, the second and third of them discounted."""
+    chain = table([[[(1.0, 1, 0.0, 0)]], [[(1.0, 2, 0.0, 0)]], [[(1.0, 3, 8.0, 1)]], [[(1.0, 3, 0.0, 0)]]])
+    settings = TrainingSettings(discount=0.5, limit=10)
+    assert optimistic_value(chain, settings) == pytest.approx(8 * 0.25 / 2)
+    assert optimistic_value(chain, TrainingSettings(discount=0.5, limit=2)) is None
+    assert optimistic_value(chain, TrainingSettings(discount=0.5, initial_value=1.0)) is None
+
+
+def test_an_episode_is_in_one_environment_drawn_uniformly() -> None:
+    """Environments that always pay 1, 2 and 4 in episodes of one, two and three steps."""
+
+    def corridor(length: int, reward: float) -> Tabular:
+        rows = [[[(1.0, place + 1, reward, 0)]] for place in range(3)] + [[[(1.0, 3, 0.0, 0)]]]
+        rows[length - 1] = [[(1.0, 3, reward, 1)]]
+        return table(rows)
+
+    several = [corridor(1, 1.0), corridor(2, 2.0), corridor(3, 4.0)]
+    family = [FamilyMember(name, one) for name, one in zip(NAMES, several, strict=False)]
+    control = Curriculum("control", "mixed", (tuple(NAMES[:3]),), (3,))
+    settings = TrainingSettings(steps_per_environment=20_000, checkpoint=1)
+    curve = train_run(family, control, settings, 0)[0].curve
+    ends = np.flatnonzero(np.diff([0, *curve.episodes]))
+    totals = np.diff([0.0, *np.array(curve.reward)[ends]])
+    lengths = np.diff([0, *np.array(curve.steps)[ends]])
+    assert set(zip(lengths.tolist(), totals.tolist(), strict=True)) == {(1, 1.0), (2, 4.0), (3, 12.0)}
+    shares = np.bincount(lengths)[1:] / len(lengths)  # of 30,000 episodes
+    assert np.abs(shares - 1 / 3).max() < 0.012
+
+
+def test_a_mixture_expects_the_mean_of_its_environments() -> None:
+    tables = [one.tabular for one in FAMILY if isinstance(one.tabular, Tabular)]
+    mixed = mixture(tables)
+    mixed.check()
+    assert mixed.n_states == sum(one.n_states for one in tables)
+    whole, parts = evaluate_policy(mixed, None, 25), [evaluate_policy(one, None, 25) for one in tables]
+    assert whole.success_rate == pytest.approx(np.mean([one.success_rate for one in parts]))
+    assert whole.mean_return == pytest.approx(np.mean([one.mean_return for one in parts]))
+    assert optimal_return(mixed, 25) == pytest.approx(np.mean([optimal_return(one, 25) for one in tables]))
+
+
+def test_stages_of_several_draw_other_numbers_than_as_many_stages() -> None:
+    twins = [FamilyMember(name, random_table(1)) for name in NAMES]
+    curves = [
+        train_run(twins, Curriculum("control", "mine", stages, (1,) * len(stages)), SETTINGS, 0)[
+            0
+        ].curve.reward[0]
+        for stages in (
+            (("E1", "E2"),),
+            (("E2", "E1"),),
+            ("E1", "E2"),
+            (("E1", "E2"), "E1"),
+            (("E1", "E2", "E3"),),
+        )
+    ]
+    assert len(set(curves)) == 5
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        (lambda: controls(NAMES, ["revered"]), "unknown control 'revered'; did you mean `reversed`"),
+        (lambda: controls([]), "different names"),
+        (lambda: Curriculum("control", "mine", (("E1", "E1"),), (1,)), "different names"),
+        (lambda: Curriculum("control", "mine", ((),), (1,)), "different names"),
+        (lambda: Curriculum("control", "mine", ("E1",), (1,), float("inf")), "finite"),
+        (lambda: mixture([]), "needs an environment"),
+        (lambda: mixture([random_table(1), table([[[(1.0, 0, 0.0, 0)]]])]), "agree in `n_observations`"),
+        (
+            lambda: run_experiment(FAMILY, SETTINGS, [Curriculum("control", "x", (("E1", "E22"),), (1,))]),
+            "no environment is called `E22`",
+        ),
+    ],
+)
+def test_what_makes_no_control_is_refused(act: object, message: str) -> None:
+    with pytest.raises(InvalidArgument, match=message):
+        act()  # type: ignore[operator]
