@@ -127,8 +127,8 @@ def _tame(dice: Dice, metamodel: Metamodel) -> Metamodel:
 
 
 def _simple(dice: Dice, rule: Rule) -> Rule:
-    """The rule without blocks that change something, and mostly without what it creates and merges."""
-    if dice.chance(3):
+    """The rule, often without blocks that change something, and without what it creates and merges."""
+    if dice.chance(30):
         return rule
     right = rule.right
     if dice.chance(50):

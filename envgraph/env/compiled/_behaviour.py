@@ -29,7 +29,7 @@ from envgraph.behaviour import (
 from envgraph.code import dataclass
 from envgraph.env._keys import KeyIndex, indexed_classes, key_attributes
 from envgraph.env._program import Types, added, together
-from envgraph.env.compiled._changes import Changes, StaticPatterns, calls_of, plan_of
+from envgraph.env.compiled._changes import Changes, StaticPatterns, blocks_of, calls_of, plan_of
 from envgraph.env.compiled._facts import Facts, Module, call
 from envgraph.env.compiled._inlining import inlined
 from envgraph.env.compiled._layout import (
@@ -134,7 +134,7 @@ class _Program:
         for cls in indexed_classes(self._behaviour, self._metamodel):
             key = key_attributes(self._metamodel, cls)
             if key and not self._changes.created.isdisjoint(self._indexable(cls)):
-                span = next(plan.body.span for plan in plans if plan.body.creates)
+                span = next(body.span for plan in plans for body in blocks_of(plan.body) if body.creates)
                 raise NotCompiled(f"objects with a key that a rule creates (`{cls}`)", span)
             for attribute in key:
                 if attribute.index in self._changes.written:
@@ -532,7 +532,7 @@ class _Program:
 
 def _set_at(plans: Sequence[RulePlan], attribute: Attribute) -> Span | None:
     """Where a rule sets an attribute."""
-    sets = (change for plan in plans for change in plan.body.sets)
+    sets = (change for plan in plans for body in blocks_of(plan.body) for change in body.sets)
     kinds = (SetValue, Increase)
     return next((one.span for one in sets if isinstance(one, kinds) and one.attribute == attribute), None)
 

@@ -194,21 +194,11 @@ class Body:
         parameters = {v: self._facts.local(self.conjunction.types[v]) for v in known}
         body._names = {**self._names, **parameters}
         with self._matching.module.writing():
-            return self._written(body, write, parameters, last, head)
-
-    def _written(
-        self,
-        body: Body,
-        write: Callable[[Body], None],
-        parameters: dict[int, code.Local],
-        last: code.Expression,
-        head: code.Body,
-    ) -> code.Call:
-        write(body)
-        whole = (*head, *body.block.body(), code.Return(last))
-        read = _names_in(whole)
-        used = [v for v in parameters if parameters[v].name in read]
-        name = self._matching.module.add("some", [parameters[v] for v in used], whole)
+            write(body)
+            whole = (*head, *body.block.body(), code.Return(last))
+            read = names_in(whole)
+            used = [v for v in parameters if parameters[v].name in read]
+            name = self._matching.module.add("some", [parameters[v] for v in used], whole)
         return self._called(name, [self._names[v] for v in used])
 
     # --- goals
@@ -558,7 +548,7 @@ def found_one(body: Body) -> None:
     body.block.add(code.Return(code.TRUE))
 
 
-def _names_in(node: object) -> set[str]:
+def names_in(node: object) -> set[str]:
     """Names of the local variables in some code."""
     found: set[str] = set()
     todo = [node]

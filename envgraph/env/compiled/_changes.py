@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 
 from envgraph.behaviour import Agent, Behaviour, EachStep, RuleCall
 from envgraph.code import dataclass
@@ -60,37 +61,28 @@ def plan_of(engine: Engine, call: RuleCall) -> RulePlan:
     return plan
 
 
+def blocks_of(body: BlockPlan) -> Iterator[BlockPlan]:
+    """A rule, and the blocks inside it."""
+    yield body
+    for inner in body.nested:
+        yield from blocks_of(inner)
+
+
 def _check(plan: RulePlan, call: RuleCall) -> None:
-    body = plan.body
-    refused = {
-        "blocks inside a rule": body.nested,
-        "objects that a rule merges": body.absorbs,
-        "variables of a rule that may stand for one object, where it changes several": (
-            body.coinciding and body.operations > 1
-        ),
-        "an object that only a value names, where a rule changes others": body.contended,
-    }
-    for construct, there in refused.items():
-        if there:
-            raise NotCompiled(f"{construct} (`{plan.name}`)", body.span or call.span)
-    for change in body.sets:
-        if isinstance(change, Increase) and change.attribute.type is Scalar.STRING:
-            raise NotCompiled(f"strings that a rule puts together (`{plan.name}`)", change.span)
-        if isinstance(change, SetValues | ChangeTargets) or _many_valued(change):
-            raise NotCompiled(f"many values that a rule sets (`{plan.name}`)", change.span)
+    for body in blocks_of(plan.body):
+        if body.absorbs:
+            raise NotCompiled(f"objects that a rule merges (`{plan.name}`)", body.span or call.span)
+        for change in body.sets:
+            if isinstance(change, Increase) and change.attribute.type is Scalar.STRING:
+                raise NotCompiled(f"strings that a rule puts together (`{plan.name}`)", change.span)
+            if isinstance(change, SetValues | ChangeTargets) or _many_valued(change):
+                raise NotCompiled(f"many values that a rule sets (`{plan.name}`)", change.span)
 
 
 def _many_valued(change: SetValue | Increase | SetTargets | SetValues | ChangeTargets) -> bool:
     """Whether a change is one of a feature with many values."""
     feature = change.reference if isinstance(change, SetTargets | ChangeTargets) else change.attribute
     return feature.many
-
-
-def class_of(body: BlockPlan, slot: int) -> str | None:
-    """The class of the object in a slot, one that the block creates included; None for values."""
-    created = (new.cls for new in body.creates if new.node == slot)
-    known = body.classes[slot] if slot < len(body.classes) else None
-    return known or next(created, None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,11 +155,15 @@ class _Found:
         self.created: set[str] = set()
         self._groups: list[set[str]] = []
 
-    def add(self, body: BlockPlan) -> None:
+    def add(self, body: BlockPlan, outer: Mapping[int, str] = MappingProxyType({})) -> None:
+        """A rule, or a block in one that creates objects of some classes."""
+        created = {**outer, **{new.node: new.cls for new in body.creates}}
+        for inner in body.nested:
+            self.add(inner, created)
         for reference in (*(one.reference for one in body.unlinks), *(one.reference for one in body.links)):
             self._reference(reference)
         for move in body.moves:
-            self._enters(class_of(body, move.node), move.reference)
+            self._enters(created.get(move.node) or body.classes[move.node], move.reference)
         for change in body.sets:
             match change:
                 case SetTargets(_, reference):

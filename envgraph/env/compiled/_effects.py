@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from envgraph import code
-from envgraph.env.compiled._changes import class_of
-from envgraph.env.compiled._facts import Facts, Stored, call
-from envgraph.env.compiled._layout import BEYOND, cell, failed, plus, table
+from envgraph.env.compiled._blocks import Blocks, Frame
+from envgraph.env.compiled._contradictions import Pairs, fitted
+from envgraph.env.compiled._facts import Stored, call
+from envgraph.env.compiled._layout import BEYOND, cell, failed, plus
+from envgraph.env.compiled._matching import Matching
 from envgraph.env.compiled._member import absent
 from envgraph.env.compiled._refused import NotCompiled
-from envgraph.env.compiled._tables import WORD, ClassSet, Made, Spare
-from envgraph.env.compiled._terms import Term, Terms, as_float, literal, named
+from envgraph.env.compiled._tables import WORD, ClassSet
+from envgraph.env.compiled._terms import Term, Terms, literal, named
 from envgraph.metamodel import Attribute, Reference, Scalar
 from envgraph.pattern import ObjectType, StaticType
 from envgraph.rewrite.plans import (
@@ -30,55 +32,105 @@ from envgraph.rewrite.plans import (
 )
 
 REFUSED = code.Name("REFUSED")
-FULL = code.Name("FULL")
 MISSING = code.Constant(-1)
 
 
 class Effects:
-    """Writes what a rule does.
+    """Writes what a rule does: each phase for all matches of all blocks before the next.
 
     Args:
-        facts: reads the model.
+        matching: finds matches of blocks, and reads the model.
         plan: of the rule.
         slots: variables for the slots of the match.
         leave: what the function returns where the rule is refused.
     """
 
     def __init__(
-        self, facts: Facts, plan: RulePlan, slots: Sequence[code.Expression], leave: code.Return
+        self, matching: Matching, plan: RulePlan, slots: Sequence[code.Expression], leave: code.Return
     ) -> None:
-        self._facts = facts
+        self._facts = matching.facts
         self._plan = plan
-        self._body: BlockPlan = plan.body
-        self._slots: dict[int, code.Expression] = dict(enumerate(slots))
-        self._types: dict[int, StaticType | None] = {}
         self._leave = leave
         self._statements: list[code.Statement] = []
+        self._blocks = Blocks(matching, plan, dict(enumerate(slots)), leave)
+        self._rule = self._blocks.frames[0]
+        self._enter(self._rule, self._rule.slots, None)
 
     def write(self) -> code.Body:
         """All changes, in order; a refusal sets the error of the state."""
-        body = self._body
+        self._add(*self._blocks.collect())
+        body = self._plan.body
+        self._each(self._compute_all)
+        if body.nested or body.coinciding or body.contended:
+            self._check_agreement()
+        phases = self._unlink_all, self._delete_all, self._retype_all, self._create_all, self._link_all
+        for phase in phases:
+            self._each(phase)
+        self._each(self._set_all)
+        return tuple(self._statements)
+
+    def _enter(self, frame: Frame, slots: dict[int, code.Expression], row: code.Local | None) -> None:
+        """From now on statements are about a match of a frame."""
+        self._frame, self._slots, self._row = frame, slots, row
+        self._body, self._types = frame.plan, frame.types
+
+    def _each(self, write: Callable[[], None]) -> None:
+        """Do something for each match of the rule and of its blocks."""
+        for frame in self._blocks.frames:
+            if frame.outer is None:
+                write()
+                continue
+            row = self._facts.module.fresh("r")
+            loads, slots = self._blocks.loaded(frame, row)
+            self._enter(frame, slots, row)
+            made = self._collected(write)
+            if made:
+                self._add(self._blocks.each(frame, row, loads, made))
+            self._enter(self._rule, self._rule.slots, None)
+
+    def _collected(self, write: Callable[[], None]) -> list[code.Statement]:
+        """The statements that something writes."""
+        before, self._statements = self._statements, []
+        write()
+        made, self._statements = self._statements, before
+        return made
+
+    # --- phases
+
+    def _compute_all(self) -> None:
         self._identify()
-        for unlink in body.unlinks:
+        for unlink in self._body.unlinks:
             if unlink.required:
                 self._unless(self._linked(unlink.source, unlink.reference, unlink.target))
-        for compute in body.computed:
+        for compute in self._body.computed:
             self._compute(compute)
-        for unlink in body.unlinks:
+
+    def _unlink_all(self) -> None:
+        for unlink in self._body.unlinks:
             self._unlink(unlink)
-        for move in body.moves:
+        for move in self._body.moves:
             self._leave_containers(move)
-        for delete in body.deletes:
+
+    def _delete_all(self) -> None:
+        for delete in self._body.deletes:
             self._delete(delete)
-        for retype in body.retypes:
+
+    def _retype_all(self) -> None:
+        for retype in self._body.retypes:
             self._retype(retype)
-        for new in body.creates:
+
+    def _create_all(self) -> None:
+        for new in self._body.creates:
             self._create(new)
-        for move in body.moves:
+
+    def _link_all(self) -> None:
+        for move in self._body.moves:
             self._link(move)
-        for link in body.links:
+        for link in self._body.links:
             self._link(link)
-        for change in body.sets:
+
+    def _set_all(self) -> None:
+        for change in self._body.sets:
             match change:
                 case SetValue():
                     self._set(change)
@@ -88,7 +140,45 @@ class Effects:
                     self._set_target(change)
                 case _:
                     raise AssertionError(change)
-        return tuple(self._statements)
+
+    # --- agreement
+
+    def _check_agreement(self) -> None:
+        """The rule is refused where two matches contradict each other."""
+        frames, pairs = self._blocks.frames, Pairs(self._facts.metamodel, self._rule)
+        self._check_order()
+        for number, one in enumerate(frames):
+            for other in frames[number:]:
+                self._check_pair(pairs, one, other)
+
+    def _check_pair(self, pairs: Pairs, one: Frame, other: Frame) -> None:
+        sides = []
+        for frame in (one, other):
+            row = self._facts.module.fresh("r")
+            loads, slots = ([], frame.slots) if frame.outer is None else self._blocks.loaded(frame, row)
+            sides.append((frame, row, loads, slots))
+        tests = dict.fromkeys(pairs.tests(one, sides[0][3], other, sides[1][3]))
+        body: list[code.Statement] = [code.If(test, (failed(REFUSED), self._leave)) for test in tests]
+        for frame, row, loads, _ in reversed(sides):
+            if body and frame.outer is not None:
+                body = [self._blocks.each(frame, row, loads, body)]
+        self._add(*body)
+
+    def _check_order(self) -> None:
+        """Changes of which the order shows are made by one block."""
+        changing: dict[Attribute | Reference, BlockPlan] = {}
+        for frame in self._blocks.frames:
+            for change in frame.plan.sets:
+                feature: Attribute | Reference | None = None
+                if isinstance(change, Increase) and change.attribute.type is Scalar.FLOAT:
+                    feature = change.attribute
+                elif isinstance(change, SetTargets):
+                    opposite = self._facts.metamodel.opposite(change.reference)
+                    feature = (
+                        change.reference if opposite is not None and opposite.upper not in (None, 1) else None
+                    )
+                if feature is not None and changing.setdefault(feature, frame.plan) is not frame.plan:
+                    raise NotCompiled(f"`{feature}` in several blocks of a rule", frame.plan.span)
 
     def _identify(self) -> None:
         """The rule is refused where what is deleted is also something else that the match has."""
@@ -116,7 +206,7 @@ class Effects:
         self._add(code.If(code.inverse(test), (failed(REFUSED), self._leave)))
 
     def _sure(self, slot: int, cls: str) -> bool:
-        own = class_of(self._body, slot)
+        own = self._frame.classes.get(slot)
         return own is not None and self._facts.metamodel.is_a(own, cls)
 
     # --- values
@@ -124,7 +214,7 @@ class Effects:
     def _compute(self, compute: Compute) -> None:
         names = {}
         for name, slot, type_ in compute.scope:
-            sure = class_of(self._body, slot)
+            sure = self._frame.classes.get(slot)
             names[name] = named(self._slots[slot], type_, sure)
         terms = Terms(self._facts, names)
         term = terms.write(compute.expression, self._expected(compute.slot))
@@ -143,6 +233,8 @@ class Effects:
             )
         self._add(code.Assign(local, value))
         self._slots[compute.slot] = local
+        if self._row is not None:
+            self._add(code.Assign(self._frame.space(compute.slot, self._row), local))
 
     def _expected(self, slot: int) -> StaticType | None:
         """The type of what gets the value of a slot."""
@@ -152,10 +244,7 @@ class Effects:
 
     def _fitting(self, slot: int, attribute: Attribute) -> code.Expression:
         """The value of a slot as one of an attribute."""
-        type_, value = self._types.get(slot, attribute.type), self._slots[slot]
-        if attribute.type is Scalar.FLOAT and type_ is not Scalar.FLOAT:
-            return as_float(Term(value, Scalar.INT))
-        return value
+        return fitted(self._slots[slot], self._types.get(slot, attribute.type), attribute)
 
     def _unless_beyond(self, test: code.Expression) -> None:
         """The rule is refused if an int is too large for the state."""
@@ -214,17 +303,15 @@ class Effects:
         self._add(code.If(test, (code.Assign(place, MISSING),)))
 
     def _leave_containers(self, move: Rehome) -> None:
-        """An object leaves its container, unless that is where it is to go; new objects are in no slot yet."""
-        if move.node not in self._slots:
-            return
-        cls = class_of(self._body, move.node)
+        """An object leaves its container, unless that is where it is to go."""
+        cls = self._frame.classes.get(move.node)
         assert cls is not None
         metamodel, node = self._facts.metamodel, self._slots[move.node]
         for reference in metamodel.references:
             if not (reference.containment and metamodel.overlap(cls, reference.target)):
                 continue
             stays = None
-            if reference == move.reference and move.container in self._slots:
+            if reference == move.reference:
                 stays = code.Operation(
                     "!=", (self._held_cell(reference, node, cls), self._slots[move.container])
                 )
@@ -285,7 +372,7 @@ class Effects:
 
     def _check_contents(self, content: int, cls: str) -> None:
         """An object that enters a container contains nothing that it could enter."""
-        if any(new.node == content for new in self._body.creates):
+        if content in self._frame.new:
             self._check_new_contents(content)
             return
         metamodel = self._facts.metamodel
@@ -296,7 +383,10 @@ class Effects:
 
     def _check_homeless(self, content: int, cls: str, entered: Reference) -> None:
         """The rule is refused where an object is in another container, by another reference than the one it enters."""
-        metamodel, cls = self._facts.metamodel, class_of(self._body, content) or cls
+        new = self._frame.new.get(content), content
+        if new[0] is self._frame and [inside for inside, _ in self._housed()].count(new) == 1:
+            return
+        metamodel, cls = self._facts.metamodel, self._frame.classes.get(content) or cls
         for reference in metamodel.references:
             if (
                 reference.containment
@@ -308,22 +398,29 @@ class Effects:
 
     def _check_new_contents(self, content: int) -> None:
         """What contains a new object is not inside of it, as far as the rule puts it together."""
-        containers = self._containers()
-        above = content
-        for _ in containers:
-            above = containers.get(above, above)
-        if above in containers:
-            raise NotCompiled("objects that contain each other", self._body.span)
+        first: tuple[Frame | None, int] = self._frame.new[content], content
+        above = [first]
+        for one in above:  # grows meanwhile
+            above += [other for inside, other in self._housed() if inside == one and other not in above]
+            if (one, first) in self._housed():
+                raise NotCompiled("objects that contain each other", self._body.span)
 
-    def _containers(self) -> dict[int, int]:
-        """The slots of what gets a container, and of these."""
-        found: dict[int, int] = {move.node: move.container for move in self._body.moves}
-        for link in self._body.links:
-            opposite = self._facts.metamodel.opposite(link.reference)
-            if link.reference.containment:
-                found[link.target] = link.source
-            elif opposite is not None and opposite.containment:
-                found[link.source] = link.target
+    def _housed(self) -> list[tuple[tuple[Frame | None, int], tuple[Frame | None, int]]]:
+        """What gets a container, and that: slots with what creates their objects."""
+        found: list[tuple[tuple[Frame | None, int], tuple[Frame | None, int]]] = []
+        for frame in self._blocks.frames:
+            pairs = [(move.node, move.container) for move in frame.plan.moves]
+            for link in frame.plan.links:
+                opposite = self._facts.metamodel.opposite(link.reference)
+                if link.reference.containment:
+                    pairs.append((link.target, link.source))
+                elif opposite is not None and opposite.containment:
+                    pairs.append((link.source, link.target))
+            found += [
+                ((frame.new.get(inside), inside), (frame.new.get(outside), outside))
+                for inside, outside in pairs
+                if inside in frame.new
+            ]
         return found
 
     def _check_room(self, reference: Reference, node: code.Expression, slot: int, *, forward: bool) -> None:
@@ -407,17 +504,10 @@ class Effects:
     # --- objects
 
     def _create(self, new: New) -> None:
-        """A spare object is taken; its attributes have their initial values."""
-        facts = self._facts
+        """A new object is there; its attributes have their initial values."""
+        facts, node, there = self._facts, self._slots[new.node], self._facts.module.fresh("p")
         group = facts.changes.group_of(new.cls)
         assert group is not None
-        made = cell(facts.layout.offset(Made()))
-        node, there = facts.local(ObjectType(new.cls)), facts.module.fresh("p")
-        room = code.Operation("<", (made, table(facts.layout.offset(Spare("count")))))
-        self._add(code.If(code.inverse(room), (failed(FULL), self._leave)))
-        self._add(code.Assign(node, plus(table(facts.layout.offset(Spare("first"))), made)))
-        self._add(code.Assign(made, code.Constant(1), "+="))
-        self._slots[new.node] = node
         self._add(code.Assign(there, facts.place(group, node, sure=True)[0]))
         self._add(code.Assign(self._word(group, new.cls, there), _bit_at(there), "|="))
         for attribute in facts.metamodel.features(new.cls).values():

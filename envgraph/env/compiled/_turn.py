@@ -220,7 +220,7 @@ class Writer:
 
         def change(found: Sequence[code.Expression]) -> code.Body:
             slots: dict[int, code.Expression] = {**given, **dict(zip(others, found, strict=True))}
-            effects = Effects(self.facts, plan, [slots[p] for p in range(len(plan.variables))], refused)
+            effects = Effects(self.matching, plan, [slots[p] for p in range(len(plan.variables))], refused)
             with standing(plan.body.span or rule.span):
                 changes = effects.write()
             return (*changes, code.Return(_listed(ONE, [effects.slot(places[name]) for name in wanted])))

@@ -1,0 +1,266 @@
+"""What the matches of a rule and its blocks must agree on, pair by pair: the conflicts of the live engine as tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+from envgraph import code
+from envgraph.code import dataclass
+from envgraph.env.compiled._blocks import Frame, Slots
+from envgraph.env.compiled._member import absent
+from envgraph.env.compiled._terms import Term, as_float
+from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
+from envgraph.pattern import Constant, EnumLiteral, StaticType
+from envgraph.rewrite.plans import Increase, SetTargets, SetValue
+
+NONE = code.Constant(-1)
+
+Kind = Literal["gone", "touched", "class", "owner", "value", "removed", "added", "targets", "end"]
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One thing that a match wants.
+
+    Attributes:
+        node: slot of the object that it is about.
+        what: the feature, or the class; None for the container.
+        other: slot of the other end of a link, or of the value; None for no value.
+        present: slot of an object that may be missing: then nothing is wanted.
+        forced: others make room for the link.
+        via: the reference of a link to a container.
+    """
+
+    kind: Kind
+    node: int
+    what: Attribute | Reference | str | None = None
+    other: int | None = None
+    present: int | None = None
+    forced: bool = False
+    via: Reference | None = None
+
+
+def claims_of(frame: Frame, metamodel: Metamodel) -> Iterator[Claim]:
+    """All that a match of a block wants."""
+    plan = frame.plan
+    for delete in plan.deletes:
+        yield Claim("gone", delete.node)
+    for retype in plan.retypes:
+        yield Claim("touched", retype.node)
+        yield Claim("class", retype.node, retype.cls)
+    for move in plan.moves:
+        yield from _linked(metamodel, move.reference, move.container, move.node, forced=True)
+    for link in plan.links:
+        yield from _linked(metamodel, link.reference, link.source, link.target, forced=False)
+    for change in plan.sets:
+        match change:
+            case SetValue(node, attribute, value):
+                yield Claim("touched", node)
+                yield Claim("owner", node, attribute.owner)
+                yield Claim("value", node, attribute, value)
+            case Increase(node, attribute):
+                yield Claim("touched", node)
+                yield Claim("owner", node, attribute.owner)
+                yield Claim("value", node, attribute, forced=True)
+            case SetTargets(node, reference, values):
+                yield Claim("touched", node)
+                yield Claim("owner", node, reference.owner)
+                yield Claim("targets", node, reference, values[0] if values else None)
+                for value in values:
+                    yield from _linked(metamodel, reference, node, value, forced=True)
+            case _:
+                raise AssertionError(change)
+    for unlink in plan.unlinks:
+        reference, source, target = _canonical(metamodel, unlink.reference, unlink.source, unlink.target)
+        yield Claim("removed", source, reference, target)
+
+
+def _linked(
+    metamodel: Metamodel, reference: Reference, source: int, target: int, *, forced: bool
+) -> Iterator[Claim]:
+    """A link is added."""
+    opposite = metamodel.opposite(reference)
+    yield Claim("touched", source, present=target)
+    yield Claim("touched", target, present=target)
+    yield Claim("owner", source, reference.owner, present=target)
+    yield Claim("owner", target, reference.target, present=target)
+    first, start, end = _canonical(metamodel, reference, source, target)
+    yield Claim("added", start, first, end, present=target)
+    if reference.upper == 1:
+        yield Claim("end", source, reference, target, target, forced)
+    if opposite is not None and opposite.upper == 1:
+        yield Claim("end", target, opposite, source, target, forced)
+    if reference.containment:
+        yield Claim("end", target, None, source, target, forced, reference)
+    elif opposite is not None and opposite.containment:
+        yield Claim("end", source, None, target, target, forced, opposite)
+
+
+def _canonical(
+    metamodel: Metamodel, reference: Reference, source: int, target: int
+) -> tuple[Reference, int, int]:
+    opposite = metamodel.opposite(reference)
+    if opposite is not None and opposite.index < reference.index:
+        return opposite, target, source
+    return reference, source, target
+
+
+class Pairs:
+    """Writes tests for two matches that do not go together.
+
+    Args:
+        metamodel: of the model.
+        rule: the frame of the rule, of which there is one match.
+    """
+
+    def __init__(self, metamodel: Metamodel, rule: Frame) -> None:
+        self._metamodel = metamodel
+        self._rule = rule
+
+    def tests(self, one: Frame, slots: Slots, other: Frame, others: Slots) -> Iterator[code.Expression]:
+        """What holds where a match of one frame contradicts one of another, or of the same."""
+        first = [*claims_of(one, self._metamodel)]
+        second = [*claims_of(other, self._metamodel)]
+        for number, mine in enumerate(first):
+            for theirs in second[number:] if one is other else second:
+                for a, b in ((mine, theirs), (theirs, mine)):
+                    swapped = a is not mine or b is not theirs
+                    sides = (other, others, one, slots) if swapped else (one, slots, other, others)
+                    found = self._test(a, sides[0], sides[1], b, sides[2], sides[3])
+                    if found is not None:
+                        yield found
+                    if mine is theirs and one is other:
+                        break
+
+    def _test(self, a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots) -> code.Expression | None:
+        """Code for whether a claim contradicts another of a later kind; None if it cannot."""
+        metamodel = self._metamodel
+        parts: list[code.Expression | None] = []
+        match a.kind, b.kind:
+            case "gone", "touched":
+                pass
+            case "class", "class" if a.what != b.what:
+                pass
+            case "class", "owner" if not metamodel.is_a(str(a.what), str(b.what)):
+                pass
+            case "value", "value" if a.what == b.what and not (a.forced and b.forced):
+                if not (a.forced or b.forced):
+                    parts.append(self._differing(a, fa, sa, b, fb, sb))
+            case "removed", "added" if a.what == b.what:
+                parts.append(self._same(a.other, fa, sa, b.other, fb, sb))
+                parts += self._not_added(a, fa, sa)
+            case "targets", "targets" if a.what == b.what:
+                parts.append(code.Operation("!=", (_value(a, sa), _value(b, sb))))
+            case "targets", "added":
+                return self._target(a, fa, sa, b, fb, sb)
+            case "end", "end" if a.what == b.what and (a.forced or b.forced):
+                if a.via == b.via:
+                    parts.append(code.Operation("!=", (_value(a, sa), _value(b, sb))))
+            case _:
+                return None
+        return self._all([self._same(a.node, fa, sa, b.node, fb, sb), *parts], a, sa, b, sb)
+
+    def _all(
+        self, parts: list[code.Expression | None], a: Claim, sa: Slots, b: Claim, sb: Slots
+    ) -> code.Expression | None:
+        """Code for whether all parts hold, where both claims are made; None if one cannot hold."""
+        known = [part for part in parts if part is not None]
+        if len(known) < len(parts):
+            return None
+        for claim, slots in ((a, sa), (b, sb)):
+            if claim.present is not None:
+                known.append(code.Operation(">=", (slots[claim.present], code.Constant(0))))
+        return code.joined("and", [part for part in known if part != code.TRUE], True)
+
+    def _same(
+        self, slot: int | None, fa: Frame, sa: Slots, other: int | None, fb: Frame, sb: Slots
+    ) -> code.Expression | None:
+        """Code for whether two slots have one object; None if that cannot be."""
+        assert slot is not None
+        assert other is not None
+        if fa.new.get(slot) is not fb.new.get(other) or (slot in fa.new and slot != other):
+            return None
+        cls, another = fa.classes.get(slot), fb.classes.get(other)
+        if cls is not None and another is not None and not self._metamodel.overlap(cls, another):
+            return None
+        rule = self._rule.plan
+        if max(slot, other) < rule.variables:
+            if slot == other:
+                return code.TRUE
+            if not rule.coinciding:
+                return None
+        return code.equal(sa[slot], sb[other])
+
+    def _target(
+        self, a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots
+    ) -> code.Expression | None:
+        """Whether a link that is added is none of those that are set."""
+        assert isinstance(a.what, Reference)
+        assert b.other is not None
+        near, far = b.node, b.other
+        if a.what == self._metamodel.opposite(b.what):  # type: ignore[arg-type]
+            near, far = far, near
+        elif a.what != b.what:
+            return None
+        differ = code.Operation("!=", (_value(a, sa), sb[far]))
+        return self._all([self._same(a.node, fa, sa, near, fb, sb), differ], a, sa, b, sb)
+
+    def _not_added(self, a: Claim, frame: Frame, slots: Slots) -> list[code.Expression | None]:
+        """A link that a match removes and makes anew stays."""
+        found: list[code.Expression | None] = []
+        for link in frame.plan.links:
+            reference, source, target = _canonical(self._metamodel, link.reference, link.source, link.target)
+            if reference == a.what:
+                ends = [
+                    self._same(a.node, frame, slots, source, frame, slots),
+                    self._same(a.other, frame, slots, target, frame, slots),
+                ]
+                if None not in ends:
+                    both = code.joined("and", [end for end in ends if end is not None], True)
+                    found.append(code.inverse(both))
+        return found
+
+    @staticmethod
+    def _differing(a: Claim, fa: Frame, sa: Slots, b: Claim, fb: Frame, sb: Slots) -> code.Expression | None:
+        """Code for whether two values differ; None if they are one constant."""
+        constants = [_constant(claim, frame) for claim, frame in ((a, fa), (b, fb))]
+        if None not in constants and constants[0] == constants[1]:
+            return None
+        assert isinstance(a.what, Attribute)
+        values = [
+            absent(a.what.type)
+            if claim.other is None
+            else fitted(slots[claim.other], frame.types.get(claim.other, a.what.type), a.what)
+            for claim, frame, slots in ((a, fa, sa), (b, fb, sb))
+        ]
+        differ = code.Operation("!=", (values[0], values[1]))
+        if a.what.type is not Scalar.FLOAT:
+            return differ
+        there = [code.equal(value, value) for value in values]
+        return code.Operation("and", (differ, code.joined("or", there, False)))
+
+
+def _value(claim: Claim, slots: Mapping[int, code.Expression]) -> code.Expression:
+    return NONE if claim.other is None else slots[claim.other]
+
+
+def _constant(claim: Claim, frame: Frame) -> object:
+    """What a value is in every match: a constant with its type, or that there is none; None if that is not known."""
+    if claim.other is None:
+        return "no value"
+    for compute in frame.plan.computed:
+        if compute.slot == claim.other:
+            match compute.expression:
+                case Constant(value):
+                    return type(value), value
+                case EnumLiteral(literal=literal):
+                    return literal
+    return None
+
+
+def fitted(value: code.Expression, type_: StaticType | None, attribute: Attribute) -> code.Expression:
+    """The code of a value as one of an attribute."""
+    if attribute.type is Scalar.FLOAT and type_ is not Scalar.FLOAT:
+        return as_float(Term(value, Scalar.INT))
+    return value

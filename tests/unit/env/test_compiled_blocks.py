@@ -1,0 +1,164 @@
+"""Rules with blocks, and those whose match does not tell what they change: compiled beside the live engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.unit.env.side_by_side import mutants, step_side_by_side
+from tests.unit.env.test_compiled_corners import STEPS, Corner, refusal, written
+
+SEEN = """
+pattern any(i : Item) { Item(i); }
+pattern boxed(b : Box, i : Item) { Box.item(b, i); }
+pattern lit(s : Spot) { Spot.lit(s, true); }
+pattern sum(n : int) { n == sum Spot.n(_, #); }
+pattern weights(w : float) { Item.weight(_, w); }
+"""
+LOOK = (
+    "observe count find any(_) up to 9\nobserve count find lit(_) up to 5\nobserve count find boxed(_, _) up to 5\n"
+    "on find sum(n) reward n * 0.001\non find weights(w) reward w\n"
+)
+GO = "rule go(m : Man, way : Way) { lhs { m -at-> s : Spot; find step(s, way, t); } modify { set m.at = t; } }\n"
+FORGET = "rule forget { lhs { m : Man -wants-> i : Item; } modify { set m.wants = none; } }\n"
+
+
+def corner(rules: str, actions: str) -> Corner:
+    return Corner(GO + FORGET + rules, "action go(way : Way) = go(adam, way)\n" + actions + LOOK, SEEN)
+
+
+CORNERS = {
+    "all of them": corner(
+        """
+        rule light { lhs { s : Spot; }
+            forall { lhs { find step(s, w, t); neg Spot.lit(t, true); } modify { set t.lit = true; set t.n += 1; } }
+            modify { set s.lit = false; } }
+        rule tick { lhs { y : Yard; }
+            forall { lhs { i : Item; } modify { set i.weight += 0.1; } }
+            forall { lhs { s : Spot; i : Item -at-> s; } modify { set s.n += i.id; } }
+            modify { } }
+        """,
+        "action light = light() reward 1 else reward 2\naction tick = tick() reward 3\n",
+    ),
+    "at least one, and the first": corner(
+        """
+        rule some { lhs { m : Man; }
+            forall+ { lhs { m -at-> s : Spot; i : Item -at-> s; } modify { set i.weight = 2.0; delete i -at-> s; } }
+            modify { set m.hunger -= 1; } }
+        rule first(out n : int) { lhs { m : Man -at-> s : Spot; n == eval(m.hunger * 2); }
+            optional { lhs { i : Item; } not { i -at-> _; } modify { create i -at-> s; } }
+            optional { lhs { i : Item -at-> s; check i.id > 1; } modify { set i.kind = ::zebra; } }
+            modify { set m.hunger += 1; } }
+        """,
+        "action some = some() reward 1 else reward 2\naction first = first(n) reward n\n",
+    ),
+    "each makes one": corner(
+        """
+        rule order { lhs { y : Yard; n == count Item(_); check n < 14; }
+            forall { lhs { m : Man -at-> s : Spot; most == max Item.id(_, #); }
+                modify { create y -items-> i : Item { id = most + m.hunger, at = s, weight = m.power }; } }
+            modify { } }
+        @semantics(spo) rule tidyUp { lhs { y : Yard; }
+            forall { lhs { i : Item; check i.id > 5; } modify { delete i; } } modify { } }
+        rule pack { lhs { y : Yard; s : Spot; n == count Box(_); check n < 12; }
+            forall { lhs { y -items-> i : Item -at-> s; }
+                modify { create y -boxes-> b : Box { size = i.id }; move i to b.item; } }
+            modify { create y -boxes-> c : Box { size = s.n }; } }
+        rule unpack { lhs { y : Yard; }
+            forall { lhs { b : Box -item-> i : Item; } modify { move i to y.items; } } modify { } }
+        """,
+        "action order = order() reward 1\naction tidyUp = tidyUp() reward 2\naction pack = pack() reward 3\n"
+        "action unpack = unpack() reward 4\n",
+    ),
+    "blocks in blocks": corner(
+        """
+        rule deep { lhs { y : Yard; n == count Box(_); check n < 9; }
+            forall { lhs { s : Spot; check s.n < 40; }
+                forall { lhs { i : Item -at-> s; }
+                    modify { set i.weight += s.f; create y -boxes-> b : Box { size = s.x }; } }
+                optional { lhs { find step(s, w, t); check t.n >= s.n; }
+                    forall { lhs { m : Man -at-> t; } modify { set m.hunger += s.n; } }
+                    modify { set s.lit = true; } }
+                modify { set s.n += 1; } }
+            modify { } }
+        rule sweep { lhs { y : Yard; n == count Box(_); check n > 4; }
+            forall { lhs { b : Box; neg Box.item(b, _); } modify { set b.size = n; } } modify { } }
+        rule build { lhs { y : Yard; most == max Item.id(_, #); n == count Item(_); check n < 9; }
+            forall { lhs { m : Man; }
+                forall { lhs { s : Spot; check s.x < 1; neg Man.bag(m, _); }
+                    modify { create b -item-> i : Item { id = most + s.x }; create m -bag-> j : Item; } }
+                modify { create y -boxes-> b : Box; set m.kind = ::mole; } }
+            modify { } }
+        """,
+        "action deep = deep() reward 1\naction sweep = sweep() reward 2\naction build = build() reward 3\n",
+    ),
+    "matches that contradict each other": corner(
+        """
+        rule name { lhs { y : Yard; }
+            forall { lhs { i : Item -at-> s : Spot; } modify { set s.kind = i.kind; } } modify { } }
+        rule meet { lhs { y : Yard; }
+            forall { lhs { m : Man; i : Item; check i.id > 2; } modify { set m.wants = i; } } modify { } }
+        rule both { lhs { i : Item; }
+            forall { lhs { j : Item; check j.id <= 1; } modify { set j.pair = i; } } modify { } }
+        rule put(s : Spot) { lhs { i : Item; } modify { set i.at = s; } }
+        rule paint { lhs { i : Item; } modify { set i.kind = ::ant; } }
+        rule lone { lhs { i : Item; }
+            forall { lhs { j : Item -pair-> k : Item; } modify { delete j -pair-> k; } }
+            modify { set i.weight = 4.0; } }
+        """,
+        "action name = name() reward 1\naction meet = meet()\naction both = both() reward 2\n"
+        "action put(s : Spot) = put(s)\naction paint = paint()\naction lone = lone() reward 3\n",
+    ),
+    "what is deleted, and changed": corner(
+        """
+        @semantics(spo) rule cut { lhs { y : Yard; }
+            forall { lhs { i : Item; check i.id > 1; } modify { delete i; } }
+            forall { lhs { j : Item -at-> s : Spot; check s.n < 3; } modify { set j.weight = 3.0; } } modify { } }
+        rule up { lhs { s : Spot; } modify { set s.n += 1; } }
+        rule more { lhs { y : Yard; s : Spot; most == max Item.id(_, #); }
+            modify { create y -items-> i : Item { id = most + 1, at = s }; } }
+        @semantics(spo) rule swap { lhs { y : Yard; }
+            forall { lhs { i : Item; neg Heavy(i); } modify { retype i : Heavy; } }
+            forall { lhs { h : Heavy; check h.weight > 2.0; } modify { delete h; } } modify { } }
+        """,
+        "action cut = cut() reward 1\naction up = up()\naction more = more()\naction swap = swap() reward 2\n",
+    ),
+    "names that may be one object": corner(
+        """
+        @match(homomorphic) rule weigh { lhs { i : Item; j : Item; check i.id <= j.id; }
+            modify { set i.weight = 1.0; set j.weight = 2.0; } }
+        @hom(i, j) rule drop {
+            lhs { i : Item -at-> s : Spot; j : Item -at-> t : Spot; check i.id + 1 >= j.id && i.id <= j.id; }
+            modify { delete i -at-> s; set j.at = s; } }
+        @hom(i, j) @semantics(spo) rule gone { lhs { i : Item; j : Item; check i.id > 2 && j.id > 2; }
+            modify { delete i; delete j; } }
+        rule pass { lhs { i : Item; j : Item; check i.pair != none; } modify { set j.pair = i.pair; } }
+        rule hand { lhs { i : Item; j : Item; } modify { set i.pair = j.pair; set j.at = i.at; } }
+        """,
+        "action weigh = weigh() reward 1\naction drop = drop() reward 2\naction gone = gone() reward 3\n"
+        "action pass = pass() reward 4\naction hand = hand() reward 5\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_it_steps_as_the_live_engine_does(name: str, tmp_path: Path) -> None:
+    engine, behaviour = written(tmp_path, CORNERS[name])
+    step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False, spare=40)
+
+
+def test_compiled_by_numba_too(tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    engine, behaviour = written(tmp_path, CORNERS["each makes one"])
+    step_side_by_side(mutants(engine, behaviour, 4), behaviour, 4 * STEPS, native=True, spare=40)
+
+
+def test_sums_of_floats_whose_order_shows_are_refused(tmp_path: Path) -> None:
+    rule = """
+        rule add { lhs { y : Yard; } forall { lhs { i : Item; } modify { set i.weight += 0.1; } }
+            forall { lhs { i : Item; } modify { set i.weight += 0.7; } } modify { } }
+        """
+    refused = refusal(tmp_path, Corner(rule, "action add = add()\nobserve adam.kind"))
+    assert refused.construct == "`Item.weight` in several blocks of a rule"
+    assert "yard.rules" in str(refused.span)
