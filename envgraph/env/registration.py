@@ -9,11 +9,13 @@ package needs to know nothing of files, families and run stores, which are the b
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Final
 
 import gymnasium
-from gymnasium.envs.registration import EnvSpec
-from gymnasium.vector import VectorEnv
+from gymnasium.envs.registration import EnvSpec, VectorizeMode
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 
 from envgraph.env._vector import autoreset_of
 from envgraph.errors import InvalidArgument
@@ -65,12 +67,14 @@ def make_vec_spec(
     spec: EnvSpec,
     num_envs: int,
     *,
-    vectorization_mode: str | None = None,
+    vectorization_mode: VectorizeMode | str | None = None,
     autoreset_mode: Any = None,
     vector_kwargs: dict[str, Any] | None = None,
     **options: Any,
 ) -> VectorEnvironment:
     """`gymnasium.make_vec` of what need not be registered.
+
+    A list as `variant` is for all modes: environment i is of variant i, modulo their number.
 
     Args:
         spec: what to make; its vector entry point is not for the live engine.
@@ -85,6 +89,8 @@ def make_vec_spec(
     """
     if num_envs < 1:
         raise InvalidArgument(f"{num_envs} environments")
+    if isinstance(vectorization_mode, VectorizeMode):
+        vectorization_mode = vectorization_mode.value
     if vectorization_mode is None and (options.get("live") or options.get("engine") == "live"):
         vectorization_mode = "sync"
     if autoreset_mode is not None:
@@ -93,9 +99,25 @@ def make_vec_spec(
             vector_kwargs = {**(vector_kwargs or {}), "autoreset_mode": autoreset_mode}
         else:
             options["autoreset_mode"] = autoreset_mode
+    if vectorization_mode in ("sync", "async") and not isinstance(options.get("variant", ""), int | str):
+        make = partial(_single, spec, options.pop("wrappers", None) or ())
+        variants = [*options.pop("variant")] or [None]
+        makers = [partial(make, {**options, "variant": variants[i % len(variants)]}) for i in range(num_envs)]
+        together = SyncVectorEnv if vectorization_mode == "sync" else AsyncVectorEnv
+        return together(makers, **(vector_kwargs or {}))
     return gymnasium.make_vec(
         spec, num_envs, vectorization_mode=vectorization_mode, vector_kwargs=vector_kwargs, **options
     )
+
+
+def _single(
+    spec: EnvSpec, wrappers: Sequence[Callable[[Environment], Environment]], options: dict[str, Any]
+) -> Environment:
+    """One of the environments of a vector, as Gymnasium makes them."""
+    environment: Environment = spec.make(**options)
+    for wrapper in wrappers:
+        environment = wrapper(environment)
+    return environment
 
 
 def register(

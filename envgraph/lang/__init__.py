@@ -20,7 +20,7 @@ from envgraph.lang.family._family import (
 )
 from envgraph.lang.family._family_reader import find_family, load_family
 from envgraph.lang.loading._checking import conformance
-from envgraph.lang.loading._family_check import COMPONENTS, check_family
+from envgraph.lang.loading._family_check import COMPONENTS, check_family, numeric_parameters
 from envgraph.lang.loading._loader import (
     LANGUAGES,
     load,
@@ -98,6 +98,7 @@ __all__ = [
     "model_from_pyecore",
     "model_to_pyecore",
     "model_to_text",
+    "numeric_parameters",
     "open",
     "open_workspace",
     "parse_ecore",

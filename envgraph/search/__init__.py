@@ -14,7 +14,7 @@ from envgraph.search._family import Family, Member, family_of, run_file
 from envgraph.search._family_file import family_schema, open_family, read_family, write_family
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
 from envgraph.search._generate import evolve, export_ga4cl, generate, import_ga4cl, resume
-from envgraph.search._measures import MatchCount, ShortestPath, ShortestPlan
+from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
 from envgraph.search._options import Options
 from envgraph.search._outcome import Outcome, why_low
 from envgraph.search._paths import PathComplexity, count_paths
@@ -71,6 +71,7 @@ __all__ = [
     "Outcome",
     "ParentSelection",
     "PathComplexity",
+    "PatternValue",
     "Problem",
     "RandomParents",
     "Reachable",

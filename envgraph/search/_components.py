@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
 from envgraph.env import Behaviour, Tabular
-from envgraph.metamodel import Metamodel
+from envgraph.lang import numeric_parameters
+from envgraph.metamodel import Metamodel, Scalar
+from envgraph.pattern import Library
 from envgraph.rewrite import Engine
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Variance
-from envgraph.search._measures import MatchCount, ShortestPath, ShortestPlan
+from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
 from envgraph.search._options import Options
 from envgraph.search._paths import PathComplexity
 from envgraph.search._problem import IndividualMeasure
@@ -44,6 +46,7 @@ class Context:
         behaviour: what the agent can do, if the family has an environment.
         measured: the measure that the diversity reads, for the diversity.
         known: the table of states of the model at which an engine stands, if it is kept.
+        library: the patterns of the family; None where they have errors.
     """
 
     metamodel: Metamodel
@@ -51,6 +54,7 @@ class Context:
     behaviour: Behaviour | None
     measured: IndividualMeasure | None = None
     known: Callable[[Engine], Tabular | None] = lambda engine: None
+    library: Library | None = None
 
 
 MeasureFactory = Callable[[Options, Context], IndividualMeasure]
@@ -84,6 +88,14 @@ def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
     del options
     assert context.behaviour is not None, "check_family demands an environment for this measure"
     return ShortestPlan(context.behaviour, context.known)
+
+
+def _value(options: Options, context: Context) -> IndividualMeasure:
+    pattern = options.name("of")
+    named = options.name("parameter") if options.given("parameter") else None
+    numbers = (numeric_parameters(context.library, pattern) if context.library else None) or {}
+    place, type_ = numbers.get(named or next(iter(numbers), ""), (0, Scalar.INT))
+    return PatternValue(pattern, place, whole=type_ is Scalar.INT)
 
 
 def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:
@@ -120,6 +132,7 @@ class Components:
                 "shortest_path": _shortest_path,
                 "shortest_plan": _shortest_plan,
                 "count": lambda options, context: MatchCount(options.name("of")),
+                "value": _value,
             }
         )
     )

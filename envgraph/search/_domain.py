@@ -354,7 +354,11 @@ class Domain:
         return [Diagnostic("outside-range", message, span, hint, Severity.WARNING)]
 
     def _context(self) -> Context:
-        return Context(self.metamodel, self.spec, self.behaviour, known=self._table)
+        registration = self.workspace.registration
+        assert registration is not None, "there are no errors"
+        return Context(
+            self.metamodel, self.spec, self.behaviour, known=self._table, library=registration.library
+        )
 
     def _table(self, engine: Engine) -> Tabular | None:
         """That of the initial model, which every check asks about, is kept among those of the user."""

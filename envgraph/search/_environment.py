@@ -139,6 +139,8 @@ def make_environment(
         EvaluationError: as for `make`.
     """
     wanted = _engine_of(engine, live)
+    if not isinstance(variant, int | str | None):
+        raise InvalidArgument("one environment is of one variant", "`envgraph.make_vec` takes a list of them")
     opened = _opened(domain, family, () if variant is None else (variant,))
     check_render_mode(render_mode, drawn=opened.record.drawn)  # before all states are visited
     place = opened.place(variant)

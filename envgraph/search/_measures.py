@@ -29,6 +29,32 @@ class MatchCount:
 
 
 @dataclass(frozen=True, slots=True)
+class PatternValue:
+    """The number that a pattern binds a parameter to in its only match.
+
+    Attributes:
+        pattern: its name.
+        place: of the parameter, from 0.
+        whole: whether it is an `int`.
+    """
+
+    pattern: str
+    place: int
+    whole: bool
+
+    def evaluate(self, engine: Engine) -> float:
+        """The number in the model at which the engine stands; infinite where there is no match, or several.
+
+        Raises:
+            OverflowError: the number has more than 308 digits.
+        """
+        matches = engine.matches(self.pattern)
+        value = matches[0].row[self.place] if len(matches) == 1 else inf
+        assert isinstance(value, int | float), "`check_family` demands a number"
+        return value
+
+
+@dataclass(frozen=True, slots=True)
 class ShortestPath:
     """Number of links on the longest of all shortest paths from a start object to a goal object that it reaches.
 

@@ -8,12 +8,12 @@ from types import MappingProxyType
 from envgraph.errors import Diagnostic, Span, did_you_mean, listed, name_hint
 from envgraph.lang.family._family import ComponentSpec, FamilySpec, Name
 from envgraph.lang.loading._workspace import Workspace
-from envgraph.metamodel import Metamodel, Reference
-from envgraph.pattern import Derivation, Rule, Unit
+from envgraph.metamodel import Metamodel, Reference, Scalar
+from envgraph.pattern import Derivation, Library, Rule, Unit
 
 COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
     {
-        "measure": ("path_complexity", "shortest_path", "shortest_plan", "count"),
+        "measure": ("path_complexity", "shortest_path", "shortest_plan", "count", "value"),
         "diversity": ("binned_entropy", "gini", "variance"),
         "parents": ("random", "tournament", "elitist"),
         "survivors": ("simulated_annealing", "hill_climbing", "beam", "exact"),
@@ -27,7 +27,21 @@ _OPTIONS: Mapping[str, Mapping[str, str]] = {
     "shortest_path": {"from": "class", "to": "class", "along": "path", "avoid": "class"},
     "shortest_plan": {},
     "count": {"of": "pattern"},
+    "value": {"of": "pattern", "parameter": ""},
 }
+
+
+def numeric_parameters(library: Library, pattern: str) -> dict[str, tuple[int, Scalar]] | None:
+    """Place and type of the parameters of a pattern that stand for a number; None where there is no such pattern."""
+    found = library.resolve(pattern) or (library.get(pattern) if pattern in library.names() else None)
+    if found is None:
+        return None
+    types = library.parameter_types(found.qualified_name)
+    return {
+        parameter.name: (place, type_)
+        for place, (parameter, type_) in enumerate(zip(found.parameters, types, strict=True))
+        if type_ is Scalar.INT or type_ is Scalar.FLOAT
+    }
 
 
 def check_family(
@@ -154,6 +168,8 @@ class _Checker:
             hint = did_you_mean(component.kind, known) or "there are " + ", ".join(
                 f"`{one}`" for one in known
             )
+            if role == "measure" and not hint.startswith("did"):
+                hint += "; `value` is a number that a pattern computes, such as a sum"
             message = f"unknown {word} of {role} `{component.kind}`"
             yield Diagnostic("unknown-component", message, component.span(), hint)
 
@@ -173,6 +189,31 @@ class _Checker:
                 yield from self._option(measure, option, value, expected[option])
         if measure.kind == "path_complexity":
             yield from self._steps(measure)
+        if measure.kind == "value":
+            yield from self._number(measure)
+
+    def _number(self, measure: ComponentSpec) -> Iterator[Diagnostic]:
+        """Whether it is clear which parameter of a pattern a value is."""
+        name, wanted = measure.options.get("of"), measure.options.get("parameter")
+        registration = self._workspace.registration
+        if not isinstance(name, str) or registration is None:
+            return
+        numbers = numeric_parameters(registration.library, name)
+        if numbers is None:
+            return
+        if not numbers:
+            message = f"`{name}` has no parameter that is a number"
+            hint = f"`count` counts its matches; for a value write `pattern {name.rpartition('.')[2]}(.., n : int)`"
+            yield Diagnostic("wrong-type", message, measure.span("of"), hint)
+        elif wanted is None and len(numbers) > 1:
+            message = f"`{name}` has several parameters that are numbers: {listed(numbers)}"
+            hint = f'write `parameter = "{next(iter(numbers))}"`'
+            yield Diagnostic("ambiguous-parameter", message, measure.span("of"), hint)
+        elif isinstance(wanted, str) and wanted not in numbers:
+            message = f"`{name}` has no parameter `{wanted}` that is a number"
+            yield Diagnostic(
+                "unknown-parameter", message, measure.span("parameter"), name_hint(wanted, numbers)
+            )
 
     def _option(self, measure: ComponentSpec, option: str, value: object, what: str) -> Iterator[Diagnostic]:
         span = measure.span(option)

@@ -196,6 +196,38 @@ def test_members_take_turns_in_a_vector_of_a_family(family_file: Path) -> None:
     assert many.unwrapped._next.shape[0] == sum(alone)  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize(
+    "options", [{"engine": "live"}, {"vectorization_mode": "sync"}, {"vectorization_mode": "async"}]
+)
+def test_members_take_turns_in_a_vector_of_single_environments(
+    family_file: Path, options: dict[str, object]
+) -> None:
+    together = envgraph.make_vec(family_file, 3, ["E1", "E6"], max_episode_steps=8, **options)
+    alone = [envgraph.make(family_file, name, max_episode_steps=8) for name in ("E1", "E6", "E1")]
+    together.reset(seed=5)
+    for place, env in enumerate(alone):
+        env.reset(seed=5 + place)
+    many = together.step(np.full(3, 1))[:4]
+    together.close()
+    expected = [env.step(1)[:4] for env in alone]
+    assert [row.tolist() for row in many] == [[*column] for column in zip(*expected, strict=True)]
+    assert expected[0] != expected[1]
+
+
+def test_wrappers_are_for_each_member_of_a_list(family_file: Path) -> None:
+    wrapped = envgraph.make_vec(
+        family_file, 2, ["E1", "E6"], engine="live", wrappers=[gymnasium.wrappers.RecordEpisodeStatistics]
+    )
+    assert all(env.has_wrapper_attr("return_queue") for env in wrapped.envs)  # type: ignore[attr-defined]
+
+
+def test_a_single_environment_refuses_a_list_of_variants(family_file: Path) -> None:
+    with pytest.raises(InvalidArgument, match=r"of one variant; `envgraph\.make_vec` takes a list"):
+        envgraph.make(family_file, ["E1", "E6"])  # type: ignore[arg-type]
+    with pytest.raises(InvalidArgument, match="of one variant"):
+        gymnasium.make_vec(ID, vectorization_mode="sync", family=family_file, variant=["E1"])
+
+
 def test_what_makes_no_environment_is_told(family_file: Path) -> None:
     with pytest.raises(InvalidArgument, match="not of the environment of `keydoor`"):
         gymnasium.make("envgraph/KeyDoor-v0", family=family_file)

@@ -20,6 +20,7 @@ from envgraph.search import (
     Domain,
     Family,
     Generation,
+    NoValue,
     RunStore,
     Variance,
     export_ga4cl,
@@ -495,6 +496,38 @@ def herd(folder: Path, *changes: tuple[str, str]) -> str:
             text = text.replace(before, after)
         (folder / name).write_text(text, encoding="utf-8")
     return str(folder)
+
+
+def milked(folder: Path, bodies: str, options: str = "") -> str:
+    """The farm, measured by what a pattern computes."""
+    measure = f'measures.sum = {{ kind = "value", of = "total"{options} }}\n        measures.cows ='
+    path = herd(folder, ("measures.cows =", measure), ('{ kind = "binned', '{ of = "cows", kind = "binned'))
+    with (folder / "herd.query").open("a", encoding="utf-8") as file:
+        file.write(f"\npattern total(cow : Cow, n : int, share : float) {bodies}\n")
+    return path
+
+
+def test_a_measure_is_the_number_that_a_pattern_computes(tmp_path: Path) -> None:
+    folder = milked(
+        tmp_path,
+        "{ Cow.number(cow, 1); n == count Cow(_); share == eval(n / 4.0); }",
+        ', parameter = "share"',
+    )
+    domain = Domain.load(folder)
+    engine = domain.engine()
+    assert domain.problem(engine).measure() == {"sum": 0.5, "cows": 2.0}
+    engine.apply("calve")
+    assert domain.problem(engine).measure()["sum"] == 0.75
+
+
+@pytest.mark.parametrize("body", ["Cow.number(cow, 9);", "Cow(cow);"], ids=["no match", "several"])
+def test_without_a_single_match_a_model_has_no_value(tmp_path: Path, body: str) -> None:
+    bodies = f"{{ {body} n == count Cow(_); share == 0.5; }}"
+    domain = Domain.load(milked(tmp_path, bodies, ', parameter = "n", otherwise = 7'))
+    assert domain.problem(domain.engine()).measure()["sum"] == 7
+    domain = Domain.load(milked(tmp_path, bodies, ', parameter = "n"'))
+    with pytest.raises(NoValue):
+        domain.problem(domain.engine()).measure()
 
 
 def test_objects_with_one_key_are_in_no_member(tmp_path: Path) -> None:
