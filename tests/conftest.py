@@ -7,6 +7,7 @@ import signal
 import tempfile
 from datetime import timedelta
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # No deadline: the first example pays for imports and generated code. The limit per test is pytest's business.
@@ -26,22 +27,27 @@ settings.register_profile(
 settings.load_profile("default")
 
 
-_CACHE = tempfile.mkdtemp(prefix="envgraph-cache-")
-
-
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Ctrl-C can be tested in a job of the background too, where shells have it ignored.
 
-    Tables of states are kept for this run of the tests alone: the next one may be of another version.
+    Tables of states and compiled programs are kept for this run of the tests alone, the next one may be of another
+    version; the processes of a run share them.
     """
-    os.environ["ENVGRAPH_CACHE"] = _CACHE
+    if _is_first(config):
+        os.environ["ENVGRAPH_CACHE"] = tempfile.mkdtemp(prefix="envgraph-cache-")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def pytest_unconfigure() -> None:
+def pytest_unconfigure(config: pytest.Config) -> None:
     """Nothing is left behind."""
-    shutil.rmtree(_CACHE, ignore_errors=True)
+    if _is_first(config):
+        shutil.rmtree(os.environ["ENVGRAPH_CACHE"], ignore_errors=True)
+
+
+def _is_first(config: pytest.Config) -> bool:
+    """Whether this is the process that starts the others, which get its environment."""
+    return not hasattr(config, "workerinput")
 
 
 def pytest_collection_finish() -> None:

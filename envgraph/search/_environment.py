@@ -174,21 +174,23 @@ def make_vector_environment(
     autoreset_mode: str | None = None,
     engine: EngineKind | None = None,
     streams: Streams | None = None,
+    threads: int | None = None,
 ) -> EnvgraphVectorEnv | CompiledVectorEnv:
     """What `gymnasium.make_vec` calls: `num_envs` environments, stepped by arrays.
 
     The arguments are those of `make_environment`, but `variant` may be a list: its members take turns, so that
     `num_envs=60, variant=["E1", "E2"]` gives thirty of each. The others are those of `CompiledVectorEnv`; with
-    `streams` given it is that, whatever there is a table of.
+    `streams` or `threads` given it is that, whatever there is a table of.
 
     Raises:
         InvalidArgument, LoadError, EvaluationError: as for `make_environment`; also `engine="live"`, which has no
             vector environment: `make_vec` makes single ones of it.
     """
     wanted = _engine_of(engine, live=False)
-    if streams is not None:
+    own = _given(streams=streams, threads=threads)
+    if own:
         if wanted not in (None, "compiled"):
-            raise InvalidArgument(f'`streams` are those of `engine="compiled"`, not of {engine!r}')
+            raise InvalidArgument(f'`{next(iter(own))}` are those of `engine="compiled"`, not of {engine!r}')
         wanted = "compiled"
     if wanted == "live":
         raise InvalidArgument("the live engine steps one environment", 'give `vectorization_mode="sync"`')
@@ -206,7 +208,7 @@ def make_vector_environment(
     if found is None:
         raise opened.refused()
     if isinstance(found, Program):
-        return CompiledVectorEnv(found, num_envs, **options, **_given(streams=streams))
+        return CompiledVectorEnv(found, num_envs, **options, **own)
     pictures = [one.pictures for one in found]
     return EnvgraphVectorEnv([one.tabular for one in found], num_envs, pictures=pictures, **options)
 

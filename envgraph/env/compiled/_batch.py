@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import pairwise
 from math import prod
 from typing import Any, Final
 
@@ -25,12 +27,71 @@ _SHOWN: Final = {
 }
 
 
+class Part:
+    """Some environments of a batch, one after the other, and the space that a thread needs for their steps.
+
+    Args:
+        program: the compiled behaviour.
+        members: of all environments of the batch.
+        arrays: those of the batch that have a row for each environment.
+        rows: the environments.
+
+    Attributes:
+        before: in the second row of each the state before the step in which something went wrong last.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        members: NDArray[np.int64],
+        arrays: Sequence[NDArray[Any]],
+        rows: slice,
+    ) -> None:
+        self.rows = rows
+        states, floats, streams, *others = (array[rows] for array in arrays)
+        shared = program.arrays
+        self.before = (
+            np.zeros((2, states.shape[1]), dtype=np.int64),
+            np.zeros((2, floats.shape[1])),
+        )
+        self._arrays = (
+            tables_of(program),
+            shared.floats,
+            shared.offsets,
+            states,
+            floats,
+            *space_of(program),
+            np.zeros(1),
+            members[rows],
+            shared.states,
+            shared.float_states,
+            streams,
+            *others,
+            *self.before,
+        )
+        self._world: Any = _addresses_of(self._arrays) if program.native else self._arrays
+        self._function = program.functions("step")["advance"]
+
+    def advance(
+        self,
+        which: NDArray[np.bool_],
+        starts: NDArray[np.float64],
+        actions: NDArray[np.int64],
+        uniforms: NDArray[np.float64],
+        limit: int,
+    ) -> int:
+        """What `advance` of `_kernels` does; the last environment of the batch in which something went wrong, or -1."""
+        failed: int = self._function(self._world, which, starts, actions, uniforms, limit)
+        return failed if failed < 0 else failed + self.rows.start
+
+
 class Batch:
     """The states of environments, each over a member of a family.
 
     Args:
         program: the compiled behaviour.
         members: number of the member of each environment.
+        threads: how many step them at a time; changes no result.
 
     Attributes:
         states, float_states: int64 and float64 [n, ..]; a row is all that an environment is, but for `steps`.
@@ -40,10 +101,9 @@ class Batch:
         reward: float64 [n]; ended: int64 [n], 0, 1 for success, 2 for failure; cut: bool [n], whether it was truncated.
     """
 
-    def __init__(self, program: Program, members: Sequence[int] | NDArray[Any]) -> None:
+    def __init__(self, program: Program, members: Sequence[int] | NDArray[Any], threads: int = 1) -> None:
         self.program = program
-        arrays, functions = program.arrays, program.functions("step")
-        self._advance = functions["advance"]
+        arrays = program.arrays
         self.members = np.asarray(members, dtype=np.int64)
         n = len(self.members)
         self.states = np.zeros((n, arrays.states.shape[1]), dtype=np.int64)
@@ -56,23 +116,11 @@ class Batch:
         self.ended = np.zeros(n, dtype=np.int64)
         self.cut = np.zeros(n, dtype=np.bool_)
         self._drawn = np.zeros(n)
-        self._before = (
-            np.zeros((2, self.states.shape[1]), dtype=np.int64),
-            np.zeros((2, self.float_states.shape[1])),
-        )
         self._none = np.zeros(n, dtype=np.bool_)
         self._streams = np.zeros((n, 4), dtype=np.uint64)
-        self._arrays = (
-            tables_of(program),
-            arrays.floats,
-            arrays.offsets,
+        self._rows = (
             self.states,
             self.float_states,
-            *space_of(program),
-            np.zeros(1),
-            self.members,
-            arrays.states,
-            arrays.float_states,
             self._streams,
             self.components,
             self.steps,
@@ -82,19 +130,26 @@ class Batch:
             self.ended,
             self.cut,
             self._drawn,
-            *self._before,
         )
-        self._world: Any = _addresses_of(self._arrays) if program.native else self._arrays
+        bounds = [n * number // threads for number in range(threads + 1)]
+        stretches = [slice(*ends) for ends in pairwise(bounds) if ends[0] < ends[1]]
+        self._parts = [Part(program, self.members, self._rows, stretch) for stretch in stretches]
+        self._threads = threads
+        self._pool = ThreadPoolExecutor(threads - 1) if len(self._parts) > 1 else None
         self._twins: dict[int, Twin] = {}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Batch:
         """Other environments in the same states; what refers to arrays of these refers to arrays of those."""
-        twin = Batch(self.program, self.members)
-        for mine, other in zip(self._arrays, twin._arrays, strict=True):
-            if mine.flags.owndata and mine.flags.writeable and mine is not other:
-                other[...] = mine
+        twin = Batch(self.program, self.members, self._threads)
+        for mine, other in zip(self._rows, twin._rows, strict=True):
+            other[...] = mine
             memo[id(mine)] = other
         return twin
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
 
     def seed(self, generators: Sequence[np.random.Generator]) -> None:
         """Draw from now on as these generators would, one for each environment; they stay as they are."""
@@ -110,7 +165,7 @@ class Batch:
         Raises:
             RuleError, EvaluationError: as the live engine does.
         """
-        failed = self._advance(self._world, which, uniforms, NO_ACTIONS, NO_NUMBERS, 0)
+        failed = self._advance(which, uniforms, NO_ACTIONS, NO_NUMBERS, 0)
         if failed >= 0:
             self._raise(failed, None)
 
@@ -135,9 +190,30 @@ class Batch:
             RuleError, EvaluationError: as the live engine does.
         """
         begins = self.over if again else self._none
-        failed = self._advance(self._world, begins, starts, actions, uniforms, limit)
+        failed = self._advance(begins, starts, actions, uniforms, limit)
         if failed >= 0:
             self._raise(failed, int(actions[failed]))
+
+    def _advance(
+        self,
+        which: NDArray[np.bool_],
+        starts: NDArray[np.float64],
+        actions: NDArray[np.int64],
+        uniforms: NDArray[np.float64],
+        limit: int,
+    ) -> int:
+        """What `advance` does, in several threads; the last environment in which something went wrong, or -1."""
+        parts = self._parts
+        if self._pool is None:
+            return parts[0].advance(which, starts, actions, uniforms, limit)
+        given = [
+            (which[rows], starts[rows], actions[rows], uniforms[rows], limit)
+            for rows in (part.rows for part in parts)
+        ]
+        others = [
+            self._pool.submit(part.advance, *each) for part, each in zip(parts[1:], given[1:], strict=True)
+        ]
+        return max(parts[0].advance(*given[0]), *(other.result() for other in others))
 
     def _raise(self, row: int, action: int | None) -> None:
         """Do on the live engine what went wrong, for the message.
@@ -151,8 +227,9 @@ class Batch:
         if error not in _SHOWN:
             twin = self._twin(member)
             begun = action is None or self.steps[row] == 0
-            before = arrays.states[member] if begun else self._before[0][1]
-            floats = arrays.float_states[member] if begun else self._before[1][1]
+            part = next(part for part in self._parts if row < part.rows.stop)
+            before = arrays.states[member] if begun else part.before[0][1]
+            floats = arrays.float_states[member] if begun else part.before[1][1]
             with twin.at(before, floats) as simulator:
                 _again(simulator, None if begun else action, float(self._drawn[row]))
         message = _SHOWN.get(error, "a rule cannot be applied, or something has no value")
