@@ -173,12 +173,15 @@ class ViewChecking(Checking):
         if token.cls is not None:
             scope[token.variable] = self.known_class(token.cls, token.cls_span or token.span)
         elif token.variable not in scope:
-            message = f"unknown parameter `{token.variable}`"
+            message = f"unknown variable `{token.variable}`"
             hint = (
                 did_you_mean(token.variable, scope)
                 or f"for all objects of a class: `{token.variable} : Class at ..`"
             )
-            self.report("unknown-variable", message, token.span, hint)
+            span = token.span
+            if span is not None:
+                span = span.source.span(span.start, span.start + len(token.variable))
+            self.report("unknown-variable", message, span, hint)
             return
         type_ = self.path(token.path, scope)
         if type_ is None or cell is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from envgraph.errors import Diagnostic, Note
+from envgraph.errors import Diagnostic, Note, Span
 
 _ROWS = frozenset({"stray-character", "unterminated-text"})
 _MOST_LINES = 3
@@ -18,6 +18,8 @@ NAMES = frozenset(
     )
 )
 """Names that mean the same in a whole file: one that is misspelt where it is defined is unknown wherever it stands."""
+_PARAMETERS = ("unknown-variable", ".environment")
+"""The parameters of an environment are names of a whole file, too; in others a variable is known in one body."""
 _MOST_PLACES = 10
 """A note tells of so many other places of such a name: by then it is found by searching."""
 
@@ -31,7 +33,7 @@ def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
     places: dict[tuple[str, str, str, str], list[Diagnostic]] = {}
     told: list[Diagnostic] = []
     for one in found:
-        if one.span is None or one.code not in NAMES:
+        if one.span is None or not (one.code in NAMES or _is_parameter(one.code, one.span)):
             told.append(one)
             continue
         group = places.setdefault((one.span.source.name, one.code, one.message, one.span.text), [])
@@ -40,6 +42,10 @@ def once_for_each_name(found: Iterable[Diagnostic]) -> list[Diagnostic]:
             told.append(one)
     others = {id(group[0]): _elsewhere(group[1:]) for group in places.values() if len(group) > 1}
     return [replace(one, notes=(*one.notes, others[id(one)])) if id(one) in others else one for one in told]
+
+
+def _is_parameter(code: str, span: Span) -> bool:
+    return code == _PARAMETERS[0] and span.source.name.endswith(_PARAMETERS[1])
 
 
 def _elsewhere(problems: Sequence[Diagnostic]) -> Note:

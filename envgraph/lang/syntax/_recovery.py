@@ -43,8 +43,8 @@ class Recovery:
         self._stack.depth = self._lexemes[index].braces
         attempts = (
             self._misplaced,
-            self._missing_brace,
             self._mistyped,
+            self._missing_brace,
             self._unescaped,
             self._swallowed,
             self._wrong_separator,
