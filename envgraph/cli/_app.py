@@ -520,7 +520,8 @@ def show(
 @click.option(
     "--format",
     default="family",
-    help="family (all there is, as JSON), ga4cl (maps of letters) or svg (a picture).",
+    help="family (all there is, as JSON), ga4cl (maps of letters), svg (a picture) or compiled (a folder with a Python "
+    "package that steps the environments, and needs NumPy and numba alone).",
 )
 @click.option("--output", "-o", type=_PATH, show_default="standard output", help="Where to.")
 @_directory

@@ -21,7 +21,7 @@ from envgraph.cli._output import (
     progress_bar,
 )
 from envgraph.env import scene_text
-from envgraph.errors import Diagnostic, InvalidArgument, did_you_mean
+from envgraph.errors import Diagnostic, EvaluationError, InvalidArgument, did_you_mean
 from envgraph.files import replace_file
 from envgraph.lang import DiskFiles, read_source
 from envgraph.search import (
@@ -141,10 +141,14 @@ def show_family(run: str, directory: Path, variant: str | None, format: OutputFo
 def export_family(run: str, directory: Path, format: str, output: Path | None) -> None:
     """Write a family in another format."""
     formats = {"family": write_family, "ga4cl": export_ga4cl, "svg": family_svg}
-    if format not in formats:
-        hint = did_you_mean(format, formats) or f"there are {', '.join(formats)}"
+    known = [*formats, "compiled"]
+    if format not in known:
+        hint = did_you_mean(format, known) or f"there are {', '.join(known)}"
         raise InvalidArgument(f"unknown format `{format}`", hint)
     family = open_family(run, directory)
+    if format == "compiled":
+        _export_program(family, output)
+        return
     text = formats[format](family)
     if output is None:
         sys.stdout.write(text if format == "svg" else printable_json(text))
@@ -155,6 +159,25 @@ def export_family(run: str, directory: Path, format: str, output: Path | None) -
         target = family.members[-1].name
         print_line(f"env = envgraph.make({str(output)!r}, variant={target!r})")
         print_line(f"envs = envgraph.make_vec({str(output)!r}, num_envs=8, variant={target!r})")
+
+
+def _export_program(family: Family, output: Path | None) -> None:
+    """Write the program of a family as a package."""
+    from envgraph.env.compiled import NotCompiled, export
+
+    if output is None:
+        raise InvalidArgument("a program is written as a package", "`-o FOLDER` says where")
+    try:
+        program = family.program(family.members)
+    except NotCompiled as error:
+        message = f"environment `{family.behaviour.name}` is not compiled: it has {error.construct}"
+        raise EvaluationError(message, error.span) from None
+    names = [member.name for member in family.members]
+    export(program, output, name=family.behaviour.name, members=names, limit=family.limit)
+    print_line(f"wrote {output}")
+    print_line(f"from {output.name} import Environments")
+    print_line("environments = Environments(num_envs=8)")
+    print_line("observations, infos = environments.reset(seed=0)")
 
 
 def import_family(

@@ -8,6 +8,7 @@ from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._enumeration import Tables, enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._explanation import explanation
+from envgraph.env.compiled._export import export
 from envgraph.env.compiled._kernels import uniform
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._native import functions, has_numba
@@ -27,6 +28,7 @@ __all__ = [
     "enumerated",
     "explanation",
     "explored",
+    "export",
     "functions",
     "has_numba",
     "program_of",

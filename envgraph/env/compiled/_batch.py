@@ -20,11 +20,12 @@ from envgraph.errors import EvaluationError
 
 NO_NUMBERS: Final = np.zeros(0)
 NO_ACTIONS: Final = np.zeros(0, dtype=np.int64)
-_SHOWN: Final = {
+SHOWN: Final = {
     OVERFLOW: f"a question has more than {CAPACITY} matches",
     BEYOND: "an int has more than 32 bits",
     FULL: "there are more objects that rules have created than there is space for",
 }
+"""What only a program has bounds for."""
 
 
 class Part:
@@ -224,7 +225,7 @@ class Batch:
         error, arrays = int(self.states[row, 0]), self.program.arrays
         self.over[row] = True
         member = int(self.members[row])
-        if error not in _SHOWN:
+        if error not in SHOWN:
             twin = self._twin(member)
             begun = action is None or self.steps[row] == 0
             part = next(part for part in self._parts if row < part.rows.stop)
@@ -232,7 +233,7 @@ class Batch:
             floats = arrays.float_states[member] if begun else part.before[1][1]
             with twin.at(before, floats) as simulator:
                 _again(simulator, None if begun else action, float(self._drawn[row]))
-        message = _SHOWN.get(error, "a rule cannot be applied, or something has no value")
+        message = SHOWN.get(error, "a rule cannot be applied, or something has no value")
         raise EvaluationError(message, self.program.behaviour.span, 'step with `engine="live"`')
 
     @contextmanager

@@ -19,7 +19,9 @@ import pytest
 
 import envgraph as package
 from envgraph.cli import main
+from envgraph.env.compiled import NotCompiled
 from envgraph.lang import bundled_domain
+from envgraph.search import Family
 
 DATA = Path(__file__).parents[2] / "data" / "ga4cl"
 
@@ -345,6 +347,31 @@ def test_generate_show_and_export_agree(envgraph: Envgraph, tmp_path: Path) -> N
     assert ok(envgraph("show", "family.json", "--format", "json")).json == shown
     assert ok(envgraph("export", "a", "--format", "svg")).out.count(">complexity 0.") == 3
     assert "E2" in ok(envgraph("show", "a", "--variant", "E2")).out
+
+
+def test_a_family_is_exported_as_a_package(
+    envgraph: Envgraph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = ("--generations", 2, "--population", 2, "--seed", 1)
+    ok(envgraph("generate", "burning_forest", *small, "--name", "a"))
+    said = ok(envgraph("export", "a", "--format", "compiled", "-o", "fires")).out.splitlines()
+    assert said[0] == "wrote fires"
+    monkeypatch.syspath_prepend(tmp_path)
+    made: dict[str, Any] = {}
+    exec("\n".join(said[1:]), made)
+    wanted = package.make_vec(tmp_path / "runs/a", num_envs=8, engine="compiled")
+    assert made["observations"].tolist() == wanted.reset(seed=0)[0].tolist()
+    assert "Environments" in (tmp_path / "fires/README.md").read_text("utf-8")
+    for arguments, told in (((), "`-o FOLDER` says where"), (("-o", "fires"), "fires exists already")):
+        refused = envgraph("export", "a", "--format", "compiled", *arguments)
+        assert refused.code == 1 and told in refused.err
+
+    def program(*_: object) -> None:
+        raise NotCompiled("units")
+
+    monkeypatch.setattr(Family, "program", program)
+    refused = envgraph("export", "a", "--format", "compiled", "-o", "more")
+    assert refused.code == 1 and "is not compiled: it has units" in refused.err
 
 
 def test_generate_does_not_overwrite_a_run(envgraph: Envgraph) -> None:

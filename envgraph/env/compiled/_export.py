@@ -1,0 +1,132 @@
+"""A compiled behaviour with a family as a package of its own, which needs NumPy, and numba to be fast."""
+
+from __future__ import annotations
+
+import inspect
+import io
+import json
+from collections.abc import Sequence
+from keyword import iskeyword
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from envgraph.env.compiled import _exported, _kernels, _plain
+from envgraph.env.compiled._batch import SHOWN
+from envgraph.env.compiled._kernels import CAPACITY, FAILED, REFUSED
+from envgraph.env.compiled._program import Program
+from envgraph.errors import InvalidArgument
+from envgraph.files import replace_file
+
+_ERRORS: Final = {FAILED: "something has no value", REFUSED: "a rule cannot be applied", **SHOWN}
+
+_TAIL: Final = """
+from inspect import isfunction
+
+try:
+    from numba import njit
+except ImportError:
+    NATIVE = False
+else:
+    NATIVE = True
+
+if NATIVE:
+    from .arrays import *
+
+    options = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+    inner = njit(forceinline=True, no_cpython_wrapper=True, **options)
+    for name, value in list(globals().items()):
+        if isfunction(value) and value.__module__ == __name__ and name != "advance":
+            globals()[name] = inner(value)
+    advance = njit(nogil=True, cache=True, **options)(advance)
+else:
+    from .plain import *
+
+    advance = np.errstate(all="ignore")(advance)
+"""
+
+_README: Final = """# {package}
+
+{count} environments of `{name}` as a program over arrays. It needs NumPy; with numba, which compiles it the first time,
+it steps millions of times a second.
+
+```python
+from {package} import Environments
+environments = Environments(num_envs=64)
+observations, infos = environments.reset(seed=0)
+```
+
+`environments.step(actions)` returns observations, rewards, terminated, truncated and infos, as Gymnasium's vector
+environments do. `begin` and `step` of the package are functions of a state. Members: {members}. Actions: {actions}.
+"""
+
+
+def export(
+    program: Program, folder: Path, *, name: str, members: Sequence[str], limit: int | None
+) -> list[Path]:
+    """Write a program and its data as a package; returns its files.
+
+    Args:
+        program: the compiled behaviour with a family.
+        folder: the package; there must be nothing in it.
+        name: of the environment.
+        members: names of the members.
+        limit: steps after which an episode is truncated.
+
+    Raises:
+        InvalidArgument: the folder has something in it, or its name cannot be that of a package.
+    """
+    package = folder.name
+    if not package.isidentifier() or iskeyword(package):
+        hint = "a name of letters, digits and `_`, such as `my_environments`"
+        raise InvalidArgument(f"`{package}` cannot be imported as a package", hint)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InvalidArgument(f"{folder} exists already", "choose another folder, or remove that one")
+    about = {
+        "environment": name,
+        "members": [*members],
+        "actions": program.action_names,
+        "agents": [program.agent_names(number) for number in range(len(members))],
+        "observation_shape": program.observation_shape,
+        "limit": limit,
+        "capacity": CAPACITY,
+        "levels": program.levels,
+        "width": program.width,
+        "errors": _ERRORS,
+    }
+    shown = {
+        "package": package,
+        "count": len(members),
+        "name": name,
+        "members": ", ".join(members),
+        "actions": ", ".join(f"`{action}`" for action in program.action_names[:20]),
+    }
+    kernels = inspect.getsource(_kernels)
+    files: dict[str, str | bytes] = {
+        "__init__.py": inspect.getsource(_exported),
+        "program.py": f"{kernels}\n\n{program.source}\n{_TAIL}",
+        "arrays.py": (Path(__file__).parent / "_arrays.py").read_text("utf-8"),  # importing it takes numba
+        "plain.py": inspect.getsource(_plain),
+        "about.json": json.dumps(about, indent=1) + "\n",
+        "data.npz": _packed(program),
+        "README.md": _README.format(**shown),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, content in files.items():
+        replace_file(folder / file, content)
+    return [folder / file for file in files]
+
+
+def _packed(program: Program) -> bytes:
+    arrays = program.arrays
+    written: dict[str, Any] = {
+        "tables": arrays.tables,
+        "reals": arrays.floats,
+        "offsets": arrays.offsets,
+        "ints": arrays.states,
+        "floats": arrays.float_states,
+    }
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **written)
+    return stream.getvalue()

@@ -1,0 +1,262 @@
+"""Environments as programs over arrays: they need NumPy, and are fast with numba.
+
+`Environments` steps many at once; `begin` and `step` are the same as functions of a state. `ABOUT` has the names of
+actions, members and agents, the sizes of the components of an observation, and the limit of steps of an episode.
+"""
+
+# The text of this module is the `__init__` of exported packages; there the others are beside it.
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ABOUT", "Environments", "State", "begin", "step"]
+
+FOLDER = Path(__file__).parent
+ABOUT: dict[str, Any] = (
+    json.loads((FOLDER / "about.json").read_text("utf-8")) if (FOLDER / "about.json").exists() else {}
+)
+ERROR, TURN, SUCCESS = 0, 1, 1
+NO_NUMBERS, NO_ACTIONS = np.zeros(0), np.zeros(0, dtype=np.int64)
+SHARED_STREAM, OWN_STREAMS = "shared", "each"
+
+
+class State(NamedTuple):
+    """The states of n environments: numbers of their members [n], and what they are, ints and floats [n, ..]."""
+
+    members: NDArray[np.int64]
+    ints: NDArray[np.int64]
+    floats: NDArray[np.float64]
+
+
+class Environments:
+    """Environments stepped at once, as Gymnasium's vector environments are; at the end of an episode the next step
+    ignores the action of that environment, and begins anew.
+
+    Args:
+        num_envs: how many; one for each member if None.
+        members: names or numbers of members, which take turns; the last one alone if None.
+        max_episode_steps: after so many steps an episode is truncated; as `ABOUT` says if -1, None for no limit.
+        streams: "shared": all draw from one generator. "each": each from its own, seeded with `seed + i`.
+        observation: "index" for one number, "multi" for its components.
+
+    Raises:
+        ValueError: a wrong count, member or word.
+    """
+
+    def __init__(
+        self,
+        num_envs: int | None = None,
+        members: Sequence[int | str] | None = None,
+        *,
+        max_episode_steps: int | None = -1,
+        streams: str = SHARED_STREAM,
+        observation: str = "index",
+    ) -> None:
+        names = ABOUT["members"]
+        chosen = [len(names) - 1] if members is None else [_number(one, names) for one in members]
+        count = len(chosen) if num_envs is None else num_envs
+        if count < 1 or not chosen or streams not in (SHARED_STREAM, OWN_STREAMS):
+            raise ValueError('there are one or more environments and members; streams are "shared" or "each"')
+        if observation not in ("index", "multi"):
+            raise ValueError('an observation is an "index" or "multi"')
+        self.num_envs = count
+        self.members = np.array([chosen[place % len(chosen)] for place in range(count)], dtype=np.int64)
+        self._limit = (ABOUT["limit"] if max_episode_steps == -1 else max_episode_steps) or 0
+        self._each = streams == OWN_STREAMS
+        self._multi = observation == "multi"
+        self._world = _World(self.members)
+        self._random: np.random.Generator | None = None
+
+    def reset(self, seed: int | None = None) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+        """Begin an episode everywhere; observations [n] or [n, components], and infos: `step`, `success`, `agent`."""
+        world = self._world
+        if seed is not None or self._random is None:
+            self._random = np.random.default_rng(seed)
+            if self._each:
+                seeds = [None if seed is None else seed + place for place in range(self.num_envs)]
+                world.streams[:] = [_stream(np.random.default_rng(one)) for one in seeds]
+        world.advance(np.ones(self.num_envs, dtype=np.bool_), self._numbers(), NO_ACTIONS, NO_NUMBERS, 0)
+        return self._observed(), self._infos()
+
+    def step(
+        self, actions: Any
+    ) -> tuple[
+        NDArray[np.int64],
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        NDArray[np.bool_],
+        dict[str, NDArray[Any]],
+    ]:
+        """Do one action [n] in each environment: observations, rewards, terminated, truncated, infos.
+
+        Raises:
+            ValueError: no such actions, or there was no reset.
+            RuntimeError: a rule cannot be applied, or something has no value.
+        """
+        world = self._world
+        chosen = _actions(actions, self.num_envs)
+        if self._random is None:
+            raise ValueError("call `reset` before `step`")
+        uniforms = self._numbers()
+        starts = self._numbers() if world.over.any() else NO_NUMBERS
+        world.advance(world.over, starts, chosen, uniforms, self._limit)
+        terminated, truncated = world.ended > 0, world.cut.copy()
+        return self._observed(), world.reward.copy(), terminated, truncated, self._infos()
+
+    def _numbers(self) -> NDArray[np.float64]:
+        assert self._random is not None
+        return NO_NUMBERS if self._each else self._random.random(self.num_envs)
+
+    def _observed(self) -> NDArray[np.int64]:
+        return (self._world.components if self._multi else self._world.observation).copy()
+
+    def _infos(self) -> dict[str, NDArray[Any]]:
+        world = self._world
+        infos: dict[str, NDArray[Any]] = {
+            "step": world.steps.copy(),
+            "success": world.ended == SUCCESS,
+        }
+        agents, turns = ABOUT["agents"], world.ints[:, TURN].tolist()
+        if agents[0]:
+            acting = [agents[member][turn] for member, turn in zip(self.members.tolist(), turns, strict=True)]
+            infos["agent"] = np.array(acting, dtype=object)
+        return infos
+
+
+def begin(members: Sequence[int], uniforms: Sequence[float]) -> tuple[State, NDArray[np.int64]]:
+    """Begin episodes.
+
+    Args:
+        members: number of the member of each environment [n].
+        uniforms: numbers from [0, 1) that decide what is random [n].
+
+    Returns:
+        The states, and observations [n].
+    """
+    world = _World(np.asarray(members, dtype=np.int64))
+    which = np.ones(len(world.members), dtype=np.bool_)
+    world.advance(which, np.asarray(uniforms, dtype=np.float64), NO_ACTIONS, NO_NUMBERS, 0)
+    return world.state(), world.observation
+
+
+def step(
+    state: State, actions: Sequence[int], uniforms: Sequence[float]
+) -> tuple[State, NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+    """One step of each environment; the state that is given stays as it is.
+
+    Args:
+        state: of n environments whose episodes go on.
+        actions: numbers of actions [n].
+        uniforms: numbers from [0, 1) that decide what is random [n].
+
+    Returns:
+        The states, observations [n], rewards [n], and ends [n]: 0, 1 for success, 2 for failure.
+    """
+    world = _World(state.members)
+    world.ints[:], world.floats[:] = state.ints, state.floats
+    chosen = _actions(actions, len(state.members))
+    which = np.zeros(len(chosen), dtype=np.bool_)
+    world.advance(which, NO_NUMBERS, chosen, np.asarray(uniforms, dtype=np.float64), 0)
+    return world.state(), world.observation, world.reward, world.ended
+
+
+class _World:
+    """The arrays that a program works on."""
+
+    def __init__(self, members: NDArray[np.int64]) -> None:
+        n, data, program = len(members), _data(), _program()
+        shape = ABOUT["capacity"] * ABOUT["levels"], ABOUT["width"]
+        self.members = members
+        self.ints = np.zeros((n, data["ints"].shape[1]), dtype=np.int64)
+        self.floats = np.zeros((n, data["floats"].shape[1]))
+        self.streams = np.zeros((n, 4), dtype=np.uint64)
+        self.components = np.zeros((n, len(ABOUT["observation_shape"])), dtype=np.int64)
+        self.steps, self.observation, self.ended = (np.zeros(n, dtype=np.int64) for _ in range(3))
+        self.over, self.cut = (np.zeros(n, dtype=np.bool_) for _ in range(2))
+        self.reward = np.zeros(n)
+        tables = data["tables"] if program.NATIVE else data["tables"].astype(np.int64)
+        self._arrays = (
+            tables,
+            data["reals"],
+            data["offsets"],
+            self.ints,
+            self.floats,
+            np.zeros(shape, dtype=np.int64),
+            np.zeros(shape),
+            np.zeros(1),
+            members,
+            data["ints"],
+            data["floats"],
+            self.streams,
+            self.components,
+            self.steps,
+            self.over,
+            self.observation,
+            self.reward,
+            self.ended,
+            self.cut,
+            np.zeros(n),
+            np.zeros((2, self.ints.shape[1]), dtype=np.int64),
+            np.zeros((2, self.floats.shape[1])),
+        )
+        self._addresses: Any = _addresses(self._arrays) if program.NATIVE else self._arrays
+        self._advance = program.advance
+
+    def advance(self, *arguments: Any) -> None:
+        """Begin episodes, or do steps."""
+        failed = self._advance(self._addresses, *arguments)
+        if failed >= 0:
+            error = ABOUT["errors"][str(self.ints[failed, ERROR])]
+            raise RuntimeError(f"environment {failed}: {error}")
+
+    def state(self) -> State:
+        """The states of all environments."""
+        return State(self.members, self.ints, self.floats)
+
+
+@cache
+def _data() -> dict[str, NDArray[Any]]:
+    with np.load(FOLDER / "data.npz", allow_pickle=False) as arrays:
+        return {name: np.ascontiguousarray(arrays[name]) for name in arrays.files}
+
+
+@cache
+def _program() -> Any:
+    return import_module(".program", __package__)
+
+
+def _number(member: int | str, names: Sequence[str]) -> int:
+    if member in names:
+        return names.index(str(member))
+    if isinstance(member, str) or not 0 <= member < len(names):
+        raise ValueError(f"there is no member {member!r}, but {', '.join(names)}, or 0..{len(names) - 1}")
+    return member
+
+
+def _actions(actions: Any, count: int) -> NDArray[np.int64]:
+    chosen = np.asarray(actions)
+    most = len(ABOUT["actions"])
+    if chosen.shape != (count,) or not ((chosen >= 0) & (chosen < most)).all():
+        raise ValueError(f"actions are {count} numbers in 0..{most - 1}")
+    return chosen.astype(np.int64, copy=False)
+
+
+def _stream(generator: np.random.Generator) -> list[int]:
+    state: Any = generator.bit_generator.state["state"]
+    return [part >> shift & 2**64 - 1 for part in (state["state"], state["inc"]) for shift in (0, 64)]
+
+
+def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
+    rows = np.zeros((len(arrays), 3), dtype=np.int64)
+    for row, array in zip(rows, arrays, strict=True):
+        row[: 1 + array.ndim] = array.ctypes.data, *array.shape
+    return rows

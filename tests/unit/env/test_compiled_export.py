@@ -1,0 +1,116 @@
+"""A program that is exported steps as the one it was made from, where there is no envgraph."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from envgraph.env.compiled import CompiledVectorEnv, Program, export, program_of
+from envgraph.errors import InvalidArgument
+from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
+
+FOLDER = BUNDLED / "warehouse"
+STEPPING = """
+import sys
+sys.modules["envgraph"] = None  # type: ignore[assignment]
+if sys.argv[1] == "python":
+    sys.modules["numba"] = None
+import numpy as np
+import halls
+from halls import ABOUT, Environments, begin, step
+assert halls._program().NATIVE == (sys.argv[1] != "python")
+found = []
+for streams in ("shared", "each"):
+    for observation in ("index", "multi"):
+        many = Environments(
+            7, ["E1", 1, "E3"], max_episode_steps=9, streams=streams, observation=observation
+        )
+        actions = np.random.default_rng(0)
+        seen, infos = many.reset(seed=4)
+        found += [seen, infos["agent"].astype("U9")]
+        for _ in range(30):
+            *results, infos = many.step(actions.integers(len(ABOUT["actions"]), size=7))
+            found += [*results, infos["step"], infos["success"], infos["agent"].astype("U9")]
+draws = np.random.default_rng(1)
+state, seen = begin([0, 1, 2], draws.random(3))
+one = Environments(3, [0, 1, 2], max_episode_steps=None)
+same, _ = one.reset(seed=1)
+assert (seen == same).all()
+for _ in range(9):
+    before, actions = state.ints.copy(), draws.integers(len(ABOUT["actions"]), size=3)
+    uniforms = one._random.bit_generator.state  # what the environments draw next
+    copy = np.random.default_rng(); copy.bit_generator.state = uniforms
+    after, seen, reward, ended = step(state, actions, copy.random(3))
+    assert (state.ints == before).all()
+    if one._world.over.any():
+        break
+    same, gained, terminated, _, _ = one.step(actions)
+    assert (seen == same).all() and (reward == gained).all() and ((ended > 0) == terminated).all()
+    state = after
+for wrong in (lambda: many.step([0]), lambda: Environments(members=["E9"]), lambda: Environments(0)):
+    try:
+        wrong()
+    except ValueError:
+        continue
+    raise AssertionError("no error")
+np.savez("found.npz", *found)
+"""
+
+
+def program(native: bool) -> Program:
+    engine, behaviour = opened(FOLDER / "small_hall.model", *FOLDER.glob("*.environment"))
+    engines = mutants(engine, behaviour, 3)
+    return program_of(engine, behaviour, engines, family_keys(engines, behaviour), native=native)
+
+
+def wanted(made: Program) -> list[Any]:
+    """What the script finds, of the environments of envgraph."""
+    found: list[Any] = []
+    for streams in ("shared", "each"):
+        for observation in ("index", "multi"):
+            many = CompiledVectorEnv(
+                made,
+                7,
+                max_episode_steps=9,
+                streams=streams,  # type: ignore[arg-type]
+                observation=observation,  # type: ignore[arg-type]
+            )
+            actions = np.random.default_rng(0)
+            seen, infos = many.reset(seed=4)
+            found += [seen, infos["agent"].astype("U9")]
+            for _ in range(30):
+                *results, infos = many.step(actions.integers(many.single_action_space.n, size=7))
+                found += [*results, infos["step"], infos["success"], infos["agent"].astype("U9")]
+    return found
+
+
+@pytest.mark.parametrize("runs", ["python", "numba"])
+def test_a_package_steps_where_there_is_no_envgraph(tmp_path: Path, runs: str) -> None:
+    if runs == "numba":
+        pytest.importorskip("numba")
+    made = program(native=False)
+    export(made, tmp_path / "halls", name="Warehouse", members=["E1", "E2", "E3"], limit=100)
+    ran = subprocess.run(
+        [sys.executable, "-c", STEPPING, runs], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (ran.returncode, ran.stderr) == (0, "")
+    with np.load(tmp_path / "found.npz", allow_pickle=False) as arrays:
+        found = [arrays[name] for name in arrays.files]
+    expected = wanted(made)
+    assert len(found) == len(expected)
+    assert all(np.array_equal(one, other) for one, other in zip(found, expected, strict=True))
+
+
+def test_what_cannot_be_a_package_is_refused(tmp_path: Path) -> None:
+    made = program(native=False)
+    given: dict[str, Any] = {"name": "Warehouse", "members": ["E1", "E2", "E3"], "limit": None}
+    with pytest.raises(InvalidArgument, match="`my-halls` cannot be imported"):
+        export(made, tmp_path / "my-halls", **given)
+    export(made, tmp_path / "halls", **given)
+    with pytest.raises(InvalidArgument, match="exists already"):
+        export(made, tmp_path / "halls", **given)
