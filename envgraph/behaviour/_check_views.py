@@ -83,7 +83,14 @@ class ViewChecking(Checking):
             message = f"{a_type(type_)} is never {a_type(among)}"
             span = observation.among_span or observation.span
             self.report("wrong-type", message, span, f"write `among {type_.cls}`")
-        elif not observation.or_none and (loose := self._optional(observation.path, scope)):
+        elif observation.or_none:
+            return
+        elif not self.metamodel.is_a(type_.cls, among.cls):
+            wider = f"{type_.cls} or none" if self._optional(observation.path, scope) else type_.cls
+            message = f"this may lead to {a_type(type_)} that is no `{among.cls}`, and then there is nothing to observe"
+            hint = f"write `among {wider}`, or `among {among.cls} or none`"
+            self.report("other-class", message, observation.path.span, hint, Severity.WARNING)
+        elif loose := self._optional(observation.path, scope):
             message = f"`{loose}` may lead nowhere, and then there is nothing to observe"
             hint = f"write `among {among.cls} or none`"
             self.report("maybe-none", message, observation.path.span, hint, Severity.WARNING)

@@ -97,14 +97,29 @@ def _gap(model: Model, path: Expression, scope: Scope, read: Reader) -> str:
 
 
 def object_index(
-    indexer: Callable[[int], int], missing: int | None, cls: str
+    model: Model, indexer: Callable[[int], int], missing: int | None, cls: str, static: str
 ) -> Callable[[Value | None], int]:
+    """The index of an object among a class.
+
+    Args:
+        model: has the objects.
+        indexer: of objects of the class.
+        missing: where there is none; None if that is an error.
+        cls: the class.
+        static: the class that a path leads to, of which others may be subclasses, too.
+    """
+    metamodel = model.metamodel
+    certain = metamodel.is_a(static, cls)
+
     def index(value: Value | None) -> int:
-        if type(value) is int:
+        if type(value) is int and (certain or metamodel.is_a(model.class_of(value), cls)):
             return indexer(value)
-        if missing is None:
-            raise EvaluationError("an observed path leads nowhere", hint=f"write `among {cls} or none`")
-        return missing
+        if missing is not None:
+            return missing
+        if type(value) is int:
+            message = f"an observed path leads to {model.describe(value)}, which is no `{cls}`"
+            raise EvaluationError(message, hint=f"write `among {static}`, or `among {cls} or none`")
+        raise EvaluationError("an observed path leads nowhere", hint=f"write `among {cls} or none`")
 
     return index
 

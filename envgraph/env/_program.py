@@ -319,11 +319,10 @@ class Program:
         match observation:
             case ObserveObject(among=among, or_none=or_none):
                 size, indexer = self._keys.size(among), self._keys.indexer(self.model, among)
-                return (
-                    size + or_none,
-                    object_index(indexer, size if or_none else None, among),
-                    size if or_none else 0,
-                )
+                missing, type_ = size if or_none else None, self._static_type(observation, types)
+                assert isinstance(type_, ObjectType), "the behaviour was checked"
+                index = object_index(self.model, indexer, missing, among, type_.cls)
+                return size + or_none, index, size if or_none else 0
             case ObserveRange(low=low, high=high):
                 return high - low + 1, range_index(low, high), 0
             case ObserveAttribute():
@@ -331,7 +330,7 @@ class Program:
                 literals = type_.literals if isinstance(type_, EnumType) else (False, True)
                 return len(literals), literal_index(literals), 0
 
-    def _static_type(self, observation: ObserveAttribute, types: Types) -> object:
+    def _static_type(self, observation: ObserveAttribute | ObserveObject, types: Types) -> object:
         scope = {name: ObjectType(cls) for name, cls in types.items()}
         if observation.each is not None and observation.each.type is not None:
             scope[observation.each.name] = ObjectType(observation.each.type)

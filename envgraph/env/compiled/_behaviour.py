@@ -477,7 +477,7 @@ class _Program:
 
         def read() -> None:
             term = writer.value(observation.path, scope)
-            found = writer.collected(lambda: self._index(writer, observation, term, local))
+            found = writer.collected(lambda: self._index(writer, observation, term, local, missing))
             if term.tests:
                 found = (code.If(code.joined("and", term.tests, True), found, missing),)
             writer.add(*found)
@@ -494,12 +494,21 @@ class _Program:
         observation: ObserveObject | ObserveRange | ObserveAttribute,
         term: Term,
         local: code.Local,
+        missing: code.Body,
     ) -> None:
         match observation:
             case ObserveObject(among=among):
+                assert isinstance(term.type, ObjectType), "the behaviour was checked"
+                node = writer.facts.local(term.type)
+                writer.assign(node, term.value)
                 indices = self._layout.offset(IndexOf(among, self._indexable(among)))
-                writer.assign(local, table(plus(indices, term.value)))
-                writer.add(code.If(code.Operation("<", (local, ZERO)), writer.fail()))
+                found: code.Body = (
+                    code.Assign(local, table(plus(indices, node))),
+                    code.If(code.Operation("<", (local, ZERO)), writer.fail()),
+                )
+                if not self._metamodel.is_a(term.type.cls, among):
+                    found = (code.If(self._facts.is_instance(node, among), found, missing),)
+                writer.add(*found)
             case ObserveRange(low=low, high=high):
                 clipped = code.call(
                     "min", code.call("max", term.value, code.Constant(low)), code.Constant(high)

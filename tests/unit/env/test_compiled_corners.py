@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from envgraph.env import Behaviour
+from envgraph.env import Behaviour, KeyIndex, Simulator
 from envgraph.env.compiled import NotCompiled, program_of
+from envgraph.errors import EvaluationError
 from envgraph.rewrite import Engine
 from tests.profile import NIGHTLY
 from tests.unit.env.side_by_side import mutants, opened, step_side_by_side
@@ -153,6 +155,10 @@ def written(folder: Path, corner: Corner) -> tuple[Engine, Behaviour]:
         (folder / name).write_text(text)
     return opened(folder / "yard.model", folder / "yard.environment")
 
+
+GO = "rule go(m : Man, s : Spot) { lhs { m : Man; s : Spot; } modify { set m.at = s; } }"
+GONE = "action go(s : Spot) = go(adam, s)\n"
+OTHERS = "observe m.at among Pit or none for m : Man\nobserve i.pair among Heavy or none for i : Item"
 
 CORNERS = {
     "things that are in one container, and in another": Corner(
@@ -822,6 +828,8 @@ CORNERS = {
         observe s.east among Spot or none for s : Pit
         """,
     ),
+    "observed among a class that objects are not of": Corner(GO, GONE + OTHERS),
+    "observed among a class that an object is not of": Corner(GO, GONE + "observe adam.at among Pit"),
     "two clauses and the order of rewards": Corner(
         """
         rule up(s : Spot) { lhs { s : Spot; } modify { set s.f = s.f * 1.1 + 0.1; } }
@@ -921,6 +929,27 @@ def test_compiled_by_numba_too(name: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")
     engine, behaviour = written(tmp_path, CORNERS[name])
     step_side_by_side(mutants(engine, behaviour, 4), behaviour, 4 * STEPS, native=True)
+
+
+def test_an_object_of_another_class_is_observed_as_none(tmp_path: Path) -> None:
+    behaviour = GONE + "observe adam.at among Pit or none"
+    seen = []
+    first, _ = written(tmp_path, Corner(GO, behaviour))
+    for model in (MODEL, MODEL.replace("s2 : Pit", "s2 : Spot")):  # the other one has no pit of the same key
+        engine, read = written(tmp_path, Corner(GO, behaviour, model=model))
+        live = Simulator(engine, read, KeyIndex.of(first.model, ["Pit", "Spot"]))
+        rng = np.random.default_rng(0)
+        seen += [[live.reset(rng), *(live.step(place, rng).observation for place in (1, 2, 3))]]
+    assert seen == [[1, 1, 0, 1], [1, 1, 1, 1]]
+
+
+def test_observing_an_object_of_another_class_is_an_error_that_says_so(tmp_path: Path) -> None:
+    engine, behaviour = written(tmp_path, Corner(GO, GONE + "observe adam.at among Pit"))
+    with pytest.raises(EvaluationError) as caught:
+        Simulator(engine, behaviour).reset(np.random.default_rng(0))
+    assert caught.value.message == "an observed path leads to `s0`, which is no `Pit`"
+    assert caught.value.hint == "write `among Spot`, or `among Pit or none`"
+    assert caught.value.span is not None and caught.value.span.text == "adam.at"
 
 
 UP = "rule up(s : Spot) { lhs { s : Spot; } modify { set s.n += 1; } }\n"
