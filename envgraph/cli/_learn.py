@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import shutil
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -25,7 +25,9 @@ from envgraph.learn import (
     InProgram,
     Journal,
     TrainingSettings,
+    compare,
     controls,
+    findings,
     fingerprint,
     optimistic_value,
     read_csv,
@@ -319,10 +321,19 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
                 "success_rate": one.success_rate,
                 "success_interval": list(one.success_interval),
                 "mean_return": one.mean_return,
+                "return_iqm": one.return_iqm,
+                "success_before": one.success_before,
+                "steps_to_threshold": one.steps_to_threshold,
             }
             for steps, one in found
         ]
-        print_json({"name": family.name, "directory": str(directory), "results": results})
+        claims = [
+            {"steps_per_environment": budget.steps, **asdict(one), "verdict": one.verdict, "text": str(one)}
+            for budget in trained
+            for one in compare(budget.experiment)
+        ]
+        about = {"name": family.name, "directory": str(directory)}
+        print_json({**about, "results": results, "comparisons": claims})
         return
     rows = [
         (
@@ -337,6 +348,9 @@ def _print_summary(family: Family, trained: list[Trained], directory: Path, form
     ]
     columns = ("trained on", "steps", "seeds", "success", "95 % interval", "return")
     print_table(f"{family.name}: agents on {family.members[-1].name}", columns, rows, (1, 2, 3, 4, 5))
+    for budget in trained:
+        for place, line in enumerate(findings(compare(budget.experiment))):
+            print_line(f"  {line}" if place else line)
     print_line(f"results: {directory}")
 
 

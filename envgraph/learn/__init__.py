@@ -11,13 +11,22 @@ tables alone how well a family teaches.
 """
 
 from envgraph.errors import shorten
+from envgraph.learn._comparison import Comparison, compare, findings
 from envgraph.learn._controls import CONTROLS, Control, controls, optimistic_value
 from envgraph.learn._curricula import Curriculum, sequences
 from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
-from envgraph.learn._intervals import mean_interval, wilson_interval
+from envgraph.learn._intervals import (
+    bootstrap_interval,
+    interquartile_mean,
+    newcombe_interval,
+    performance_profile,
+    probability_of_improvement,
+    wilson_interval,
+)
 from envgraph.learn._journal import Journal, fingerprint
 from envgraph.learn._programs import InProgram, ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
+from envgraph.learn._significance import holm, permutation_test
 from envgraph.solve import (
     Evaluation,
     Optimum,
@@ -41,6 +50,7 @@ from envgraph.solve.learning import (
 
 __all__ = [
     "CONTROLS",
+    "Comparison",
     "Control",
     "Curriculum",
     "Curve",
@@ -57,16 +67,24 @@ __all__ = [
     "Training",
     "TrainingSettings",
     "available_backends",
+    "bootstrap_interval",
     "chain_transfer",
+    "compare",
     "controls",
     "evaluate",
     "evaluate_policy",
+    "findings",
     "fingerprint",
     "hit_probability",
-    "mean_interval",
+    "holm",
+    "interquartile_mean",
     "mixture",
+    "newcombe_interval",
     "optimal_return",
     "optimistic_value",
+    "performance_profile",
+    "permutation_test",
+    "probability_of_improvement",
     "read_csv",
     "run_experiment",
     "run_stages",

@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
+from typing import TypeVar
 
 import numpy as np
 from joblib import Parallel, delayed
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
-from envgraph.env.compiled import Program
+from envgraph.env.compiled import Learner, Program
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, Kind, sequences
 from envgraph.learn._programs import InProgram, ProgramTraining, train_program
@@ -29,10 +30,15 @@ from envgraph.solve.learning import (
     train,
 )
 
-TRAINING, EVALUATION = 0, 1
+TRAINING, EVALUATION, BEFORE = 0, 1, 2
 
 Place = tuple[int, ...]
 """Of a stage: the positions in the family of its environments."""
+
+Trained = TypeVar("Trained")
+
+_Outcome = tuple[Trained, Evaluation, Evaluation]
+"""An agent, and what it does on the target before the last stage and at the end."""
 
 _SEVERAL = 2**16
 """Added to their number, it tells a stage of several environments from as many stages; families are smaller."""
@@ -198,14 +204,22 @@ class _Tables:
         settings: TrainingSettings,
         seed: int,
         backend: Backend,
-    ) -> tuple[Training, Evaluation]:
-        """Train on some of them, and evaluate on the last one."""
+    ) -> _Outcome[Training]:
+        """Train on some of them, and evaluate on the target."""
         tables = [self.tables[place] for place in stages]
-        rng = _generator(seed, TRAINING, stages)
-        training = train(tables, settings, rng, steps, initial_values(tables[0], settings), backend)
-        rng = _generator(seed, EVALUATION, stages)
-        found = evaluate(training.q, self.target, settings.evaluation_episodes, settings.limit, rng)
-        return training, found
+        rng, q = _generator(seed, TRAINING, stages), initial_values(tables[0], settings)
+        before: list[Evaluation] = []
+
+        def evaluated(role: int) -> Evaluation:
+            episodes = settings.evaluation_episodes
+            return evaluate(q, self.target, episodes, settings.limit, _generator(seed, role, stages))
+
+        def begins(stage: int) -> None:
+            if stage == len(stages) - 1:
+                before.append(evaluated(BEFORE))
+
+        training = train(tables, settings, rng, steps, q, backend, begins)
+        return training, before[0], evaluated(EVALUATION)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,14 +236,23 @@ class _Programs:
         settings: TrainingSettings,
         seed: int,
         backend: Backend,
-    ) -> tuple[ProgramTraining, Evaluation]:
-        """Train on some of them, and evaluate on the last one; there is one loop."""
+    ) -> _Outcome[ProgramTraining]:
+        """Train on some of them, and evaluate on the target; there is one loop."""
         members = [self.members[place] for (place,) in stages]
+        before: list[Evaluation] = []
+
+        def evaluated(learner: Learner, role: int) -> Evaluation:
+            rng, episodes = _generator(seed, role, stages), settings.evaluation_episodes
+            played = learner.play(self.members[-1], episodes, settings.limit, rng)
+            return Evaluation(*played, episodes, exact=False)
+
+        def begins(stage: int, learner: Learner) -> None:
+            if stage == len(stages) - 1:
+                before.append(evaluated(learner, BEFORE))
+
         rng = _generator(seed, TRAINING, stages)
-        training = train_program(self.program, settings, rng, members=members, steps=steps)
-        rng, episodes = _generator(seed, EVALUATION, stages), settings.evaluation_episodes
-        played = training.learner.play(self.members[-1], episodes, settings.limit, rng)
-        return training, Evaluation(*played, episodes, exact=False)
+        training = train_program(self.program, settings, rng, members=members, steps=steps, begins=begins)
+        return training, before[0], evaluated(training.learner, EVALUATION)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -301,7 +324,10 @@ def _run(
     if curriculum.initial_value is not None:
         settings = replace(settings, initial_value=curriculum.initial_value)
     steps = [share * settings.steps_per_environment for share in curriculum.shares]
-    training, found = prepared.ready.run(stages, steps, settings, seed, backend)
+    outcome: _Outcome[Training] | _Outcome[ProgramTraining]
+    outcome = prepared.ready.run(stages, steps, settings, seed, backend)
+    training, before, found = outcome
+    alone = stages[-1] == (len(prepared.positions) - 1,)
     result = RunResult(
         kind=curriculum.kind,
         label=curriculum.label,
@@ -311,6 +337,8 @@ def _run(
         success_rate=found.success_rate,
         mean_return=found.mean_return,
         mean_length=found.mean_length,
+        steps_before=sum(steps[:-1]) if alone else sum(steps),
+        success_before=before.success_rate,
         curve=training.curve,
     )
     return result, training

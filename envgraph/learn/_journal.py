@@ -22,7 +22,7 @@ from envgraph.learn._programs import InProgram
 from envgraph.learn._results import RunResult
 from envgraph.solve.learning import Curve
 
-FORMAT = "envgraph-training-1"
+FORMAT = "envgraph-training-2"
 
 
 class Journal:
@@ -132,5 +132,7 @@ def _result(data: Mapping[str, Any]) -> RunResult:
         success_rate=float(data["success_rate"]),
         mean_return=float(data["mean_return"]),
         mean_length=float(data["mean_length"]),
+        steps_before=int(data["steps_before"]),
+        success_before=float(data["success_before"]),
         curve=curve,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -49,6 +49,7 @@ def train_program(
     members: Sequence[int] | None = None,
     steps: Sequence[int] | None = None,
     of: Literal["observation", "state"] = "observation",
+    begins: Callable[[int, Learner], None] = lambda stage, learner: None,
 ) -> ProgramTraining:
     """`train_curriculum` without tables: values are kept of what was seen, in a hash table.
 
@@ -59,6 +60,7 @@ def train_program(
         members: numbers of the members in the order of training; all of them, in theirs, by default.
         steps: length of each stage; by default `settings.steps_per_environment`.
         of: what values are of: what the agent sees, or the whole state, which a single member has alone.
+        begins: called before each stage, with its place and the learner as it is then.
 
     Raises:
         InvalidArgument: an argument does not fit the program.
@@ -79,7 +81,8 @@ def train_program(
     learner = Learner(program, settings.initial_value + 0.0, of_states=of == "state")
     epsilon = settings.epsilon.start
     outcomes = []
-    for member, length in zip(stages, lengths, strict=True):
+    for place, (member, length) in enumerate(zip(stages, lengths, strict=True)):
+        begins(place, learner)
         if settings.epsilon.reset == "stage":
             epsilon = settings.epsilon.start
         stage = Stage(length, epsilon, settings)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterable, Sequence
 from io import TextIOWrapper
+from math import inf
 from pathlib import Path
 from statistics import fmean
 from typing import TypeVar
@@ -13,12 +14,23 @@ from envgraph.code import dataclass
 from envgraph.errors import EnvgraphError, InvalidArgument
 from envgraph.files import open_input, replacing
 from envgraph.learn._curricula import Kind, kind_of
-from envgraph.learn._intervals import mean_interval, wilson_interval
+from envgraph.learn._intervals import bootstrap_interval, interquartile_mean, wilson_interval
 from envgraph.solve.learning import Curve
 
 Parsed = TypeVar("Parsed")
 
-RUN_COLUMNS = ("kind", "label", "seed", "steps", "episodes", "success_rate", "mean_return", "mean_length")
+RUN_COLUMNS = (
+    "kind",
+    "label",
+    "seed",
+    "steps",
+    "episodes",
+    "success_rate",
+    "mean_return",
+    "mean_length",
+    "steps_before",
+    "success_before",
+)
 SUMMARY_COLUMNS = (
     "kind",
     "label",
@@ -29,7 +41,15 @@ SUMMARY_COLUMNS = (
     "mean_return",
     "return_low",
     "return_high",
+    "return_iqm",
+    "iqm_low",
+    "iqm_high",
+    "success_before",
+    "steps_to_threshold",
 )
+THRESHOLD = 0.5
+"""Share of successes that counts as reached in `steps_to_threshold`."""
+
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 
 CURVE_COLUMNS = ("kind", "label", "seed", "step", "cumulative_reward", "episodes", "successes")
@@ -48,6 +68,9 @@ class RunResult:
         success_rate: of the greedy policy on the target, from 0 to 1.
         mean_return: likewise, undiscounted.
         mean_length: likewise, in steps.
+        steps_before: training steps before the agent is on the target alone; all where it never is.
+        success_before: success rate on the target before the last stage. How much higher it is than without any
+            training is the jumpstart (Taylor and Stone 2009).
         curve: the way there.
     """
 
@@ -59,7 +82,27 @@ class RunResult:
     success_rate: float
     mean_return: float
     mean_length: float
+    steps_before: int
+    success_before: float
     curve: Curve
+
+    def steps_to_threshold(self, threshold: float = THRESHOLD) -> int | None:
+        """Time to threshold, with what earlier stages cost counted (Taylor and Stone 2009, "total time").
+
+        Args:
+            threshold: share of the episodes on the target that ended in success between two points of the curve;
+                agents explore meanwhile, so that it stays below the success rate.
+
+        Returns:
+            Steps since the beginning of the training; None where the threshold is never reached.
+        """
+        curve, ended, reached = self.curve, 0, 0
+        for steps, episodes, successes in zip(curve.steps, curve.episodes, curve.successes, strict=True):
+            new = episodes - ended
+            if steps > self.steps_before and new and successes - reached >= threshold * new:
+                return steps
+            ended, reached = episodes, successes
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +117,11 @@ class Summary:
         success_rate: mean over the runs.
         success_interval: Wilson's, each run counting as one trial.
         mean_return: mean over the runs.
-        return_interval: Student's; None for a single run.
+        return_interval: of that, by `bootstrap_interval`; None for a single run.
+        return_iqm: interquartile mean of the returns.
+        iqm_interval: of that, likewise.
+        success_before: mean over the runs.
+        steps_to_threshold: median over the runs, the lower one of two; None where more than half never come there.
     """
 
     kind: Kind
@@ -85,6 +132,10 @@ class Summary:
     success_interval: tuple[float, float]
     mean_return: float
     return_interval: tuple[float, float] | None
+    return_iqm: float
+    iqm_interval: tuple[float, float] | None
+    success_before: float
+    steps_to_threshold: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +155,8 @@ class Experiment:
 def _summary(group: Sequence[RunResult], confidence: float) -> Summary:
     success = fmean(run.success_rate for run in group)
     returns = [run.mean_return for run in group]
+    times = sorted(inf if (steps := run.steps_to_threshold()) is None else steps for run in group)
+    median = times[(len(times) - 1) // 2]
     return Summary(
         kind=group[0].kind,
         label=group[0].label,
@@ -112,7 +165,11 @@ def _summary(group: Sequence[RunResult], confidence: float) -> Summary:
         success_rate=success,
         success_interval=wilson_interval(success, len(group), confidence),
         mean_return=fmean(returns),
-        return_interval=mean_interval(returns, confidence),
+        return_interval=bootstrap_interval(returns, confidence=confidence),
+        return_iqm=float(interquartile_mean(returns)),
+        iqm_interval=bootstrap_interval(returns, statistic=interquartile_mean, confidence=confidence),
+        success_before=fmean(run.success_before for run in group),
+        steps_to_threshold=None if median == inf else int(median),
     )
 
 
@@ -146,7 +203,7 @@ def read_csv(directory: Path) -> Experiment:
 
     def run(row: list[str]) -> RunResult:
         kind, label, seed, steps, episodes, *numbers = row
-        success_rate, mean_return, mean_length = map(float, numbers)
+        success_rate, mean_return, mean_length, before, success_before = numbers
         curve = Curve(*zip(*points[kind, label, seed], strict=True))
         return RunResult(
             kind_of(kind),
@@ -154,9 +211,11 @@ def read_csv(directory: Path) -> Experiment:
             int(seed),
             int(steps),
             int(episodes),
-            success_rate,
-            mean_return,
-            mean_length,
+            float(success_rate),
+            float(mean_return),
+            float(mean_length),
+            int(before),
+            float(success_before),
             curve,
         )
 
@@ -169,9 +228,15 @@ def _run_row(run: RunResult) -> tuple[object, ...]:
 
 
 def _summary_row(one: Summary) -> tuple[object, ...]:
-    low, high = one.return_interval or (None, None)
-    head = (one.kind, one.label, one.runs, one.success_rate)
-    return (*head, *one.success_interval, one.mean_return, low, high)
+    nothing = (None, None)
+    success = (one.kind, one.label, one.runs, one.success_rate, *one.success_interval)
+    returns = (
+        one.mean_return,
+        *(one.return_interval or nothing),
+        one.return_iqm,
+        *(one.iqm_interval or nothing),
+    )
+    return (*success, *returns, one.success_before, one.steps_to_threshold)
 
 
 def _curve_rows(run: RunResult) -> Iterable[tuple[object, ...]]:

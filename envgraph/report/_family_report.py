@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from statistics import fmean, pstdev
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
 
-from envgraph.code import dataclass
 from envgraph.env import legend
-from envgraph.errors import InvalidArgument, plural
-from envgraph.learn import Experiment, RunResult, Summary
+from envgraph.errors import plural
+from envgraph.learn import Experiment, Summary
 from envgraph.report._charts import Series, line_chart
 from envgraph.report._page import Card, Report, Section, Table
+from envgraph.report._training_report import Trained, budget_charts, thinned, thousands, training_section
 from envgraph.search import Family, Member, Outcome, caption
-
-T = TypeVar("T")
 
 History = Sequence[tuple[int, float, int, int]]
 """Number, diversity, accepted and rejected children of each generation."""
@@ -22,25 +18,6 @@ History = Sequence[tuple[int, float, int, int]]
 
 Cell = str | int | float | None
 """Of a table: a number as it is."""
-
-
-@dataclass(frozen=True, slots=True)
-class Trained:
-    """What agents learned with one budget.
-
-    Attributes:
-        steps: training steps an environment.
-        experiment: curricula and baselines, evaluated on the target.
-        stages: the curriculum up to each environment, evaluated there; None where no curriculum was trained on.
-    """
-
-    steps: int
-    experiment: Experiment
-    stages: Experiment | None = None
-
-
-_MOST_POINTS = 400
-"""A line of more points than pixels only makes the page large."""
 
 
 def family_report(
@@ -63,7 +40,7 @@ def family_report(
         sections.append(_search(family, outcome, history))
     if trained:
         sections.append(_stages(family, trained))
-    sections += [_training(family, one) for one in trained]
+    sections += [training_section(one, family.members[-1].name) for one in trained]
     count = len(family.members)
     return Report(
         title=f"{family.name}: a family of {count} environments",
@@ -127,7 +104,7 @@ def _stage_cells(
     columns = [("environment", ""), *((name, _format(family, name)) for name in measures)]
     columns += [(name, "") for name in varying]
     for budget in trained:
-        at = f" at {_thousands(budget.steps)}" if len(trained) > 1 else ""
+        at = f" at {thousands(budget.steps)}" if len(trained) > 1 else ""
         columns += [(f"success{at}", ".0%"), (f"return{at}", "z.2f")]
     return columns, rows
 
@@ -142,15 +119,6 @@ def _baseline(experiment: Experiment, label: str) -> Summary | None:
     return found[0] if found else None
 
 
-def _thousands(number: int) -> str:
-    """Whole thousands in short, other numbers in full.
-
-    >>> _thousands(50_000), _thousands(2_500)
-    ('50k', '2500')
-    """
-    return f"{number // 1000}k" if number % 1000 == 0 else str(number)
-
-
 def _result(summary: Summary | None) -> tuple[float | None, float | None]:
     return (None, None) if summary is None else (summary.success_rate, summary.mean_return)
 
@@ -163,7 +131,7 @@ def _card(family: Family, member: Member) -> Card:
 
 
 def _search(family: Family, outcome: Outcome, history: History) -> Section:
-    points = _thinned(history)
+    points = thinned(history)
     unit = f" {outcome.unit}" if outcome.unit else ""
     chart = line_chart(
         [Series("diversity", tuple(float(row[0]) for row in points), tuple(row[1] for row in points))],
@@ -181,123 +149,5 @@ def _search(family: Family, outcome: Outcome, history: History) -> Section:
 
 
 def _stages(family: Family, trained: Sequence[Trained]) -> Section:
-    charts = _budgets(family, trained) if len(trained) > 1 else ()
+    charts = budget_charts(trained, family.members[-1].name) if len(trained) > 1 else ()
     return Section("Learning along the curriculum", charts=charts, tables=(stage_table(family, trained),))
-
-
-def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
-    """What is drawn together, by kind and label, under what it is: each beside the target alone but for the last."""
-    every = list(found)
-    taught, compared, alone = (
-        [one for one in every if one[0] == kind] for kind in ("curriculum", "control", "baseline")
-    )
-    beside = [one for one in alone if one[1] == target]
-    panels = {}
-    if taught and not (compared and len(taught) == 1):
-        panels["the curricula beside the target alone"] = [*taught, *beside]
-    if compared:
-        panels["the whole family beside its controls"] = [*taught[:1], *compared, *beside]
-    if len(alone) > len(beside) or not panels:
-        panels["every environment alone"] = alone
-    return panels
-
-
-def _line(kind: str, label: str) -> str:
-    """Of a legend, which has little room."""
-    return label if kind == "control" else f"{kind} {label}"
-
-
-def _budgets(family: Family, trained: Sequence[Trained]) -> tuple[str, ...]:
-    """Success on the target over the budget: it need not rise with it."""
-    lines: dict[tuple[str, str], list[tuple[int, Summary]]] = {}
-    for budget in trained:
-        for one in budget.experiment.summaries():
-            lines.setdefault((one.kind, one.label), []).append((budget.steps, one))
-    series = {
-        (kind, label): Series(
-            _line(kind, label),
-            tuple(float(steps) for steps, _ in points),
-            tuple(one.success_rate for _, one in points),
-            tuple(one.success_interval[0] for _, one in points),
-            tuple(one.success_interval[1] for _, one in points),
-            dashed=kind != "curriculum",
-        )
-        for (kind, label), points in lines.items()
-    }
-    target = family.members[-1].name
-    return tuple(
-        line_chart(
-            [series[one] for one in panel],
-            x_label="training steps an environment",
-            y_label=f"success on {target}",
-            title=f"Success on {target} over the training budget, with Wilson intervals at 95 %",
-        )
-        for panel in _panels(series, target).values()
-    )
-
-
-def _training(family: Family, trained: Trained) -> Section:
-    experiment = trained.experiment
-    summaries = experiment.summaries()
-    rows = tuple(
-        (
-            f"{one.kind} {one.label}",
-            str(one.runs),
-            f"{one.success_rate:.0%}",
-            f"{one.success_interval[0]:.0%} to {one.success_interval[1]:.0%}",
-            f"{one.mean_return:z.2f}",
-        )
-        for one in summaries
-    )
-    table = Table(
-        f"Agents evaluated on {family.members[-1].name}; intervals are Wilson's at 95 %",
-        ("trained on", "seeds", "success", "interval", "return"),
-        rows,
-        frozenset({1, 2, 3, 4}),
-    )
-    series: dict[tuple[str, str], Series] = {
-        (one.kind, one.label): _curve(one, _runs_of(experiment, one)) for one in summaries
-    }
-    panels = _panels(series, family.members[-1].name)
-    charts = tuple(
-        line_chart(
-            [series[one] for one in panel],
-            x_label="training step",
-            y_label="cumulative reward",
-            title="Cumulative reward during training",
-        )
-        for panel in panels.values()
-    )
-    text = "Cumulative reward during training: mean over the seeds, and one standard deviation around it."
-    if len(charts) > 1:
-        text += f" Drawn together are {'; '.join(panels)}."
-    title = f"Training for {family.members[-1].name}, {_thousands(trained.steps)} steps an environment"
-    return Section(title, (text,), charts, (table,))
-
-
-def _runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
-    return [run for run in experiment.runs if (run.kind, run.label) == (summary.kind, summary.label)]
-
-
-def _curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
-    """Mean cumulative reward over runs of one curriculum; they have the same checkpoints."""
-    steps = runs[0].curve.steps
-    if any(run.curve.steps != steps for run in runs):
-        raise InvalidArgument(f"the runs of {summary.label} have different checkpoints")
-    at = _thinned(range(len(steps)))
-    values = [[run.curve.reward[place] for run in runs] for place in at]
-    means, spread = [fmean(one) for one in values], [pstdev(one) for one in values]
-    return Series(
-        _line(summary.kind, summary.label),
-        tuple(float(steps[place]) for place in at),
-        tuple(means),
-        tuple(mean - width for mean, width in zip(means, spread, strict=True)),
-        tuple(mean + width for mean, width in zip(means, spread, strict=True)),
-        dashed=summary.kind != "curriculum",
-    )
-
-
-def _thinned(points: Sequence[T]) -> list[T]:
-    """At most `_MOST_POINTS` of them, evenly spaced, the last one included."""
-    stride = -(-len(points) // _MOST_POINTS)
-    return [*points[: len(points) - 1 : stride], points[-1]]

@@ -139,12 +139,17 @@ def train(
     steps: Sequence[int],
     q: NDArray[np.float64],
     backend: Backend,
+    begins: Callable[[int], None] = lambda stage: None,
 ) -> Training:
-    """`train_curriculum` without its checks; `q` is changed in place, and the backend is not "auto"."""
+    """`train_curriculum` without its checks; `q` is changed in place, and the backend is not "auto".
+
+    `begins` is called with the place of each stage before it, when `q` has what was learned up to there.
+    """
     run_stage = _loop(backend)
     epsilon = settings.epsilon.start
     outcomes: list[tuple[Stage, StageOutcome]] = []
-    for table, length in zip(tables, steps, strict=True):
+    for place, (table, length) in enumerate(zip(tables, steps, strict=True)):
+        begins(place)
         if settings.epsilon.reset == "stage":
             epsilon = settings.epsilon.start
         stage = Stage(length, epsilon, settings)

@@ -148,6 +148,7 @@ def test_steps_are_all_that_an_agent_was_trained(run: Path, command: object) -> 
         ["control randomised", "400"],
         ["control randomised, renewed", "400"],
     ]
+    assert "With 400 steps in all " in out and "\n  E1-E2 and training on E2 alone " in out
 
 
 def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple[int, str, str]]) -> None:
@@ -159,6 +160,9 @@ def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple
         code, out, _ = command(*short, "--controls", chosen, "--format", "json")
         assert code == 0
         assert [f"{one['kind']} {one['label']}" for one in json.loads(out)["results"]] == expected
+        told = json.loads(out)["comparisons"]
+        assert [one["control"] for one in told] == [label.split()[1] for label in expected[1:]]
+        assert all(one["steps"] == 100 and one["text"].startswith("E1-E2 ") for one in told)
     code, _, messages = command(*short, "--controls", "optimist")
     assert code == 1 and "unknown control `optimist`" in messages and "did you mean `optimistic`?" in messages
     code, _, messages = command(*short, "--controls", "nothing")

@@ -18,6 +18,7 @@ from envgraph.learn import (
     run_experiment,
     run_stages,
     sequences,
+    train_curriculum,
     train_run,
 )
 from envgraph.solve.learning._training import Backend
@@ -171,3 +172,23 @@ def test_arguments_that_make_no_experiment_are_refused(arguments: dict[str, obje
 def test_a_complexity_is_a_number() -> None:
     with pytest.raises(InvalidArgument, match="complexity of `E1`"):
         FamilyMember("E1", random_table(1), float("nan"))
+
+
+@pytest.mark.parametrize("backend", available_backends())
+def test_success_before_the_last_stage_is_that_of_training_without_it(backend: Backend) -> None:
+    """In environments without chance, whose evaluation draws nothing."""
+    family = [FamilyMember(f"E{seed}", random_table(seed, outcomes=1)) for seed in (1, 2, 3)]
+    (whole,) = sequences(NAMES, "full")
+    found, _ = train_run(family, whole, SETTINGS, 0, backend=backend)
+    tables = [one.tabular for one in family]
+    rng = np.random.default_rng(np.random.SeedSequence(0, spawn_key=(0, 0, 1, 2)))
+    q = train_curriculum(tables[:2], SETTINGS, rng).q  # type: ignore[arg-type]
+    before = evaluate(q, family[-1].tabular, 1, SETTINGS.limit, rng)  # type: ignore[arg-type]
+    assert found.success_before == before.success_rate and found.steps_before == 800
+
+
+def test_steps_before_are_all_where_the_last_stage_is_not_the_target() -> None:
+    mixed = Curriculum("control", "mixed", (("E1", "E3"),), (3,))
+    chosen = [*sequences(NAMES, "baselines"), mixed]
+    found = {run.label: run.steps_before for run in run_experiment(FAMILY, SETTINGS, chosen, seeds=[0]).runs}
+    assert found == {"E1": 1_200, "E2": 1_200, "E3": 0, "mixed": 1_200}

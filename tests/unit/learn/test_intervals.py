@@ -1,29 +1,24 @@
-"""Confidence intervals against printed tables."""
+"""Confidence intervals against printed tables and brute force."""
 
+from collections.abc import Callable
+from itertools import product
+from statistics import fmean
+
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from envgraph.errors import InvalidArgument
-from envgraph.learn import mean_interval, wilson_interval
-from envgraph.learn._intervals import student_quantile
-
-
-@pytest.mark.parametrize(
-    ("freedom", "confidence", "quantile"),
-    [
-        (1, 0.95, 12.706),
-        (2, 0.95, 4.303),
-        (3, 0.95, 3.182),
-        (4, 0.95, 2.776),
-        (9, 0.95, 2.262),
-        (10, 0.99, 3.169),
-        (29, 0.95, 2.045),
-        (30, 0.90, 1.697),
-        (120, 0.95, 1.980),
-        (999, 0.95, 1.962),
-    ],
+from envgraph.learn import (
+    _intervals,
+    bootstrap_interval,
+    interquartile_mean,
+    newcombe_interval,
+    performance_profile,
+    probability_of_improvement,
+    wilson_interval,
 )
-def test_student_quantiles_are_those_of_the_tables(freedom: int, confidence: float, quantile: float) -> None:
-    assert student_quantile(freedom, confidence) == pytest.approx(quantile, abs=5e-4)
 
 
 @pytest.mark.parametrize(
@@ -39,12 +34,65 @@ def test_wilson_intervals(proportion: float, runs: int, interval: tuple[float, f
     assert wilson_interval(proportion, runs) == pytest.approx(interval, abs=2e-4)
 
 
-def test_equal_values_have_an_interval_without_width() -> None:
-    assert mean_interval([2.0, 2.0, 2.0]) == (2.0, 2.0)
+@pytest.mark.parametrize(
+    ("first", "second", "interval"),
+    [
+        ((56, 70), (48, 80), (0.0524, 0.3339)),
+        ((9, 10), (3, 10), (0.1705, 0.8090)),
+        ((6, 7), (2, 7), (0.0582, 0.8062)),
+        ((5, 56), (0, 29), (-0.0381, 0.1926)),
+        ((0, 10), (0, 20), (-0.1611, 0.2775)),
+        ((10, 10), (0, 20), (0.6791, 1.0)),
+        ((10, 10), (0, 10), (0.6075, 1.0)),
+    ],
+)
+def test_differences_of_proportions_have_the_intervals_that_newcombe_printed(
+    first: tuple[int, int], second: tuple[int, int], interval: tuple[float, float]
+) -> None:
+    (reached, runs), (other, others) = first, second
+    found = newcombe_interval(reached / runs, runs, other / others, others)
+    assert found == pytest.approx(interval, abs=6e-5)
 
 
-def test_one_value_has_no_interval() -> None:
-    assert mean_interval([2.0]) is None
+def test_a_bootstrap_of_two_values_has_the_three_means_of_all_its_resamples() -> None:
+    assert bootstrap_interval([0.0, 1.0], confidence=0.6) == (0.0, 1.0)  # a quarter each
+    assert bootstrap_interval([0.0, 1.0], confidence=0.4) == (0.5, 0.5)
+
+
+def test_a_bootstrap_has_the_quantiles_of_all_resamples() -> None:
+    values = [0.3, 1.0, 2.5, 2.6]
+    every = [fmean(one) for one in product(values, repeat=4)]
+    found = bootstrap_interval(values, confidence=0.8, resamples=50_000)
+    assert found == pytest.approx(np.quantile(every, [0.1, 0.9]), abs=0.02)
+
+
+def test_a_bootstrap_depends_on_its_seed_alone_and_not_on_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    values, others = [1.0, 2.0, 4.0, 8.0], [3.0, 3.5, 5.0]
+    first = bootstrap_interval(values, statistic=interquartile_mean)
+    assert first == bootstrap_interval(values, statistic=interquartile_mean)
+    assert first != bootstrap_interval(values, statistic=interquartile_mean, seed=1, resamples=20)
+    low, high = bootstrap_interval(values, others, statistic=probability_of_improvement) or (1.0, 0.0)
+    assert 0.0 <= low < float(probability_of_improvement(values, others)) < high <= 1.0
+    monkeypatch.setattr(_intervals, "_BLOCK", 40)
+    assert bootstrap_interval(values, resamples=25) is not None
+
+
+@given(st.lists(st.integers(-5, 5), min_size=1, max_size=12))
+def test_an_interquartile_mean_leaves_out_the_outer_quarters(values: list[int]) -> None:
+    cut = len(values) // 4
+    middle = sorted(values)[cut : len(values) - cut]
+    assert float(interquartile_mean(values)) == pytest.approx(fmean(middle))
+    assert interquartile_mean([values, values]).tolist() == pytest.approx([fmean(middle)] * 2)
+
+
+@given(
+    st.lists(st.integers(0, 4), min_size=1, max_size=8), st.lists(st.integers(0, 4), min_size=1, max_size=8)
+)
+def test_improvement_is_the_share_of_pairs(values: list[int], others: list[int]) -> None:
+    pairs = [(x > y) + (x == y) / 2 for x in values for y in others]
+    assert float(probability_of_improvement(values, others)) == pytest.approx(fmean(pairs))
+    shares = performance_profile(values, others)
+    assert shares.tolist() == pytest.approx([fmean(x > y for x in values) for y in others])
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, float("nan")])
@@ -52,13 +100,21 @@ def test_a_confidence_is_between_0_and_1(confidence: float) -> None:
     with pytest.raises(InvalidArgument, match="`confidence`"):
         wilson_interval(0.5, 10, confidence)
     with pytest.raises(InvalidArgument, match="`confidence`"):
-        mean_interval([1.0, 2.0], confidence)
+        bootstrap_interval([1.0, 2.0], confidence=confidence)
 
 
-def test_impossible_counts_are_refused() -> None:
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda: wilson_interval(1.1, 10),
+        lambda: wilson_interval(0.5, 0),
+        bootstrap_interval,
+        lambda: bootstrap_interval([1.0, 2.0], resamples=0),
+        lambda: interquartile_mean([]),
+        lambda: probability_of_improvement([], [1.0]),
+        lambda: performance_profile([], [1.0]),
+    ],
+)
+def test_what_says_nothing_is_refused(act: Callable[[], object]) -> None:
     with pytest.raises(InvalidArgument):
-        wilson_interval(1.1, 10)
-    with pytest.raises(InvalidArgument):
-        wilson_interval(0.5, 0)
-    with pytest.raises(InvalidArgument):
-        student_quantile(0)
+        act()

@@ -58,7 +58,7 @@ def test_a_kill_costs_the_line_that_was_being_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
-        ('"format": "envgraph-training-1"', '"format": "other"', 1),
+        ('"format": "envgraph-training-2"', '"format": "other"', 1),
         ('{"format"', '[{"format"', 1),
         ('"target": "E1"', '"target"', 3),
         ('"kind": "curriculum"', '"kind": "school"', 2),

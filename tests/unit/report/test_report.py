@@ -17,7 +17,15 @@ from hypothesis import strategies as st
 from envgraph.draw import contrast, parse_colour
 from envgraph.env import Key
 from envgraph.errors import InvalidArgument
-from envgraph.learn import FamilyMember, TrainingSettings, controls, run_experiment, sequences
+from envgraph.learn import (
+    FamilyMember,
+    TrainingSettings,
+    compare,
+    controls,
+    findings,
+    run_experiment,
+    sequences,
+)
 from envgraph.metamodel import Glyph
 from envgraph.report import (
     Card,
@@ -220,9 +228,14 @@ def test_controls_are_drawn_beside_the_whole_family(
         *controls(names, optimism=1.0)[1:],
     )
     found = run_experiment(members, TrainingSettings(steps_per_environment=20, seeds=1), chosen)
-    *_, training = family_report(family, trained=[Trained(20, found)]).sections
-    assert len(training.charts) == charts
-    legend = re.findall(r'<text x="[\d.]+" y="3[\d.]+">([^<]*)<', training.charts[-2])
+    differing = replace(
+        found, runs=tuple(replace(one, mean_return=place / 2) for place, one in enumerate(found.runs))
+    )
+    *_, training = family_report(family, trained=[Trained(20, differing)]).sections
+    assert len(training.charts) == charts + 1
+    legend, profiles = (
+        re.findall(r'<text x="[\d.]+" y="3[\d.]+">([^<]*)<', training.charts[place]) for place in (-3, -1)
+    )
     expected = [
         "curriculum E1-E3",
         "optimistic",
@@ -231,8 +244,15 @@ def test_controls_are_drawn_beside_the_whole_family(
         "randomised, renewed",
         "baseline E3",
     ]
-    assert legend == expected
-    assert "the whole family beside its controls; every environment alone." in training.text[0]
+    assert legend == profiles == expected
+    assert "the whole family beside its controls; every environment alone." in training.text[-1]
+    assert training.text[:-1] == tuple(findings(compare(differing)))
+    agents, comparisons = training.tables
+    assert [row[1] for row in agents.rows if row[0].startswith(("control", "baseline"))] == ["60"] * 7
+    assert [row[0] for row in comparisons.rows][-2:] == [
+        "domain randomisation",
+        "domain randomisation with renewed epsilon",
+    ]
 
 
 def test_one_of_something_is_not_many(tmp_path: Path) -> None:

@@ -1,0 +1,252 @@
+"""What the report says of training: tables, curves, and what holds of a curriculum beside its controls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import fmean, pstdev
+from typing import TypeVar
+
+from envgraph.code import dataclass
+from envgraph.errors import InvalidArgument
+from envgraph.learn import (
+    Comparison,
+    Experiment,
+    RunResult,
+    Summary,
+    compare,
+    findings,
+    performance_profile,
+)
+from envgraph.report._charts import Series, line_chart
+from envgraph.report._page import Section, Table
+
+T = TypeVar("T")
+
+_MOST_POINTS = 400
+"""A line of more points than pixels only makes the page large."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trained:
+    """What agents learned with one budget.
+
+    Attributes:
+        steps: training steps an environment.
+        experiment: curricula and baselines, evaluated on the target.
+        stages: the curriculum up to each environment, evaluated there; None where no curriculum was trained on.
+    """
+
+    steps: int
+    experiment: Experiment
+    stages: Experiment | None = None
+
+
+def _panels(found: Iterable[tuple[str, str]], target: str) -> dict[str, list[tuple[str, str]]]:
+    """What is drawn together, by kind and label, under what it is: each beside the target alone but for the last."""
+    every = list(found)
+    taught, compared, alone = (
+        [one for one in every if one[0] == kind] for kind in ("curriculum", "control", "baseline")
+    )
+    beside = [one for one in alone if one[1] == target]
+    panels = {}
+    if taught and not (compared and len(taught) == 1):
+        panels["the curricula beside the target alone"] = [*taught, *beside]
+    if compared:
+        panels["the whole family beside its controls"] = [*taught[:1], *compared, *beside]
+    if len(alone) > len(beside) or not panels:
+        panels["every environment alone"] = alone
+    return panels
+
+
+def _line(kind: str, label: str) -> str:
+    """Of a legend, which has little room."""
+    return label if kind == "control" else f"{kind} {label}"
+
+
+def budget_charts(trained: Sequence[Trained], target: str) -> tuple[str, ...]:
+    """Success on the target over the budget: it need not rise with it."""
+    lines: dict[tuple[str, str], list[Summary]] = {}
+    for budget in trained:
+        for one in budget.experiment.summaries():
+            lines.setdefault((one.kind, one.label), []).append(one)
+    series = {
+        (kind, label): Series(
+            _line(kind, label),
+            tuple(float(one.steps) for one in points),
+            tuple(one.success_rate for one in points),
+            tuple(one.success_interval[0] for one in points),
+            tuple(one.success_interval[1] for one in points),
+            dashed=kind != "curriculum",
+        )
+        for (kind, label), points in lines.items()
+    }
+    return tuple(
+        line_chart(
+            [series[one] for one in panel],
+            x_label="training steps in all",
+            y_label=f"success on {target}",
+            title=f"Success on {target} over the training budget, with Wilson intervals at 95 %",
+        )
+        for panel in _panels(series, target).values()
+    )
+
+
+def training_section(trained: Trained, target: str) -> Section:
+    experiment = trained.experiment
+    summaries = experiment.summaries()
+    comparisons = compare(experiment)
+    tables = [_agents(summaries, target)]
+    if comparisons:
+        tables.append(_comparisons(comparisons))
+    series: dict[tuple[str, str], Series] = {
+        (one.kind, one.label): _curve(one, _runs_of(experiment, one)) for one in summaries
+    }
+    panels = _panels(series, target)
+    charts = tuple(
+        line_chart(
+            [series[one] for one in panel],
+            x_label="training step",
+            y_label="cumulative reward",
+            title="Cumulative reward during training",
+        )
+        for panel in panels.values()
+    )
+    text = "Cumulative reward during training: mean over the seeds, and one standard deviation around it."
+    if len(charts) > 1:
+        text += f" Drawn together are {'; '.join(panels)}."
+    if any("controls" in name for name in panels):
+        text += " At the end performance profiles: the share of the agents with more than a return."
+    title = f"Training for {target}, {thousands(trained.steps)} steps an environment"
+    return Section(
+        title, (*findings(comparisons), text), (*charts, *_profiles(experiment, panels)), tuple(tables)
+    )
+
+
+def _agents(summaries: Sequence[Summary], target: str) -> Table:
+    """One row a curriculum, baseline or control."""
+    rows = tuple(
+        (
+            f"{one.kind} {one.label}",
+            f"{one.steps:,}",
+            str(one.runs),
+            f"{one.success_rate:.0%}",
+            _interval(one.success_interval, ".0%"),
+            f"{one.mean_return:z.2f}",
+            f"{one.return_iqm:z.2f}",
+            _interval(one.iqm_interval, "z.2f"),
+            f"{one.success_before:.0%}",
+            "" if one.steps_to_threshold is None else f"{one.steps_to_threshold:,}",
+        )
+        for one in summaries
+    )
+    caption = (
+        f"Agents evaluated on {target}. Steps are all that an agent was trained. Intervals are at 95 %: Wilson's of "
+        "the success, the bootstrap's of the interquartile mean (IQM) of the returns. Before: success on the target "
+        "before the last stage. To half: the step, those of earlier stages counted, at which half of the episodes on "
+        f"{target} first succeed, in the median over the seeds."
+    )
+    columns = (
+        "trained on",
+        "steps",
+        "seeds",
+        "success",
+        "interval",
+        "return",
+        "IQM",
+        "interval",
+        "before",
+        "to half",
+    )
+    return Table(caption, columns, rows, frozenset(range(1, len(columns))))
+
+
+def _comparisons(comparisons: Sequence[Comparison]) -> Table:
+    """One row a control."""
+    first = comparisons[0]
+    as_ = ".0%" if first.by == "success" else "z.2f"
+    rows = tuple(
+        (
+            one.called,
+            format(one.value, as_),
+            format(one.other, as_),
+            _interval(one.difference, as_),
+            f"{one.improvement:.2f}",
+            "< 0.001" if one.p_value < 0.001 else f"{one.p_value:.2g}",
+        )
+        for one in comparisons
+    )
+    caption = (
+        f"The {first.by} of {first.curriculum} beside that of controls with as many steps: interval at 95 % of the "
+        "difference, probability that an agent does better than one of the control (equal ones count half), p-value of "
+        "a permutation test paired by seeds, corrected after Holm."
+    )
+    columns = ("control", first.curriculum, "control's", "difference", "improvement", "p")
+    return Table(caption, columns, rows, frozenset(range(1, len(columns))))
+
+
+def _interval(ends: tuple[float, float] | None, as_: str) -> str:
+    return "" if ends is None else " to ".join(format(end, as_) for end in ends)
+
+
+def _profiles(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, str]]]) -> tuple[str, ...]:
+    """Which share of the agents gets more than a return, of what is drawn together first."""
+    panel = next((panel for name, panel in panels.items() if "controls" in name), [])
+    returns = {
+        one: [run.mean_return for run in experiment.runs if (run.kind, run.label) == one] for one in panel
+    }
+    every = sorted({value for values in returns.values() for value in values})
+    if len(every) < 2:
+        return ()
+    low, high = every[0], every[-1]
+    points = [low + (high - low) * place / 100 for place in range(-1, 101)]
+    series = [
+        Series(
+            _line(*one),
+            tuple(points),
+            tuple(performance_profile(values, points).tolist()),
+            dashed=one[0] != "curriculum",
+        )
+        for one, values in returns.items()
+    ]
+    return (
+        line_chart(
+            series, x_label="return", y_label="share of the agents above it", title="Performance profiles"
+        ),
+    )
+
+
+def _runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
+    return [run for run in experiment.runs if (run.kind, run.label) == (summary.kind, summary.label)]
+
+
+def _curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
+    """Mean cumulative reward over runs of one curriculum; they have the same checkpoints."""
+    steps = runs[0].curve.steps
+    if any(run.curve.steps != steps for run in runs):
+        raise InvalidArgument(f"the runs of {summary.label} have different checkpoints")
+    at = thinned(range(len(steps)))
+    values = [[run.curve.reward[place] for run in runs] for place in at]
+    means, spread = [fmean(one) for one in values], [pstdev(one) for one in values]
+    return Series(
+        _line(summary.kind, summary.label),
+        tuple(float(steps[place]) for place in at),
+        tuple(means),
+        tuple(mean - width for mean, width in zip(means, spread, strict=True)),
+        tuple(mean + width for mean, width in zip(means, spread, strict=True)),
+        dashed=summary.kind != "curriculum",
+    )
+
+
+def thinned(points: Sequence[T]) -> list[T]:
+    """At most `_MOST_POINTS` of them, evenly spaced, the last one included."""
+    stride = -(-len(points) // _MOST_POINTS)
+    return [*points[: len(points) - 1 : stride], points[-1]]
+
+
+def thousands(number: int) -> str:
+    """Whole thousands in short, other numbers in full.
+
+    >>> thousands(50_000), thousands(2_500)
+    ('50k', '2500')
+    """
+    return f"{number // 1000}k" if number % 1000 == 0 else str(number)

@@ -1,0 +1,80 @@
+"""Tests of significance against all permutations."""
+
+from itertools import product
+from math import comb
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from envgraph.errors import InvalidArgument
+from envgraph.learn import _significance, holm, permutation_test
+
+ROW = st.tuples(*[st.sampled_from([0.0, 0.25, 1.0, 1 / 3, 10.2])] * 3)
+
+
+def by_hand(blocks: list[tuple[float, ...]]) -> float:
+    """The share of all choices of one value a seed whose sum is as far from the mean as that of the first ones."""
+    middle = sum(sum(block) / len(block) for block in blocks)
+    found = abs(sum(block[0] for block in blocks) - middle)
+    sums = [abs(sum(choice) - middle) for choice in product(*blocks)]
+    return sum(one >= found - 1e-9 for one in sums) / len(sums)
+
+
+@given(st.lists(ROW, min_size=1, max_size=6))
+def test_p_is_the_share_of_all_permutations(blocks: list[tuple[float, ...]]) -> None:
+    values, others = [row[0] for row in blocks], [row[1:] for row in blocks]
+    assert permutation_test(values, others) == pytest.approx(by_hand(blocks))
+    pairs = [row[:2] for row in blocks]
+    assert permutation_test(values, [row[1] for row in blocks]) == pytest.approx(by_hand(pairs))
+
+
+@pytest.mark.parametrize(("better", "worse"), [(7, 24 - 7), (12, 3), (1, 0), (40, 60)])
+def test_of_successes_it_is_the_exact_sign_test(better: int, worse: int) -> None:
+    """And McNemar's: seeds in which both do the same say nothing."""
+    values = [1] * better + [0] * worse + [1, 0, 1]
+    others = [0] * better + [1] * worse + [1, 0, 1]
+    number, least = better + worse, max(better, worse)
+    tail = sum(comb(number, count) for count in range(least, number + 1)) / 2**number
+    assert permutation_test(values, others) == pytest.approx(min(1.0, 2 * tail))
+
+
+def test_seventeen_of_twenty_four_is_the_p_of_the_binomial_table() -> None:
+    assert permutation_test([1] * 17 + [0] * 7, [0] * 17 + [1] * 7) == pytest.approx(0.0639, abs=5e-5)
+
+
+def test_fishers_data_of_darwin_have_the_p_that_fisher_printed() -> None:
+    """Maize, The Design of Experiments, section 21: of 32,768 arrangements 1,726 are as far on either side."""
+    differences = [49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48]
+    assert permutation_test(differences, [0] * 15) == pytest.approx(1726 / 32768)
+
+
+def test_what_is_drawn_is_close_to_what_is_exact(monkeypatch: pytest.MonkeyPatch) -> None:
+    differences = [49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48]
+    monkeypatch.setattr(_significance, "_EXACT", 16)
+    drawn = permutation_test(differences, [0] * 15)
+    assert drawn == permutation_test(differences, [0] * 15) != permutation_test(differences, [0] * 15, seed=1)
+    assert drawn == pytest.approx(1726 / 32768, abs=4 * (0.05 * 0.95 / 10_000) ** 0.5)
+    assert permutation_test(np.arange(1, 40), np.zeros(39), draws=99) == 0.01  # never 0
+
+
+def test_nothing_to_exchange_is_no_difference() -> None:
+    assert permutation_test([1, 0, 0.5], [1, 0, 0.5]) == 1.0
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=6))
+def test_holm_steps_down(p_values: list[float]) -> None:
+    adjusted, number = holm(p_values), len(p_values)
+    for own, found in zip(p_values, adjusted, strict=True):
+        smaller = [other for other in p_values if other <= own]
+        ranks = [sum(other < one for other in p_values) for one in smaller]
+        assert found == pytest.approx(
+            min(1.0, max((number - rank) * one for rank, one in zip(ranks, smaller, strict=True)))
+        )
+
+
+@pytest.mark.parametrize(("values", "others"), [([], []), ([1], [1, 2]), ([[1]], [[1]]), ([1], [[[1]]])])
+def test_both_sides_have_the_same_seeds(values: list[object], others: list[object]) -> None:
+    with pytest.raises(InvalidArgument, match="as many seeds"):
+        permutation_test(values, others)  # type: ignore[arg-type]
