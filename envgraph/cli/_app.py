@@ -430,6 +430,12 @@ def convert(file: str, output: Path, metamodel: tuple[str, ...], allow_unresolve
     is_flag=True,
     help="Go on with a run that was interrupted, or, with a larger --generations, one that has ended.",
 )
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    help="How many threads train the learners of an objective; changes no result.",
+)
 @_force
 @_directory
 @_format
@@ -441,6 +447,7 @@ def generate(
     population: int | None,
     overrides: tuple[str, ...],
     resume: bool,
+    workers: int,
     force: bool,
     directory: Path,
     format: OutputFormat,
@@ -456,7 +463,7 @@ def generate(
     short = [] if resume else [f"{key}={value}" for key, value in given.items() if value is not None]
     generate_family(
         family, name=name, overrides=[*short, *overrides], generations=generations,
-        resume=resume, force=force, directory=directory, format=format,
+        resume=resume, force=force, directory=directory, format=format, workers=workers,
     )  # fmt: skip
 
 

@@ -42,6 +42,7 @@ from envgraph.search import (
     write_family,
 )
 from envgraph.search import resume as resume_run
+from envgraph.search.curricula import CurriculumProgress
 
 TRAINING, TABLES, REPORT = "training", "tables", "report.html"
 """What is made of a run, beside its store: results of training, one directory a budget; tables of states; the page."""
@@ -57,6 +58,7 @@ def generate_family(
     force: bool,
     directory: Path,
     format: OutputFormat,
+    workers: int = 1,
 ) -> None:
     """Evolve a family, or go on with one, and print it.
 
@@ -69,6 +71,7 @@ def generate_family(
         force: whether an existing run, with all that was made of it, makes room.
         directory: where runs are kept.
         format: what to print.
+        workers: threads for learners of an objective.
     """
     domain = Domain.load(location, overrides=overrides)
     path = _run_path(directory, name or domain.spec.name)
@@ -84,15 +87,24 @@ def generate_family(
         domain.check_initial()  # before anything is lost
         remove_results(path.parent)
     try:
-        with progress_bar("generations", total) as advance:
+        whole = (kept if resume else domain).spec.objective is not None
+        with progress_bar("% of the effort" if whole else "generations", 100 if whole else total) as advance:
 
             def progress(generation: Generation) -> None:
                 advance(generation.number, f"diversity {generation.diversity:.3f}")
 
+            def climbing(found: CurriculumProgress) -> None:
+                advance(int(100 * found.spent), f"best {found.value:.3f}")
+
             if resume:
-                family = resume_run(path, generations=generations, progress=progress)
+                family = resume_run(
+                    path, generations=generations, progress=progress, climbing=climbing, workers=workers
+                )
             else:
-                family = evolve(domain, path, overwrite=force, progress=progress, warn=print_diagnostics)
+                family = evolve(
+                    domain, path, overwrite=force, progress=progress, climbing=climbing,
+                    warn=print_diagnostics, workers=workers,
+                )  # fmt: skip
     except KeyboardInterrupt:
         if path.exists():
             words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
@@ -205,7 +217,14 @@ def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, 
 def _outcome(outcome: Outcome) -> dict[str, Any]:
     """How diverse a family is, as JSON-ready data."""
     maximum = outcome.maximum if outcome.maximum < inf else None
-    return {"diversity": outcome.diversity, "maximum": maximum, "bins": list(outcome.bins)}
+    found: dict[str, Any] = {
+        "diversity": outcome.diversity,
+        "maximum": maximum,
+        "bins": list(outcome.bins),
+    }
+    if outcome.objective is not None:
+        found["objective"] = dict(zip(("kind", "value"), outcome.objective, strict=True))
+    return found
 
 
 def _print_family(

@@ -29,6 +29,8 @@ from envgraph.search._selection import (
     SurvivorSelection,
     TournamentParents,
 )
+from envgraph.search.curricula import ChainTransfer, Learning, Levels, Objective
+from envgraph.solve.learning import TrainingSettings
 
 _MOST_BINS = 100_000
 
@@ -61,6 +63,8 @@ MeasureFactory = Callable[[Options, Context], IndividualMeasure]
 DiversityFactory = Callable[[Options, Context], FamilyMeasure]
 ParentsFactory = Callable[[Options, Context], ParentSelection]
 SurvivorsFactory = Callable[[Options, Context], SurvivorSelection]
+ObjectiveFactory = Callable[[Options, Context], Callable[[Levels, int], Objective]]
+"""What it gives makes the objective, from the levels that it will see and the number of threads that it may take."""
 
 
 def _path_complexity(options: Options, context: Context) -> IndividualMeasure:
@@ -104,6 +108,14 @@ def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:
     return BinnedEntropy(bins, low, high, whole=getattr(context.measured, "whole", False))
 
 
+def _learning(options: Options, context: Context) -> Callable[[Levels, int], Objective]:
+    steps = options.integers("steps", [context.spec.training.steps_per_environment], 1)
+    limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
+    settings = TrainingSettings.from_spec(context.spec.training, limit=limit)
+    seed = context.spec.seed
+    return lambda levels, workers: Learning(settings, levels.target, steps, seed, workers)
+
+
 def _annealing(options: Options, context: Context) -> SurvivorSelection:
     del context
     return SimulatedAnnealing(
@@ -145,6 +157,14 @@ class Components:
             }
         )
     )
+    objective: Mapping[str, ObjectiveFactory] = field(
+        default_factory=lambda: MappingProxyType(
+            {
+                "learning": _learning,
+                "chain_transfer": lambda options, context: lambda levels, workers: ChainTransfer(),
+            }
+        )
+    )
     parents: Mapping[str, ParentsFactory] = field(
         default_factory=lambda: MappingProxyType(
             {
@@ -172,14 +192,16 @@ class Components:
         return {
             "measure": tuple(self.measure),
             "diversity": tuple(self.diversity),
+            "objective": tuple(self.objective),
             "parents": tuple(self.parents),
             "survivors": tuple(self.survivors),
         }
 
     def with_(self, role: str, kind: str, factory: Callable[..., object]) -> Components:
-        """A copy in which a kind of a role ("measure", "diversity", "parents", "survivors") is made by a factory.
+        """A copy in which a kind of a role is made by a factory.
 
-        With the role "function", `factory` is the code of the function of that name which the domain's queries declare.
+        The roles are "measure", "diversity", "objective", "parents" and "survivors". With the role
+        "function", `factory` is the code of the function of that name which the domain's queries declare.
         """
         known = getattr(self, role)
         return replace(self, **{role: MappingProxyType({**known, kind: factory})})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from math import isfinite
+from math import inf, isfinite
 from typing import TypeVar
 
 from envgraph.code import dataclass
@@ -51,6 +51,10 @@ from envgraph.search._problem import (
     Require,
 )
 from envgraph.search._tables import Tables
+from envgraph.search.curricula import CurriculumSettings, Levels, Objective
+
+EFFORT, MOST_LANES = 4_000_000_000, 1_000
+"""Of a search for a whole family: steps of learners, which take one to two minutes; families improved at once."""
 
 Placed = TypeVar("Placed", ModelText, Behaviour)
 
@@ -171,7 +175,7 @@ class Domain:
     def wrong_options(self) -> list[Diagnostic]:
         """All that is wrong with the options of the components."""
         problems: list[Diagnostic] = []
-        for make in (self._measures, self.settings):
+        for make in (self._measures, self.settings, self.curriculum_search):
             try:
                 make()
             except LoadError as error:
@@ -282,6 +286,34 @@ class Domain:
             target=spec.search.target,
             stagnation=spec.search.stagnation,
         )
+
+    def curriculum_search(self) -> tuple[Callable[[Levels, int], Objective], CurriculumSettings] | None:
+        """The objective, made from levels and a number of threads, and how to search; None for the genetic algorithm.
+
+        Raises:
+            LoadError: options that make no sense; all problems at once.
+        """
+        spec, search = self.spec.objective, self.spec.search
+        if spec is None:
+            return None
+        options = Options(spec)
+        demanded = options.number_or("diversity", "maximum")
+        settings = CurriculumSettings(
+            population=max(2, search.population),
+            effort=int(options.number("effort", EFFORT, 1, 1e15)),
+            lanes=options.integer("lanes", 4, 1, MOST_LANES),
+            enough=options.number("enough", 0.0, -LARGEST, LARGEST) if options.given("enough") else None,
+            demanded=inf if isinstance(demanded, str) else demanded,
+        )
+        made = self.components.objective[spec.kind](options, self._context())
+        problems = _finished(options)
+        if search.population < 2 or not search.keep_initial:
+            message = "an objective is of families that end in the initial model and have other members"
+            hint = "write `population = 2` or more, and leave `keep_initial` out"
+            problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
+        if has_errors(problems):
+            raise LoadError(problems)
+        return made, settings
 
     def check_initial(self, problem: Problem | None = None) -> list[Diagnostic]:
         """See that the initial model satisfies every constraint, and has a value of every measure.

@@ -53,6 +53,7 @@ class Family:
         members: from the easiest to the hardest by the measure that orders the curriculum, then the initial model.
         domain: what the texts say, with the overrides.
         overrides: what held instead of what the family file says, such as "seed=5".
+        value: what the objective gives it, where it was searched for as a whole in a run; else None.
         tables: where the states of the members are kept once they have been enumerated.
     """
 
@@ -61,6 +62,7 @@ class Family:
     members: tuple[Member, ...]
     domain: Domain = field(compare=False, repr=False)
     overrides: tuple[str, ...] = ()
+    value: float | None = None
     tables: Tables = field(default_factory=Tables.of_user, compare=False, repr=False)
     _explored: dict[tuple[str, bool], Explored] = field(default_factory=dict, compare=False, repr=False)
 
@@ -201,9 +203,12 @@ def ordered(
     """Members from measures, model, individual and initial flag, in the order of the curriculum.
 
     The initial model comes last, as the target, or last among its equals where the family file wants it `ordered`.
-    Equal values keep the given order.
+    Equal values keep the given order; so do the members of a family that was searched for as a whole, unless the file
+    names a measure.
     """
     curriculum = domain.spec.curriculum
+    if domain.spec.objective is not None and curriculum.order is None:
+        return tuple(Member(f"E{place}", *one) for place, one in enumerate(found, start=1))
     measure = str(curriculum.order or domain.spec.diversity.options["of"])
     last = curriculum.initial == "last"
     ranked = sorted(found, key=lambda one: (last and one[3], one[0][measure], one[3]))
@@ -269,7 +274,7 @@ def family_of(store: RunStore, domain: Domain) -> Family:
         found.append((individual.measures, text, id_, individual.parent is None and not imported))
     tables = Tables.of_run(store.path)
     members = ordered(domain, found)
-    return Family(store.name, store.bundle(), members, domain, domain.overrides, tables)
+    return Family(store.name, store.bundle(), members, domain, domain.overrides, store.value, tables)
 
 
 def lacking_measures(domain: Domain, measures: Mapping[str, float]) -> list[str]:

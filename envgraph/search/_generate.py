@@ -18,8 +18,10 @@ from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_gr
 from envgraph.search._problem import Problem
 from envgraph.search._rewards import reward_schedule
 from envgraph.search._store import Generation, Individual, RunStore, dump_json
+from envgraph.search.curricula import CurriculumProgress, CurriculumSearch, Levels
 
 Progress = Callable[[Generation], None]
+Climbing = Callable[[CurriculumProgress], None]
 Warn = Callable[[Sequence[Diagnostic]], None]
 
 _SAME = 1e-9
@@ -36,7 +38,9 @@ def generate(
     overrides: Sequence[str] = (),
     components: Components | None = None,
     progress: Progress = lambda generation: None,
+    climbing: Climbing = lambda progress: None,
     warn: Warn = lambda diagnostics: None,
+    workers: int = 1,
 ) -> Family:
     """Evolve a family.
 
@@ -47,6 +51,8 @@ def generate(
         overrides: what else holds instead of what the family file says, such as "mutation.rate=0.5", as `--set` has it.
         components: what the names in the family file mean; by default the ones that come with envgraph.
         progress: called after every generation.
+        climbing: called now and then while a family with an objective is searched for.
+        workers: threads for learners of an objective; they change no result.
         warn: called at the start, with what looks wrong.
 
     Returns:
@@ -59,7 +65,12 @@ def generate(
     given = {"seed": seed, "search.generations": generations, "search.population": population}
     chosen = [f"{key}={value}" for key, value in given.items() if value is not None]
     return evolve(
-        Domain.load(location, components, [*chosen, *overrides]), store_path, progress=progress, warn=warn
+        Domain.load(location, components, [*chosen, *overrides]),
+        store_path,
+        progress=progress,
+        climbing=climbing,
+        warn=warn,
+        workers=workers,
     )
 
 
@@ -69,7 +80,9 @@ def evolve(
     *,
     overwrite: bool = False,
     progress: Progress = lambda generation: None,
+    climbing: Climbing = lambda progress: None,
     warn: Warn = lambda diagnostics: None,
+    workers: int = 1,
 ) -> Family:
     """`generate` of a domain that has been read, in place of another run if that is to be overwritten."""
     problem = domain.problem(domain.engine())
@@ -77,7 +90,7 @@ def evolve(
     with telling():  # the individuals whose states are visited are pieces of one work
         warn(domain.check_initial(problem))
         with RunStore.create(store_path, _stored(domain), texts, overwrite=overwrite) as store:
-            return _evolve(domain, problem, store, progress)
+            return _search(domain, problem, store, progress, climbing, workers)
 
 
 def _stored(domain: Domain) -> dict[str, Any]:
@@ -92,6 +105,8 @@ def resume(
     generations: int | None = None,
     components: Components | None = None,
     progress: Progress = lambda generation: None,
+    climbing: Climbing = lambda progress: None,
+    workers: int = 1,
 ) -> Family:
     """Go on with an interrupted run, from the texts that it keeps; the result is that of an uninterrupted one.
 
@@ -100,6 +115,7 @@ def resume(
         generations: go on to this one, also where the run had come to its end.
         components: what the names in the family file mean; by default the ones that come with envgraph.
         progress: called after every generation.
+        climbing, workers: see `generate`.
 
     Raises:
         InvalidArgument: there is no such run, it is an imported family, or has so many generations already.
@@ -115,12 +131,39 @@ def resume(
         if changed:
             store.set("overrides", list(domain.overrides))
         with telling():
-            return _evolve(domain, domain.problem(domain.engine()), store, progress)
+            return _search(domain, domain.problem(domain.engine()), store, progress, climbing, workers)
 
 
-def _evolve(domain: Domain, problem: Problem, store: RunStore, progress: Progress) -> Family:
-    Evolution(problem, domain.settings(), domain.spec.seed, store).run(progress)
+def _search(
+    domain: Domain, problem: Problem, store: RunStore, progress: Progress, climbing: Climbing, workers: int
+) -> Family:
+    search = domain.curriculum_search()
+    if search is None:
+        Evolution(problem, domain.settings(), domain.spec.seed, store).run(progress)
+        return family_of(store, domain)
+    assert domain.behaviour is not None, "check_family demands an environment for an objective"
+    make, settings = search
+    levels = Levels(problem, domain.behaviour)
+    found = CurriculumSearch(levels, make(levels, workers), settings, domain.spec.seed, climbing).run()
+    _store(store, levels, found)
     return family_of(store, domain)
+
+
+def _store(store: RunStore, levels: Levels, found: CurriculumProgress) -> None:
+    """Write a family that was searched for as a whole: the target, and what leads from it to each other member."""
+    born, texts = [], {}
+    for id_, level in enumerate([found.family[-1], *found.family[:-1]]):
+        parent = None if id_ == 0 else 0
+        state = f"{level.state:016x}"
+        born.append(Individual(id_, 0, id_ - 1, parent, level.trace, level.measures, state))
+        levels.go_to(level.version)
+        texts[id_] = dump_json(model_to_json(levels.engine.model))
+    members = (*range(1, len(born)), 0)
+    rejected = dict(sorted(levels.rejected.items()))
+    diversity = levels.diversity(found.family)
+    store.write_generation(Generation(0, members, diversity, len(born), rejected), born)
+    store.write_models(texts)
+    store.set("objective", {"value": found.value, "families": found.tried})
 
 
 def import_ga4cl(

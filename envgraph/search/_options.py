@@ -67,6 +67,22 @@ class Options:
             return tuple(found)
         return self._wrong(name, "a name or a list of names", (), '["..."]')
 
+    def integers(self, name: str, default: list[int], low: int) -> tuple[int, ...]:
+        """A whole number or a list of them, at least one."""
+        value = self._value(name, default)
+        found = value if isinstance(value, list) else [value]
+        if found and all(type(one) is int and low <= one <= LARGEST for one in found):
+            return tuple(found)
+        what = f"a whole number from {low}, or a list of them"
+        return self._wrong(name, what, tuple(default), f"[{', '.join(map(str, default))}]")
+
+    def number_or(self, name: str, word: str) -> float | str | None:
+        """A number, a certain word, or None where the option is not there."""
+        value = self._value(name, None)
+        if value is None or value == word or (type(value) in (int, float) and abs(value) <= LARGEST):  # type: ignore[arg-type]
+            return value  # type: ignore[return-value]
+        return self._wrong(name, f'a number or "{word}"', None, f'"{word}"')
+
     def range(self, name: str, default: tuple[float, float]) -> tuple[float, float]:
         """Two numbers, the lower first."""
         value = self._value(name, list(default))

@@ -25,12 +25,14 @@ class Outcome:
         maximum: what it can be for so many members as the family should have; infinite where that is not known.
         unit: "bits", or "" where it has none.
         bins: number of each member's bin, from 1, in the order of the curriculum; empty where there are no bins.
+        objective: kind of what the family was searched for by, and its value; None for the genetic algorithm.
     """
 
     diversity: float
     maximum: float
     unit: str = ""
     bins: tuple[int, ...] = ()
+    objective: tuple[str, float] | None = None
 
     @classmethod
     def of(cls, family: Family) -> Outcome:
@@ -38,16 +40,19 @@ class Outcome:
         problem = family.domain.problem(family.domain.engine())
         values, measure = _values(family, problem), problem.diversity
         maximum = problem.maximum(family.domain.spec.search.population)
+        spec, value = family.domain.spec.objective, family.value
+        objective = None if spec is None or value is None else (spec.kind, value)
         if not isinstance(measure, BinnedEntropy):
-            return cls(measure.score(values), maximum)
+            return cls(measure.score(values), maximum, objective=objective)
         bins = tuple(measure.bin(value) + 1 for value in values)
-        return cls(measure.score(values), maximum, "bits", bins)
+        return cls(measure.score(values), maximum, "bits", bins, objective)
 
     def __str__(self) -> str:
         limit = f" of {self.maximum:.3f}" if self.maximum < inf else ""
         unit = f" {self.unit}" if self.unit else ""
         bins = f", members in bins {','.join(map(str, self.bins))}" if self.bins else ""
-        return f"diversity {self.diversity:.3f}{limit}{unit}{bins}"
+        objective = "{} {:.3f}, ".format(*self.objective) if self.objective else ""
+        return f"{objective}diversity {self.diversity:.3f}{limit}{unit}{bins}"
 
 
 def why_low(family: Family, store: RunStore) -> Diagnostic | None:
@@ -59,8 +64,8 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
     outcome = Outcome.of(family)
     wanted, found = family.domain.spec.search.population, len(family.members)
     low = outcome.diversity < outcome.maximum - _SAME
-    if found >= wanted and (not low or outcome.maximum == inf):
-        return None
+    if family.domain.spec.objective is not None or (found >= wanted and (not low or outcome.maximum == inf)):
+        return None  # the objective is what was to be large
     problem, spec = family.domain.problem(family.domain.engine()), family.domain.spec
     of, values = problem.diversity_of, _values(family, problem)
     met = [one.measures[of] for one in store.individuals()]

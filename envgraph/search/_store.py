@@ -212,6 +212,13 @@ class RunStore:
         """What to raise where the store contradicts itself."""
         return InvalidArgument(f"{self.path} is damaged: {message}")
 
+    @property
+    def value(self) -> float | None:
+        """What the objective gives the family, of a run that searched for it as a whole."""
+        with self._reading("setting `objective`"):
+            found = self.settings().get("objective")
+            return None if found is None else _number(_object(found)["value"])
+
     def set(self, key: str, value: Any) -> None:
         """Add or replace a setting."""
         with self._transaction() as db:

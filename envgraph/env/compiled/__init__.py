@@ -4,12 +4,12 @@ A behaviour whose rules and queries have known bounds becomes one program: the p
 dialect, with numbers in place of objects. A member of a family is a row of data, a state another row.
 """
 
+from envgraph.env.compiled import _kernels as kernels
 from envgraph.env.compiled._batch import Batch
 from envgraph.env.compiled._enumeration import Tables, enumerated, explored
 from envgraph.env.compiled._environments import CompiledEnv, CompiledVectorEnv, Streams
 from envgraph.env.compiled._explanation import explanation
 from envgraph.env.compiled._export import export
-from envgraph.env.compiled._kernels import uniform
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._program import Program, program_of, set_stream, streams
@@ -31,8 +31,8 @@ __all__ = [
     "export",
     "functions",
     "has_numba",
+    "kernels",
     "program_of",
     "set_stream",
     "streams",
-    "uniform",
 ]

@@ -86,10 +86,11 @@ class Tables:
 
     Args:
         behaviour: free of errors.
+        limit: how many states a table may have.
     """
 
-    def __init__(self, behaviour: Behaviour) -> None:
-        self._behaviour = behaviour
+    def __init__(self, behaviour: Behaviour, limit: int = DEFAULT_LIMIT) -> None:
+        self._behaviour, self._limit = behaviour, limit
         self._visits = 0
         self._program: Program | None = None
 
@@ -103,8 +104,8 @@ class Tables:
         if self._visits > LIVE_VISITS and has_numba():
             with suppress(NotCompiled):
                 self._program = self._over(engine, keys)
-                return enumerated(self._program, progress=progress)
-        return explored(engine, self._behaviour, keys, progress=progress).tabular
+                return enumerated(self._program, limit=self._limit, progress=progress)
+        return explored(engine, self._behaviour, keys, limit=self._limit, progress=progress).tabular
 
     def _over(self, engine: Engine, keys: KeyIndex) -> Program:
         """The last program over the present model, or another where that does not fit."""

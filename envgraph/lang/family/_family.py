@@ -28,7 +28,7 @@ class ComponentSpec:
     """A part of the search by the name of its kind, with its options as plain data.
 
     Attributes:
-        name: the user's name of a measure; for the others their role ("diversity", "parents", "survivors").
+        name: the user's name of a measure; for the others their role ("diversity", "parents" ..).
         kind: what is built ("path_complexity", "random" ...).
         options: everything else in the table.
         spans: where the table (""), its "kind", each option and ("along[0]") the items of a list stand.
@@ -157,6 +157,7 @@ class FamilySpec:
         limit: steps of an episode, where the environment's own limit is overridden.
         measures: in the order of the file; at least one.
         diversity: `options["of"]` is the name of a measure.
+        objective: what a family is worth as a whole; None: families are as diverse as can be.
         ga4cl: the classes whose standing rewards fill the reward schedule of that format.
         path: name of the file.
     """
@@ -170,6 +171,7 @@ class FamilySpec:
     constraints: ConstraintsSpec = ConstraintsSpec()
     measures: tuple[ComponentSpec, ...] = ()
     diversity: ComponentSpec = ComponentSpec("diversity", "binned_entropy")
+    objective: ComponentSpec | None = None
     mutation: MutationSpec = MutationSpec()
     search: SearchSpec = SearchSpec()
     curriculum: CurriculumSpec = CurriculumSpec()

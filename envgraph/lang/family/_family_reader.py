@@ -387,6 +387,7 @@ class _Reader:
             constraints=_read(top.table("constraints"), "constraints", ConstraintsSpec()),
             measures=measures,
             diversity=self._diversity(top, measures),
+            objective=self._objective(top),
             mutation=_mutation(top.table("mutation")),
             search=_search(top.table("search")),
             curriculum=self._curriculum(top.table("curriculum"), measures),
@@ -442,6 +443,10 @@ class _Reader:
             )
         self._check_measure(top, "of", of, names, component.span("of"))
         return component
+
+    def _objective(self, top: _Section) -> ComponentSpec | None:
+        section = top.table("objective")
+        return section.component("objective", None) if section.there else None
 
     def _curriculum(self, section: _Section, measures: tuple[ComponentSpec, ...]) -> CurriculumSpec:
         spec = _read(section, "curriculum", CurriculumSpec())

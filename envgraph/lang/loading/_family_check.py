@@ -15,6 +15,7 @@ COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
     {
         "measure": ("path_complexity", "shortest_path", "shortest_plan", "count", "value"),
         "diversity": ("binned_entropy", "gini", "variance"),
+        "objective": ("learning", "chain_transfer"),
         "parents": ("random", "tournament", "elitist"),
         "survivors": ("simulated_annealing", "hill_climbing", "beam", "exact"),
     }
@@ -52,7 +53,7 @@ def check_family(
     Args:
         spec: the family.
         workspace: of the files that it names.
-        components: the kinds that are known, by role ("measure", "diversity", "parents", "survivors").
+        components: the kinds that are known, by role ("measure", "diversity", "objective", "parents", "survivors").
     """
     return list(_Checker(spec, workspace, components).check())
 
@@ -79,6 +80,8 @@ class _Checker:
             yield from self._component(measure, "measure")
             yield from self._measure(measure)
         yield from self._component(spec.diversity, "diversity")
+        if spec.objective is not None:
+            yield from self._component(spec.objective, "objective")
         yield from self._component(spec.search.parents, "parents")
         yield from self._component(spec.search.survivors, "survivors")
         for name in spec.ga4cl:
@@ -104,7 +107,8 @@ class _Checker:
             return
         plans = [measure.span() for measure in self._spec.measures if measure.kind == "shortest_plan"]
         outcomes = [outcome.span for outcome in self._spec.constraints.reachable]
-        for span in (*plans, *outcomes):
+        objective = [self._spec.objective.span()] if self._spec.objective else []
+        for span in (*plans, *outcomes, *objective):
             hint = 'write `environment = "name.environment"` at the top'
             yield Diagnostic(
                 "missing-key", "this needs an environment, and the family names none", span, hint

@@ -61,7 +61,7 @@ class Learners:
             streams: uint64 [learners, 4], see `envgraph.env.compiled.streams`; left as they are.
             steps: on each table.
         """
-        from envgraph.solve.learning._loop import learn, play
+        from envgraph.solve.learning._compiled import run
 
         settings, target, count = self._settings, self._target, len(streams)
         rows = streams.copy()
@@ -73,9 +73,10 @@ class Learners:
         for table in tables:
             if settings.epsilon.reset == "stage":
                 epsilons[:] = settings.epsilon.start
-            learn(table.arrays, values, rows, epsilons, factors, settings.limit, points, curve)
+            run("learn", table.arrays, values, rows, epsilons, factors, settings.limit, points, curve)
         found = Judgement(np.empty(count), np.empty(count))
-        play(
+        run(
+            "play",
             target.arrays,
             values,
             rows,

@@ -1,43 +1,14 @@
-"""Q-learning of learners side by side, compiled with numba; each as the loop on lists, bit for bit.
+"""Q-learning of learners side by side, each as the loop on lists (`_q_learning`), bit for bit.
 
-Nothing here may be reordered without the other: no `fastmath`, and each expression as it stands there. The numbers are
-drawn in the loop, from NumPy's PCG64. Imported only when it is used, because numba takes about a second to import and
-compile.
+The text of these functions stands behind that of `_kernels` of compiled environments, which draws the numbers: NumPy's
+PCG64. Nothing may be reordered without the loop on lists, and each expression is as it stands there.
 """
 
-# mypy: disable-error-code="no-untyped-def, no-untyped-call"
-
-from __future__ import annotations
-
-import numba
-import numpy as np
-from numpy.typing import NDArray
-
-from envgraph.env.compiled import set_stream, streams, uniform
-from envgraph.errors import InvalidArgument
-from envgraph.solve.learning._stage import Stage, StageOutcome, Table
-
-# Inlined before compilation: left to the compiler's own inlining, training is a third slower.
-_uniform = numba.njit(inline="always")(uniform)
+# ruff: noqa: F821
+# mypy: ignore-errors
 
 
-def run_stage(table: Table, stage: Stage, q: NDArray[np.float64], rng: np.random.Generator) -> StageOutcome:
-    """Train on a table; `q` [observations, actions] is changed in place. Releases the interpreter lock."""
-    if not isinstance(rng.bit_generator, np.random.PCG64):
-        message = (
-            "backend 'numba' draws from NumPy's PCG64: make the generator with `numpy.random.default_rng`"
-        )
-        raise InvalidArgument(message)
-    points = np.array(stage.points, np.int64)
-    rows, epsilons = streams([rng]), np.array([stage.epsilon])
-    curve = np.zeros((1, len(points))), *(np.zeros((1, len(points)), np.int64) for _ in range(2))
-    learn(table.arrays, q[None], rows, epsilons, stage.factors, stage.settings.limit, points, curve)
-    set_stream(rng, rows[0])
-    return StageOutcome(float(epsilons[0]), list(zip(*(column[0].tolist() for column in curve), strict=True)))
-
-
-@numba.njit(nogil=True, inline="always")
-def _greedy(q, seen):
+def greedy_action(q, seen):
     action = 0
     for other in range(1, q.shape[1]):
         if q[seen, other] > q[seen, action]:
@@ -45,8 +16,7 @@ def _greedy(q, seen):
     return action
 
 
-@numba.njit(nogil=True, inline="always")
-def _best(q, seen):
+def best_value(q, seen):
     """The value of the greedy action: a chain of maxima, which is quicker than finding the action first."""
     best = q[seen, 0]
     for other in range(1, q.shape[1]):
@@ -54,15 +24,13 @@ def _best(q, seen):
     return best
 
 
-@numba.njit(nogil=True, inline="always")
-def _pick(cumulative, first, draw):
+def drawn_place(cumulative, first, draw):
     found = 0
     while cumulative[first + found] <= draw:
         found += 1
     return found
 
 
-@numba.njit(nogil=True)
 def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
     """One stage of each learner.
 
@@ -84,25 +52,25 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
     several = len(starts) > 1
     for learner in range(len(values)):
         q, epsilon = values[learner], epsilons[learner]
-        start = _pick(start_cumulative, 0, _uniform(rows, learner)) if several else 0
+        start = drawn_place(start_cumulative, 0, uniform(rows, learner)) if several else 0
         state, seen, left = starts[start], start_seen[start], limit
         point, total, episodes, successes = 0, 0.0, 0, 0
         for step in range(1, points[-1] + 1):
-            u = _uniform(rows, learner)
-            v = _uniform(rows, learner) if n_outcomes > 1 else 0.0
-            w = _uniform(rows, learner) if several else 0.0
+            u = uniform(rows, learner)
+            v = uniform(rows, learner) if n_outcomes > 1 else 0.0
+            w = uniform(rows, learner) if several else 0.0
             if u < epsilon:
                 action = int(u / epsilon * n_actions)
             else:
-                action = _greedy(q, seen)
+                action = greedy_action(q, seen)
             at = (state * n_actions + action) * n_outcomes
             if n_outcomes > 1:
-                at += _pick(cumulative, at, v)
+                at += drawn_place(cumulative, at, v)
             reward, state, after, ended = rewards[at], next_state[at], following[at], terminated[at]
             total += reward
             target = reward
             if ended == 0:
-                target = reward + discount * _best(q, after)
+                target = reward + discount * best_value(q, after)
             old = q[seen, action]
             q[seen, action] = old + rate * (target - old)
             seen = after
@@ -113,7 +81,7 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
                 successes += ended == 1
                 epsilon = max(minimum, epsilon * episode_decay)
                 left = limit
-                start = _pick(start_cumulative, 0, w) if several else 0
+                start = drawn_place(start_cumulative, 0, w) if several else 0
                 state, seen = starts[start], start_seen[start]
             if step == points[point]:
                 curve[0][learner, point], curve[1][learner, point] = total, episodes
@@ -122,7 +90,6 @@ def learn(arrays, values, rows, epsilons, factors, limit, points, curve):
         epsilons[learner] = epsilon
 
 
-@numba.njit(nogil=True)
 def play(arrays, values, rows, distance, limit, episodes, scores, successes):
     """Episodes of each learner's greedy policy; arguments as in `learn`, results as in `Learners.play`."""
     next_state, following, _, terminated, cumulative, starts, start_seen, start_cumulative, shape = arrays
@@ -130,13 +97,13 @@ def play(arrays, values, rows, distance, limit, episodes, scores, successes):
     for learner in range(len(values)):
         q, total, reached = values[learner], 0.0, 0
         for _ in range(episodes):
-            start = _pick(start_cumulative, 0, _uniform(rows, learner)) if len(starts) > 1 else 0
+            start = drawn_place(start_cumulative, 0, uniform(rows, learner)) if len(starts) > 1 else 0
             state, seen, ended, left = starts[start], start_seen[start], 0, limit
             first = nearest = distance[state]
             while ended == 0 and left > 0:
-                at = (state * n_actions + _greedy(q, seen)) * n_outcomes
+                at = (state * n_actions + greedy_action(q, seen)) * n_outcomes
                 if n_outcomes > 1:
-                    at += _pick(cumulative, at, _uniform(rows, learner))
+                    at += drawn_place(cumulative, at, uniform(rows, learner))
                 state, seen, ended = next_state[at], following[at], terminated[at]
                 left -= 1
                 if ended == 0:

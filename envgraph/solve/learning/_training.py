@@ -163,7 +163,7 @@ def _loop(
     backend: Backend,
 ) -> Callable[[Table, Stage, NDArray[np.float64], np.random.Generator], StageOutcome]:
     if backend == "numba":
-        from envgraph.solve.learning._loop import run_stage
+        from envgraph.solve.learning._compiled import run_stage
     else:
         from envgraph.solve.learning._q_learning import run_stage
     return run_stage

@@ -1,0 +1,25 @@
+"""Families that are searched for as a whole: ordered, ending in a target, and judged together.
+
+The genetic algorithm values each model by itself; here an objective sees all members in their order, with their models,
+measures and tables, such as how often a learner that is trained on one after the other comes to solve the target.
+"""
+
+from envgraph.search.curricula._climb import CurriculumProgress, CurriculumSearch, CurriculumSettings
+from envgraph.search.curricula._levels import Level, Levels
+from envgraph.search.curricula._moves import Moves
+from envgraph.search.curricula._objectives import ChainTransfer, Learning, Objective, value_of
+from envgraph.search.curricula._starts import Starts
+
+__all__ = [
+    "ChainTransfer",
+    "CurriculumProgress",
+    "CurriculumSearch",
+    "CurriculumSettings",
+    "Learning",
+    "Level",
+    "Levels",
+    "Moves",
+    "Objective",
+    "Starts",
+    "value_of",
+]

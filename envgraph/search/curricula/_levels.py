@@ -1,0 +1,131 @@
+"""Models as members of families: versions of one model, with what an objective asks of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
+from typing import Final
+
+from envgraph.code import dataclass
+from envgraph.env import Behaviour, KeyIndex, Tabular, indexed_classes
+from envgraph.env.compiled import Tables
+from envgraph.errors import EvaluationError, InvalidArgument, RuleError
+from envgraph.graph import Version
+from envgraph.rewrite import Row
+from envgraph.search._problem import NoValue, Problem
+from envgraph.search._store import Trace
+from envgraph.solve.learning import Table, flatten
+
+MOST_STATES: Final = 50_000
+"""Of a member: there is a table of each, and thousands of members are tried."""
+
+Firings = Sequence[tuple[str, Row]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """A member of a family.
+
+    Attributes:
+        version: of the model.
+        trace: the rules that lead to it from the target, and their matches.
+        state: hash of the model.
+        measures: value of every measure, by name.
+        tabular: its reachable states; it is made when it is first asked for.
+        table: the same, for learners.
+    """
+
+    version: Version
+    trace: Trace
+    state: int
+    measures: Mapping[str, float]
+    _make: Callable[[Level], Tabular] = field(repr=False)
+    _made: list[tuple[Tabular, Table]] = field(default_factory=list, repr=False)
+
+    @property
+    def tabular(self) -> Tabular:
+        return self._both()[0]
+
+    @property
+    def table(self) -> Table:
+        return self._both()[1]
+
+    def _both(self) -> tuple[Tabular, Table]:
+        if not self._made:
+            tabular = self._make(self)
+            self._made.append((tabular, flatten(tabular)))
+        return self._made[0]
+
+
+class Levels:
+    """Makes levels of the states that an engine comes to.
+
+    Args:
+        problem: says what is valid, and measures; its engine stands at the target.
+        behaviour: of the environments.
+
+    Attributes:
+        target: the last member of each family.
+        rejected: how many models were no members, by what was wrong with them.
+        made: how many tables were made.
+    """
+
+    def __init__(self, problem: Problem, behaviour: Behaviour) -> None:
+        self.problem, self.behaviour, self.engine = problem, behaviour, problem.engine
+        self.keys = KeyIndex.of(self.engine.model, indexed_classes(behaviour, self.engine.model.metamodel))
+        self.rejected: Counter[str] = Counter()
+        self.made = 0
+        self._tables = Tables(behaviour, MOST_STATES)
+        problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
+        target = self._level(self.engine.commit(), ())
+        if target is None:
+            raise InvalidArgument(f"the target is no member of a family: {next(iter(self.rejected))}")
+        self.target = target
+
+    def here(self, trace: Trace) -> Level | None:
+        """The level of the present model, which is committed; None, and a reason is counted, if it is none."""
+        return self._level(None, trace)
+
+    def go_to(self, version: Version) -> None:
+        """Let the engine stand at a version."""
+        self.engine.checkout(version, discard=True)
+
+    def replayed(self, firings: Firings) -> bool:
+        """Apply rules at matches to the present model; if one of them cannot be, none is."""
+        try:
+            self.engine.replay(firings)
+        except (RuleError, EvaluationError):
+            return False
+        return True
+
+    def measured(self) -> dict[str, float] | None:
+        """The measures of the present model; None, and a reason is counted, if it is no member."""
+        if not self.problem.valid():
+            self.rejected[f"`{next(self.problem.violations())}` is violated"] += 1
+            return None
+        try:
+            return self.problem.measure()
+        except NoValue as error:
+            self.rejected[error.message] += 1
+            return None
+
+    def value(self, measures: Mapping[str, float]) -> float:
+        """What the diversity reads."""
+        return measures[self.problem.diversity_of]
+
+    def diversity(self, family: Sequence[Level]) -> float:
+        """Of a family."""
+        return self.problem.diversity.score([self.value(level.measures) for level in family])
+
+    def _level(self, version: Version | None, trace: Trace) -> Level | None:
+        measures = self.measured()
+        if measures is None:
+            return None
+        state = self.engine.model.state_hash()
+        return Level(version or self.engine.commit(), trace, state, measures, self._table)
+
+    def _table(self, level: Level) -> Tabular:
+        self.made += 1
+        self.go_to(level.version)
+        return self._tables.table(self.engine, self.keys)

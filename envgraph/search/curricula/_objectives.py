@@ -1,0 +1,102 @@
+"""What a family is worth as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from math import isfinite
+from typing import ClassVar, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envgraph.env.compiled import streams
+from envgraph.search.curricula._levels import Level
+from envgraph.solve import chain_transfer
+from envgraph.solve.learning import Learners, TrainingSettings
+
+SEARCHING: Final = 2
+"""Spawn key of what learners of a search draw; those of experiments are others (`envgraph/learn/_experiment.py`)."""
+
+LEAST: Final = -1e9
+"""Stands for minus infinity: sums and differences of scores stay numbers."""
+
+
+class Objective(Protocol):
+    """Scores of a family; larger is better."""
+
+    @property
+    def drawn(self) -> bool:
+        """Whether scores depend on seeds; else one is enough."""
+
+    @property
+    def most(self) -> float:
+        """What is as good as can be."""
+
+    def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
+        """Of members in their order, the target last: [criteria, seeds]. Seeds are whole numbers from 0."""
+
+    @property
+    def effort(self) -> int:
+        """Steps that learners make for each seed and member."""
+
+
+def value_of(scores: NDArray[np.float64]) -> float:
+    """The value of scores [criteria, seeds]: half the mean over the criteria and half the worst of them.
+
+    >>> value_of(np.array([[1.0, 0.0], [1.0, 1.0]]))
+    0.625
+    """
+    means = scores.mean(axis=1)
+    return float(0.5 * (means.mean() + means.min()))
+
+
+class Learning:
+    """How well learners do on the target when they have been trained on one member after the other.
+
+    A criterion for each length of training. See `envgraph.solve.learning.Judgement` for scores.
+
+    Args:
+        settings: how learners learn.
+        target: the last member of each family.
+        steps: lengths of training, on each member.
+        seed: of the search.
+        workers: threads; they change no number.
+    """
+
+    drawn: ClassVar[bool] = True
+    most: ClassVar[float] = 1.0
+
+    def __init__(
+        self, settings: TrainingSettings, target: Level, steps: Sequence[int], seed: int, workers: int = 1
+    ) -> None:
+        self._learners = Learners(settings, target.tabular)
+        self._steps, self._seed, self._workers = tuple(steps), seed, workers
+        self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
+
+    @property
+    def effort(self) -> int:
+        return sum(self._steps)
+
+    def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
+        tables = [level.table for level in family]
+        sequences = (np.random.SeedSequence(self._seed, spawn_key=(SEARCHING, seed)) for seed in seeds)
+        rows = streams([np.random.Generator(np.random.PCG64(one)) for one in sequences])
+        parts = np.array_split(rows, min(self._workers, len(rows)))
+        tasks = [(part, steps) for steps in self._steps for part in parts]
+        judged = (self._pool.map if self._pool else map)(
+            lambda task: self._learners.judge(tables, *task).scores, tasks
+        )
+        return np.concatenate(list(judged)).reshape(len(self._steps), len(rows))
+
+
+class ChainTransfer:
+    """`chain_transfer` of the tables of a family, which needs no learner."""
+
+    drawn: ClassVar[bool] = False
+    most: ClassVar[float] = 0.0
+    effort: ClassVar[int] = 0
+
+    def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
+        found = chain_transfer([level.tabular for level in family])
+        return np.full((1, len(seeds)), found if isfinite(found) else LEAST)

@@ -1,0 +1,237 @@
+"""Families that are searched for as a whole: what may be a family, what a move changes, what a search finds."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.util import find_spec
+from math import inf
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from envgraph.env import Tabular
+from envgraph.env.compiled import explored
+from envgraph.errors import InvalidArgument
+from envgraph.graph import model_to_json
+from envgraph.search import Domain
+from envgraph.search.curricula import (
+    ChainTransfer,
+    CurriculumSearch,
+    CurriculumSettings,
+    Learning,
+    Level,
+    Levels,
+    Moves,
+    Starts,
+    _climb,
+    value_of,
+)
+from envgraph.solve import chain_transfer, evaluate
+from envgraph.solve.learning import TrainingSettings, train_curriculum
+
+needs_numba = pytest.mark.skipif(
+    find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
+)
+SETTINGS = CurriculumSettings(population=4, effort=6_000_000, lanes=2)
+
+
+def levels_of(name: str) -> Levels:
+    domain = Domain.load(name)
+    behaviour = domain.behaviour
+    assert behaviour is not None
+    return Levels(domain.problem(domain.engine()), behaviour)
+
+
+def started(levels: Levels, size: int, demanded: float | None, seed: int = 0) -> list[tuple[Level, ...]]:
+    rng = np.random.default_rng(seed)
+    starts = Starts(levels, Moves(levels, demanded), size, demanded, rng)
+    drawn = (starts.draw(starts.easing(rng), rng) for _ in range(60))
+    return [family for family in drawn if family is not None]
+
+
+def text(levels: Levels, level: Level) -> object:
+    levels.go_to(level.version)
+    return model_to_json(levels.engine.model)
+
+
+class Fires:
+    """An objective that nobody has to learn for: how many tiles burn in all members but the target."""
+
+    drawn, most, effort = False, 100.0, 1_000
+
+    def __init__(self, levels: Levels) -> None:
+        self._levels = levels
+
+    def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
+        return np.full((1, len(seeds)), float(sum(map(self.fires, family[:-1]))))
+
+    def fires(self, level: Level) -> int:
+        self._levels.go_to(level.version)
+        return len(self._levels.engine.model.extent("BurningTile"))
+
+
+@pytest.mark.parametrize("name", ["burning_forest", "keydoor"])
+def test_families_to_begin_with_lead_to_the_target_by_valid_members(name: str) -> None:
+    domain, levels = Domain.load(name), levels_of(name)
+    families = started(levels, 4, None)
+    assert families
+    problem = domain.problem(domain.engine())
+    origin = problem.engine.commit()
+    for family in families[:8]:
+        assert family[-1] is levels.target
+        assert len({level.state for level in family}) == 4
+        for harder, easier in zip(family[1:], family[:-1], strict=True):
+            assert easier.trace[: len(harder.trace)] == harder.trace, "what is eased further was eased before"
+        for level in family:
+            problem.engine.checkout(origin, discard=True)
+            problem.engine.replay(level.trace)
+            assert problem.engine.model.state_hash() == level.state
+            assert problem.valid()
+            assert problem.measure() == level.measures
+
+
+def test_families_to_begin_with_are_as_diverse_as_demanded() -> None:
+    levels = levels_of("burning_forest")
+    most = levels.problem.maximum(6)
+    families = started(levels, 6, most - 1e-9)
+    assert families
+    assert [levels.diversity(family) for family in families] == pytest.approx([most] * len(families))
+
+
+@pytest.mark.parametrize("name", ["burning_forest", "keydoor"])
+def test_moves_make_families_of_valid_members_and_leave_versions_as_they_are(name: str) -> None:
+    domain, levels, rng = Domain.load(name), levels_of(name), np.random.default_rng(1)
+    family = started(levels, 4, None)[0]
+    before = [text(levels, level) for level in family]
+    moves, fresh = Moves(levels), domain.problem(domain.engine())
+    origin, children, several = fresh.engine.commit(), 0, 0
+    for _ in range(40):
+        child = moves.draw(family, rng)
+        if child is None:
+            continue
+        changed = [one for one, other in zip(child, family, strict=True) if one is not other]
+        children, several = children + 1, several + (len(changed) > 1)
+        assert child[-1] is levels.target
+        assert len({level.state for level in child}) == len(child)
+        for level in changed:
+            fresh.engine.checkout(origin, discard=True)
+            fresh.engine.replay(level.trace)
+            assert fresh.engine.model.state_hash() == level.state
+            assert fresh.valid()
+    assert children > 6
+    assert several > 2
+    assert [text(levels, level) for level in family] == before
+
+
+def test_a_move_keeps_the_diversity_that_is_demanded() -> None:
+    levels, rng = levels_of("burning_forest"), np.random.default_rng(2)
+    demanded = levels.problem.maximum(6) - 1e-9
+    family = started(levels, 6, demanded)[0]
+    moves = Moves(levels, demanded)
+    children = [child for _ in range(60) if (child := moves.draw(family, rng)) is not None]
+    assert children
+    assert all(levels.diversity(child) >= demanded for child in children)
+
+
+def test_an_objective_of_ones_own_is_climbed() -> None:
+    levels = levels_of("burning_forest")
+    objective = Fires(levels)
+    first = max(objective.scores(family, range(1))[0, 0] for family in started(levels, 4, None))
+    found = CurriculumSearch(levels, objective, replace(SETTINGS, effort=40_000_000), seed=3).run()
+    assert found.value == sum(map(objective.fires, found.family[:-1])) > first
+
+
+def test_a_search_ends_where_it_is_enough() -> None:
+    levels = levels_of("burning_forest")
+    seen: list[float] = []
+    settings = replace(SETTINGS, enough=10.0)
+    result = CurriculumSearch(levels, Fires(levels), settings, 3, lambda one: seen.append(one.value)).run()
+    assert result.value >= 10.0
+    assert result.spent < 1.0
+    assert max(seen) == result.value
+
+
+def test_chain_transfer_is_an_objective() -> None:
+    levels = levels_of("burning_forest")
+    objective = ChainTransfer()
+    family = started(levels, 4, None)[0]
+    expected = chain_transfer([level.tabular for level in family])
+    assert objective.scores(family, range(3)).tolist() == [pytest.approx([expected] * 3)]
+    found = CurriculumSearch(levels, objective, replace(SETTINGS, effort=3_000_000), seed=1).run()
+    assert found.value == objective.scores(found.family, range(1))[0, 0] <= 0.0
+    assert found.value > np.mean([objective.scores(one, range(1)) for one in started(levels, 4, None)[:20]])
+
+
+def test_nothing_that_is_as_diverse_as_demanded_is_an_error_that_says_why(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    levels = levels_of("keydoor")
+    monkeypatch.setattr(_climb, "BIRTHS", 20)
+    settings = CurriculumSettings(population=4, effort=10_000, demanded=1.99)
+    with pytest.raises(InvalidArgument, match=r"no family with a diversity of 1[.]990 that leads"):
+        CurriculumSearch(levels, ChainTransfer(), settings, seed=1).run()
+
+
+def test_a_value_leans_on_the_worst_criterion() -> None:
+    assert value_of(np.array([[1.0, 1.0], [0.0, 0.5]])) == 0.5 * (0.625 + 0.25)
+
+
+# --- learners
+
+
+def generator(seed: int, number: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(2, number))))
+
+
+@needs_numba
+@pytest.mark.parametrize("workers", [1, 3])
+def test_learning_is_what_the_trainer_comes_to(workers: int) -> None:
+    levels = levels_of("burning_forest")
+    family = started(levels, 4, None)[0]
+    training = TrainingSettings(limit=200)
+    scores = Learning(training, levels.target, [500, 3_000], 9, workers).scores(family, range(4, 12))
+    tables = [level.tabular for level in family]
+    for criterion, steps in enumerate((500, 3_000)):
+        for place, number in enumerate(range(4, 12)):
+            settings = replace(training, steps_per_environment=steps)
+            rng = generator(9, number)
+            q = train_curriculum(tables, settings, rng, backend="python").q
+            success = evaluate(q, tables[-1], 1, 200, rng).success_rate
+            assert (scores[criterion, place] == 1.0) == (success == 1.0)
+            assert 0.0 <= scores[criterion, place] <= 1.0
+
+
+@needs_numba
+def test_workers_and_repetition_change_nothing() -> None:
+    def found(workers: int) -> tuple[float, list[int]]:
+        levels = levels_of("burning_forest")
+        objective = Learning(TrainingSettings(limit=200), levels.target, [300], 5, workers)
+        result = CurriculumSearch(levels, objective, replace(SETTINGS, effort=12_000_000), 5).run()
+        return result.value, [level.state for level in result.family]
+
+    assert found(1) == found(2)
+
+
+@needs_numba
+def test_a_family_that_is_searched_for_teaches_more_than_those_it_began_with() -> None:
+    """Judged on seeds that the search has not seen."""
+    levels = levels_of("burning_forest")
+    training = TrainingSettings(limit=200)
+    search = Learning(training, levels.target, [2_000], 1, 2)
+    settings = CurriculumSettings(population=6, effort=300_000_000, lanes=4, demanded=inf)
+    found = CurriculumSearch(levels, search, settings, 1).run()
+    unseen = Learning(training, levels.target, [2_000], 2, 2)
+    begun = [unseen.scores(family, range(40)).mean() for family in started(levels, 6, None)]
+    assert unseen.scores(found.family, range(400)).mean() > max(0.3, *begun)
+
+
+def test_levels_know_their_tables() -> None:
+    domain, levels = Domain.load("burning_forest"), levels_of("burning_forest")
+    behaviour = domain.behaviour
+    assert behaviour is not None
+    level = started(levels, 4, None)[0][0]
+    levels.go_to(level.version)
+    expected: Tabular = explored(levels.engine, behaviour, levels.keys).tabular
+    assert np.array_equal(level.tabular.next_state, expected.next_state)
+    assert np.array_equal(level.tabular.reward, expected.reward)
+    assert level.tabular is level.tabular

@@ -1,0 +1,117 @@
+"""Family files with an objective: from the text to a run and back."""
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from envgraph.errors import InvalidArgument, LoadError
+from envgraph.lang import data_path
+from envgraph.search import (
+    Components,
+    Domain,
+    Outcome,
+    RunStore,
+    curricula,
+    family_of,
+    generate,
+    open_family,
+    read_family,
+    resume,
+    write_family,
+)
+
+FILE = str(data_path("rules", "burning_forest", "teaching.toml"))
+SHORT = ["objective.effort=8_000_000", "objective.steps=300", "objective.lanes=2"]
+needs_numba = pytest.mark.skipif(
+    find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
+)
+
+
+@needs_numba
+def test_a_run_keeps_the_members_in_the_order_that_was_searched_for(tmp_path: Path) -> None:
+    told = []
+    family = generate(FILE, tmp_path / "run.sqlite", overrides=SHORT, climbing=told.append)
+    assert told
+    assert [member.name for member in family.members] == ["E1", "E2", "E3", "E4", "E5", "E6"]
+    assert [member.initial for member in family.members] == [False] * 5 + [True]
+    outcome = Outcome.of(family)
+    assert outcome.diversity == pytest.approx(outcome.maximum)
+    assert str(outcome).startswith(f"learning {family.value:.3f}, diversity 2.585 of 2.585 bits")
+    again = open_family(str(tmp_path))
+    assert (again.members, again.value) == (family.members, family.value)
+    file = tmp_path / "family.json"
+    file.write_text(write_family(family))
+    assert [one.model for one in read_family(file).members] == [one.model for one in family.members]
+
+
+@needs_numba
+def test_a_run_that_was_interrupted_is_made_anew(tmp_path: Path) -> None:
+    whole = generate(FILE, tmp_path / "whole.sqlite", overrides=SHORT)
+
+    def interrupt(progress: curricula.CurriculumProgress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        generate(FILE, tmp_path / "run.sqlite", overrides=SHORT, climbing=interrupt)
+    with RunStore.open(tmp_path / "run.sqlite") as store, pytest.raises(InvalidArgument, match="--resume"):
+        family_of(store, whole.domain)
+    assert resume(tmp_path / "run.sqlite", workers=2).members == whole.members
+
+
+def test_an_objective_of_ones_own_is_registered(tmp_path: Path) -> None:
+    class Easy:
+        """Families whose members are close to complexity 0."""
+
+        drawn, most, effort = False, 0.0, 100
+
+        def scores(self, family: Sequence[curricula.Level], seeds: range) -> NDArray[np.float64]:
+            total = sum(level.measures["complexity"] for level in family[:-1])
+            return np.full((1, len(seeds)), -total)
+
+    mine = Components().with_("objective", "mine", lambda options, context: lambda levels, workers: Easy())
+    overrides = ['objective={ kind = "mine", effort = 3_000_000 }', "search.population=3"]
+    family = generate(FILE, tmp_path / "run.sqlite", overrides=overrides, components=mine)
+    assert family.value == pytest.approx(-sum(one.measures["complexity"] for one in family.members[:-1]))
+
+
+@pytest.mark.parametrize(
+    ("override", "code", "hint"),
+    [
+        ('objective.kind="learnin"', "unknown-component", "did you mean `learning`?"),
+        ("objective.stepz=3", "unknown-key", "did you mean `steps`?"),
+        ("objective.steps=0", "wrong-type", "write `steps = [2000]`"),
+        ('objective.steps=[1, "a"]', "wrong-type", "write `steps = [2000]`"),
+        ('objective.diversity="most"', "wrong-type", 'write `diversity = "maximum"`'),
+        ("objective.lanes=0", "wrong-type", "write `lanes = 4`"),
+        ("objective.effort=0", "wrong-type", "write `effort = 4e+09`"),
+        (
+            "search.population=1",
+            "bad-objective",
+            "write `population = 2` or more, and leave `keep_initial` out",
+        ),
+        ("search.keep_initial=false", "bad-objective", "write `population = 2` or more"),
+    ],
+)
+def test_mistakes_are_told_with_a_hint(override: str, code: str, hint: str) -> None:
+    with pytest.raises(LoadError) as failure:
+        Domain.load(FILE, overrides=[override])
+    (problem,) = failure.value.diagnostics
+    assert problem.code == code
+    assert problem.hint is not None and hint in problem.hint
+
+
+def test_an_objective_needs_an_environment(tmp_path: Path) -> None:
+    folder = tmp_path / "domain"
+    copytree(data_path("rules", "burning_forest"), folder)
+    file = folder / "teaching.toml"
+    named, other = 'environment = "burning_forest.environment"', 'imports = ["burning_forest.rules"]'
+    file.write_text(file.read_text().replace(named, other))
+    with pytest.raises(LoadError) as failure:
+        Domain.load(str(file))
+    assert "needs an environment" in failure.value.diagnostics[0].message
+    assert failure.value.diagnostics[0].span is not None
