@@ -5,7 +5,7 @@ Rules and patterns are less wild than those of `rewriting_worlds`: mostly of con
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from envgraph.behaviour import (
@@ -127,32 +127,41 @@ def _tame(dice: Dice, metamodel: Metamodel) -> Metamodel:
 
 
 def _simple(dice: Dice, rule: Rule) -> Rule:
-    """The rule, often without blocks that change something, and without what it creates and merges."""
-    if dice.chance(30):
-        return rule
-    right = rule.right
+    """The rule, often without blocks that change something, and without what it creates or merges."""
+    right = _modest(dice, rule.right, rule)
+    blocks = rule.blocks
     if dice.chance(50):
-        return replace(rule, blocks=tuple(_conditions(rule.blocks)))
+        blocks = tuple(one for one in blocks if one.kind in ("not", "require"))
+    return replace(rule, blocks=tuple(_block(dice, one, rule) for one in blocks), right=right)
+
+
+def _block(dice: Dice, block: Block, rule: Rule) -> Block:
+    return block if block.right is None else replace(block, right=_modest(dice, block.right, rule))
+
+
+def _modest(
+    dice: Dice, right: RightSide | Modification | None, rule: Rule
+) -> RightSide | Modification | None:
+    """The right side without merges, mostly, and half of the time without what is created."""
+    making = dice.chance(50)
+    if dice.chance(10):
+        return right
     if isinstance(right, Modification):
-        right = Modification(tuple(one for one in right.actions if not _makes(one)))
-    elif isinstance(right, RightSide):
+        return Modification(tuple(one for one in right.actions if not _makes(one, making)))
+    if isinstance(right, RightSide) and not making and right is rule.right:
         old = {node.name for node in rule.left.nodes} | {
             end for edge in rule.left.edges for end in (edge.source, edge.target)
         }
-        right = replace(
+        return replace(
             right,
             nodes=tuple(node for node in right.nodes if node.name in old),
-            actions=tuple(one for one in right.actions if not _makes(one)),
+            actions=tuple(one for one in right.actions if not _makes(one, making)),
         )
-    return replace(rule, blocks=tuple(_conditions(rule.blocks)), right=right)
+    return right
 
 
-def _makes(action: object) -> bool:
-    return isinstance(action, Merge) or (isinstance(action, Create) and bool(action.nodes))
-
-
-def _conditions(blocks: Iterable[Block]) -> list[Block]:
-    return [one for one in blocks if one.kind in ("not", "require")]
+def _makes(action: object, making: bool) -> bool:
+    return isinstance(action, Merge) or (not making and isinstance(action, Create) and bool(action.nodes))
 
 
 class _Builder:

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envgraph.env._simulator import Simulator
+from envgraph.env.compiled._growth import carried, grown
 from envgraph.env.compiled._kernels import BEYOND, CAPACITY, FULL, OVERFLOW
 from envgraph.env.compiled._program import Program, streams
+from envgraph.env.compiled._tables import Made
 from envgraph.env.compiled._twin import Twin
 from envgraph.errors import EvaluationError
 
@@ -23,7 +25,7 @@ NO_ACTIONS: Final = np.zeros(0, dtype=np.int64)
 SHOWN: Final = {
     OVERFLOW: f"a question has more than {CAPACITY} matches",
     BEYOND: "an int has more than 32 bits",
-    FULL: "there are more objects that rules have created than there is space for",
+    FULL: "rules create more objects in one step than there is space for",
 }
 """What only a program has bounds for."""
 
@@ -138,6 +140,9 @@ class Batch:
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1) if len(self._parts) > 1 else None
         self._twins: dict[int, Twin] = {}
+        self._made = [
+            int(arrays.offsets[n]) for column, n in program.layout.stored() if isinstance(column, Made)
+        ]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Batch:
         """Other environments in the same states; what refers to arrays of these refers to arrays of those."""
@@ -194,6 +199,17 @@ class Batch:
         failed = self._advance(begins, starts, actions, uniforms, limit)
         if failed >= 0:
             self._raise(failed, int(actions[failed]))
+        if self._made and 2 * self.states[:, self._made[0]].max(initial=0) > self.program.spare:
+            self._grow()
+
+    def _grow(self) -> None:
+        """Make more space for new objects."""
+        other = Batch(grown(self.program), self.members, self._threads)
+        rows = carried(self.program, other.program, self.members, self.states, self.float_states)
+        for mine, other_rows in zip((*rows, *self._rows[2:]), other._rows, strict=True):
+            other_rows[...] = mine
+        self.close()
+        vars(self).update(vars(other))
 
     def _advance(
         self,

@@ -8,11 +8,14 @@ from typing import Literal
 from envgraph import code
 from envgraph.code import dataclass
 from envgraph.env.compiled._blocks import Frame, Slots
+from envgraph.env.compiled._layout import failed
 from envgraph.env.compiled._member import absent
+from envgraph.env.compiled._refused import NotCompiled
+from envgraph.env.compiled._site import REFUSED, Site
 from envgraph.env.compiled._terms import Term, as_float
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import Constant, EnumLiteral, StaticType
-from envgraph.rewrite.plans import Increase, SetTargets, SetValue
+from envgraph.rewrite.plans import BlockPlan, Increase, SetTargets, SetValue
 
 NONE = code.Constant(-1)
 
@@ -264,3 +267,43 @@ def fitted(value: code.Expression, type_: StaticType | None, attribute: Attribut
     if attribute.type is Scalar.FLOAT and type_ is not Scalar.FLOAT:
         return as_float(Term(value, Scalar.INT))
     return value
+
+
+def check_agreement(site: Site) -> None:
+    """The rule is refused where two matches contradict each other."""
+    frames, pairs = site.blocks.frames, Pairs(site.facts.metamodel, site.rule)
+    _check_order(site)
+    for number, one in enumerate(frames):
+        for other in frames[number:]:
+            _check_pair(site, pairs, one, other)
+
+
+def _check_pair(site: Site, pairs: Pairs, one: Frame, other: Frame) -> None:
+    sides = []
+    for frame in (one, other):
+        row = site.facts.module.fresh("r")
+        loads, slots = ([], frame.slots) if frame.outer is None else site.blocks.loaded(frame, row)
+        sides.append((frame, row, loads, slots))
+    tests = dict.fromkeys(pairs.tests(one, sides[0][3], other, sides[1][3]))
+    body: list[code.Statement] = [code.If(test, (failed(REFUSED), site.leave)) for test in tests]
+    for frame, row, loads, _ in reversed(sides):
+        if body and frame.outer is not None:
+            body = [site.blocks.each(frame, row, loads, body)]
+    site.add(*body)
+
+
+def _check_order(site: Site) -> None:
+    """Changes of which the order shows are made by one block."""
+    changing: dict[Attribute | Reference, BlockPlan] = {}
+    for frame in site.blocks.frames:
+        for change in frame.plan.sets:
+            feature: Attribute | Reference | None = None
+            if isinstance(change, Increase) and change.attribute.type is Scalar.FLOAT:
+                feature = change.attribute
+            elif isinstance(change, SetTargets):
+                opposite = site.facts.metamodel.opposite(change.reference)
+                feature = (
+                    change.reference if opposite is not None and opposite.upper not in (None, 1) else None
+                )
+            if feature is not None and changing.setdefault(feature, frame.plan) is not frame.plan:
+                raise NotCompiled(f"`{feature}` in several blocks of a rule", frame.plan.span)

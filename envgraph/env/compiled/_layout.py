@@ -137,6 +137,11 @@ class Layout:
         kinds = AttributeColumn | TargetColumn | SourceColumn | ClassSet
         return [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, kinds)]
 
+    def stored(self) -> list[tuple[Column | Made, int]]:
+        """All that states have, as `columns`."""
+        made = [(symbol, number) for symbol, number in self._numbers.items() if isinstance(symbol, Made)]
+        return [*self.columns(), *made]
+
     def relations(self) -> list[Relation]:
         """What is asked of members once."""
         kinds = Bits | Values | Starts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Protocol, TypeAlias
 
 from envgraph import code
@@ -63,6 +64,7 @@ class Member:
 
     Attributes:
         objects: the ids of those that are there, by number.
+        strings: see above.
         spare: the numbers of those that rules may create: they are in none of the extents.
     """
 
@@ -86,9 +88,15 @@ class Member:
         self.created = created
         self.spare = range(len(self.objects), len(self.objects) + (spare if created else 0))
         self._extents = {cls: [self.number[node] for node in nodes] for cls, nodes in extents.items()}
-        self._strings = strings
+        self.strings = strings
         self._library = library
         self._rows: dict[Relation, list[Row]] = {}
+
+    def with_spare(self, spare: int) -> Member:
+        """The same with space for so many new objects."""
+        other = copy(self)
+        other.spare = range(len(self.objects), len(self.objects) + spare)
+        return other
 
     @property
     def size(self) -> int:
@@ -116,7 +124,7 @@ class Member:
             case EnumType():
                 return ranks(type_)[str(value)]
             case Scalar.STRING:
-                return self._strings[str(value)]
+                return self.strings[str(value)]
             case Scalar.FLOAT:
                 return float(value)
             case Scalar.INT:
@@ -134,7 +142,7 @@ class Member:
             case EnumType():
                 return sorted(type_.literals)[int(value)]
             case Scalar.STRING:
-                return next(text for text, number in self._strings.items() if number == value)
+                return next(text for text, number in self.strings.items() if number == value)
             case Scalar.FLOAT:
                 return float(value)
             case Scalar.BOOL:
@@ -178,7 +186,7 @@ class Member:
             self.engine.add(self._library.get(pattern))
         rows = self.engine.matcher.prepare(pattern, ())()
         if any(
-            type_ is Scalar.STRING and any(row[place] not in self._strings for row in rows)
+            type_ is Scalar.STRING and any(row[place] not in self.strings for row in rows)
             for place, type_ in enumerate(types)
         ):
             raise NotCompiled(f"strings that a query makes (`{pattern}`)", self._library.get(pattern).span)

@@ -169,14 +169,34 @@ def test_states_that_differ_by_ids_alone_are_no_table(tmp_path: Path) -> None:
         enumerated(program_of(engine, behaviour, native=False))
 
 
-def test_more_new_objects_than_there_is_space_for_are_an_error(tmp_path: Path) -> None:
-    engine, behaviour = written(tmp_path, Corner(BORN, "action born = born()\nobserve adam.kind"))
+MANY = """
+rule many { lhs { y : Yard; } forall { lhs { s : Spot; m : Man; }
+    modify { create y -boxes-> b : Box { size = s.x }; } } modify { } }
+"""
+
+
+def test_more_new_objects_in_a_step_than_there_is_space_for_are_an_error(tmp_path: Path) -> None:
+    engine, behaviour = written(tmp_path, Corner(MANY, "action many = many()\nobserve adam.kind"))
     batch = Batch(program_of(engine, behaviour, native=False, spare=5), [0])
     batch.reset(np.ones(1, dtype=np.bool_))
-    for _ in range(5):
+    with pytest.raises(EvaluationError, match="more objects in one step than there is space for"):
         batch.step(np.zeros(1, dtype=np.int64), again=False)
-    with pytest.raises(EvaluationError, match="more objects that rules have created than there is space for"):
-        batch.step(np.zeros(1, dtype=np.int64), again=False)
+
+
+def test_the_space_grows_with_what_rules_create(tmp_path: Path) -> None:
+    rules = MADE + DROP + BORN + "rule grow { lhs { b : Box; } modify { set b.size += 1; } }\n"
+    body = "action born = born() reward 1\naction grow = grow()\naction make(m : Man) = make(m, _)\n"
+    body += "action drop = drop()\non find size(_, n) reward n * 0.5\nlimit 120 steps\n" + LOOK
+    engine, behaviour = written(tmp_path, Corner(rules, body, SIZES))
+    program = step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False, spare=2)
+    batch = Batch(program, [0, 2, 0])
+    batch.seed([np.random.default_rng(number) for number in range(3)])
+    batch.reset(np.ones(3, dtype=np.bool_))
+    for _ in range(40):
+        batch.step(np.zeros(3, dtype=np.int64), again=False)
+    assert program.spare == 2
+    assert batch.program.spare == 128
+    assert batch.steps.tolist() == [40, 40, 40]
 
 
 def test_what_goes_leaves_its_space_to_what_comes(tmp_path: Path) -> None:

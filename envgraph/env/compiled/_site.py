@@ -1,0 +1,78 @@
+"""The match that statements are about: what its slots are, and what is written so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from envgraph import code
+from envgraph.env.compiled._blocks import Blocks, Frame, Slots
+from envgraph.env.compiled._layout import BEYOND, failed
+from envgraph.env.compiled._matching import Matching
+from envgraph.pattern import StaticType
+from envgraph.rewrite.plans import BlockPlan, RulePlan
+
+REFUSED = code.Name("REFUSED")
+MISSING = code.Constant(-1)
+
+
+class Site:
+    """The statements of a rule, and the match that they are about: of the rule first.
+
+    Args:
+        matching: finds matches of blocks, and reads the model.
+        plan: of the rule.
+        slots: variables for the slots of the match.
+        leave: what the function returns where the rule is refused.
+
+    Attributes:
+        rule: the frame of the rule.
+        frame, slots: the rule or block at hand, and variables for the slots of its match.
+        row: the place of that match among those of a block.
+    """
+
+    def __init__(
+        self, matching: Matching, plan: RulePlan, slots: Sequence[code.Expression], leave: code.Return
+    ) -> None:
+        self.facts = matching.facts
+        self.plan = plan
+        self.leave = leave
+        self.statements: list[code.Statement] = []
+        self.blocks = Blocks(matching, plan, dict(enumerate(slots)), leave)
+        self.rule = self.blocks.frames[0]
+        self.enter(self.rule, self.rule.slots, None)
+
+    def enter(self, frame: Frame, slots: Slots, row: code.Local | None) -> None:
+        """From now on statements are about a match of a frame."""
+        self.frame, self.slots, self.row = frame, slots, row
+
+    @property
+    def body(self) -> BlockPlan:
+        """The plan of the rule or block at hand."""
+        return self.frame.plan
+
+    @property
+    def types(self) -> dict[int, StaticType | None]:
+        """Types of the values in slots."""
+        return self.frame.types
+
+    def collected(self, write: Callable[[], None]) -> list[code.Statement]:
+        """The statements that something writes."""
+        before, self.statements = self.statements, []
+        write()
+        made, self.statements = self.statements, before
+        return made
+
+    def add(self, *statements: code.Statement) -> None:
+        self.statements += statements
+
+    def unless(self, test: code.Expression) -> None:
+        """The rule is refused unless something holds."""
+        self.add(code.If(code.inverse(test), (failed(REFUSED), self.leave)))
+
+    def sure(self, slot: int, cls: str) -> bool:
+        own = self.frame.classes.get(slot)
+        return own is not None and self.facts.metamodel.is_a(own, cls)
+
+    def unless_beyond(self, test: code.Expression) -> None:
+        """The rule is refused if an int is too large for the state."""
+        self.add(code.If(test, (failed(BEYOND), self.leave)))
