@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from envgraph.errors import InvalidArgument, LoadError
+from envgraph.errors import InvalidArgument, LoadError, Severity
 from envgraph.lang import data_path
 from envgraph.search import (
     Components,
@@ -100,7 +100,7 @@ def test_an_objective_of_ones_own_is_registered(tmp_path: Path) -> None:
 def test_mistakes_are_told_with_a_hint(override: str, code: str, hint: str) -> None:
     with pytest.raises(LoadError) as failure:
         Domain.load(FILE, overrides=[override])
-    (problem,) = failure.value.diagnostics
+    (problem,) = (one for one in failure.value.diagnostics if one.severity is Severity.ERROR)
     assert problem.code == code
     assert problem.hint is not None and hint in problem.hint
 
