@@ -203,10 +203,15 @@ class Matching:
             with self.module.trial():
                 given = [self.facts.local(type_) for type_ in self._given(key)]
                 self._bodies(key, given, sure, bodies.append, words=True)
-            shape, (first, *others) = Shape.ROWS, bodies
-            if not others and not first.looped:
-                shape = Shape.ONE
-            elif not others and first.word is not None and first.in_order(key) and self._view(key).distinct:
+            shape, first = Shape.ROWS, bodies[0] if bodies else None
+            if first is None or (len(bodies) == 1 and not first.looped):
+                shape = Shape.ONE  # or none: what a body asks for may be impossible
+            elif (
+                len(bodies) == 1
+                and first.word is not None
+                and first.in_order(key)
+                and self._view(key).distinct
+            ):
                 shape = Shape.WORDS
             self._shapes[question] = shape
         return self._shapes[question]

@@ -41,6 +41,14 @@ CORNERS = {
         """,
         "action light = light() reward 1 else reward 2\naction tick = tick() reward 3\n",
     ),
+    "what a block asks for cannot be": corner(
+        """
+        rule never { lhs { y : Yard; }
+            forall { lhs { s : Spot; k == Kind::ant; k == Kind::mole; Spot.kind(s, k); } modify { set s.n += 1; } }
+            modify { } }
+        """,
+        "action never = never() reward 1\n",
+    ),
     "at least one, and the first": corner(
         """
         rule some { lhs { m : Man; }
