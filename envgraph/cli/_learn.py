@@ -109,6 +109,10 @@ def train_agents(
     except KeyboardInterrupt:
         sys.stderr.write(f"{len(journal)} agents are kept: `{again}` goes on\n")
         raise
+    except Exception:
+        if not len(journal):
+            journal.path.unlink()  # there is nothing to go on with
+        raise
     journal.path.unlink()
     _print_summary(family, trained, base, format)
 

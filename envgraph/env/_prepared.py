@@ -7,6 +7,7 @@ from typing import Protocol
 
 from envgraph.behaviour import RuleCall
 from envgraph.code import dataclass
+from envgraph.errors import Span
 from envgraph.graph import Model
 from envgraph.match import Row
 from envgraph.metamodel import Value
@@ -130,8 +131,9 @@ class PreparedEach:
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """One component of an observation: how many values it has, its present one, and whether it is `in` a range."""
+    """One component of an observation: its size, its present value, its clause, and whether it is `in` a range."""
 
     size: int
     read: Callable[[], int]
+    clause: Span | None
     number: bool = False

@@ -298,7 +298,8 @@ class Program:
         path, read = observation.path, self._read
         for value in self._owners(observation.each) if observation.each else [self._owner(path, types)]:
             number = isinstance(observation, ObserveRange)
-            yield Component(size, observer(path, value, self.model, read, index, padding, self.bound), number)
+            seen = observer(path, value, self.model, read, index, padding, self.bound)
+            yield Component(size, seen, observation.span, number)
 
     def _owner(self, path: Expression, types: Types) -> tuple[str, Callable[[], Value | None]]:
         """The name that a path begins with, and its object, None when that is gone."""
@@ -339,9 +340,9 @@ class Program:
     def _found(self, observation: ObserveFind, types: Types) -> Component:
         if observation.up_to is None:
             matches, _ = self._matches(self._ask(observation.call, types))
-            return Component(2, lambda: 1 if matches() else 0)
+            return Component(2, lambda: 1 if matches() else 0, observation.span)
         count, limit = self._counting(observation.call, types), observation.up_to
-        return Component(limit + 1, lambda: min(count(), limit))
+        return Component(limit + 1, lambda: min(count(), limit), observation.span)
 
     def _counting(self, call: PatternCall, types: Types) -> Callable[[], int]:
         counted, _ = self._matches(self._added(lambda name: count_question(name, call, types)))

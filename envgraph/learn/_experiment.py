@@ -26,6 +26,7 @@ from envgraph.solve.learning import (
     TrainingSettings,
     choose_backend,
     initial_values,
+    occurring,
     prepare,
     train,
 )
@@ -182,6 +183,9 @@ def train_run(
 ) -> tuple[RunResult, Training | ProgramTraining]:
     """One run of an experiment, with the agent that it trained; the result is the one in the experiment.
 
+    Where there are more observations than a table of values has rows for, its rows are those that occur in the family,
+    in their order.
+
     Raises:
         InvalidArgument: as for `run_experiment`.
     """
@@ -270,6 +274,7 @@ def _prepare(family: Sequence[FamilyMember], curricula: Iterable[Curriculum]) ->
     stages = [_places(curriculum, positions) for curriculum in curricula]
     drawn = {place: None for one in stages for place in one if len(place) > 1}
     if not placed:
+        tables = [*occurring(tables)]
         ready: dict[Place, Table] = {(place,): one for place, one in enumerate(prepare(tables))}
         mixed = [mixture([tables[one] for one in place]) for place in drawn]
         ready |= zip(drawn, prepare(mixed) if mixed else (), strict=True)

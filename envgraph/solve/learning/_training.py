@@ -8,6 +8,7 @@ each environment begins a new episode; an episode that reaches the time limit is
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import Literal, get_args
 
@@ -113,23 +114,54 @@ def train_curriculum(
     return train(tables, settings, rng, lengths, values, choose_backend(backend, sum(lengths)))
 
 
+def occurring(tabulars: Sequence[Tabular]) -> Sequence[Tabular]:
+    """Environments with no more observations than a table of values has rows for.
+
+    Where there are more, those that occur in one of the environments are numbered anew, in their order; what is learned
+    is the same.
+
+    Raises:
+        InvalidArgument: the environments disagree in observations or actions.
+    """
+    _agree(tabulars)
+    first = tabulars[0]
+    if first.n_observations * first.n_actions <= MOST_Q_VALUES:
+        return tabulars
+    for one in tabulars:
+        one.check()
+    seen, rows = np.unique(np.concatenate([one.observation for one in tabulars]), return_inverse=True)
+    ends = np.cumsum([one.n_states for one in tabulars])[:-1]
+    size = len(seen)
+    return [
+        replace(one, observation=found.astype(np.int64), n_observations=size, observation_shape=(size,))
+        for one, found in zip(tabulars, np.split(rows, ends), strict=True)
+    ]
+
+
 def prepare(tabulars: Sequence[Tabular]) -> tuple[Table, ...]:
     """The tables that `train` works on, checked; they can be used for any number of runs."""
-    if not tabulars:
-        raise InvalidArgument("a curriculum needs an environment")
+    _agree(tabulars)
     first = tabulars[0]
     if first.n_observations * first.n_actions > MOST_Q_VALUES:
         raise InvalidArgument(
-            f"a table of values for {first.n_observations} observations and {first.n_actions} actions is too large, "
-            f"at most {MOST_Q_VALUES} are possible: observe less, or in smaller ranges"
+            f"a table of values for {first.n_observations:,} observations and {first.n_actions} actions is too large, "
+            f"at most {MOST_Q_VALUES:,} are possible",
+            "observe less, or in smaller ranges; `run_experiment` keeps values of what occurs alone",
         )
     for tabular in tabulars:
         tabular.check()
+    return tuple(flatten(tabular) for tabular in tabulars)
+
+
+def _agree(tabulars: Sequence[Tabular]) -> None:
+    if not tabulars:
+        raise InvalidArgument("a curriculum needs an environment")
+    first = tabulars[0]
+    for tabular in tabulars:
         if (tabular.n_observations, tabular.action_names) != (first.n_observations, first.action_names):
             raise InvalidArgument(
                 "the environments of a curriculum must have the same observations and actions"
             )
-    return tuple(flatten(tabular) for tabular in tabulars)
 
 
 def train(

@@ -11,6 +11,7 @@ import pytest
 
 from envgraph.cli import main
 from envgraph.env import Explored, TooManyStates
+from envgraph.errors import InvalidArgument
 from envgraph.learn import Journal, RunResult
 from envgraph.search import Family, Member, generate
 
@@ -113,6 +114,19 @@ def test_an_interrupted_training_is_not_lost_by_beginning_another(
     file.unlink()
     code, _, messages = command("train", "forest", "--resume")  # type: ignore[operator]
     assert code == 1 and "nothing to go on with" in messages
+
+
+def test_an_error_before_the_first_agent_leaves_nothing_to_go_on_with(
+    run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise InvalidArgument("the tables do not fit")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("envgraph.cli._learn.run_experiment", fail)
+        assert command(*TRAIN)[0] == 1
+    assert not (run / "training" / "unfinished.jsonl").exists()
+    assert command(*TRAIN)[0] == 0
 
 
 def test_results_are_replaced_only_by_force(

@@ -286,6 +286,14 @@ def test_components_of_objects_that_this_member_lacks_are_padded() -> None:
     assert list(np.unravel_index(index, coins.observation_shape, order="F")) == [0, 0, 0, 1, 4, 4, 4, 4]
 
 
+def test_too_many_observations_are_an_error_at_the_clause_that_makes_most_of_them() -> None:
+    clause = "observe coin.value in 0..1000000 for coin : Coin"
+    with pytest.raises(EvaluationError, match=r"2\d(,\d{3}){6} observations, at most 9,223,372,") as caught:
+        simulator(f"action wait = nothing()\nobserve hand.moves in 0..20\n{clause}")
+    assert caught.value.span is not None and caught.value.span.text == clause
+    assert caught.value.hint is not None and "has 1000001 * 1000001 * 1000001 values" in caught.value.hint
+
+
 def test_observing_nowhere_is_an_error_that_names_the_remedy() -> None:
     coins = simulator("action wait = nothing()\nobserve hand.holds among Coin")
     with pytest.raises(EvaluationError, match="or none") as caught:

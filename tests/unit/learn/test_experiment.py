@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from joblib import parallel_config
 
+from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     Curriculum,
     Experiment,
     FamilyMember,
     RunResult,
+    Training,
     TrainingSettings,
     available_backends,
     evaluate,
@@ -49,6 +51,31 @@ def test_runs_are_the_papers_curricula_and_baselines_for_each_seed() -> None:
 def test_results_do_not_depend_on_workers_or_loop(backend: Backend) -> None:
     """The loop on lists runs in processes, the compiled one in threads."""
     assert small(backend, workers=2) == small()
+
+
+def test_of_too_many_observations_those_that_occur_have_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results are those of a table of values with a row for each."""
+    monkeypatch.setattr("envgraph.solve.learning._training.MOST_Q_VALUES", 10_000)
+    assert max(member.tabular.observation.max() for member in FAMILY) == 6  # type: ignore[union-attr]
+    wide = [replace(member, tabular=scattered(member.tabular)) for member in FAMILY]  # type: ignore[arg-type]
+    drawn = Curriculum("control", "drawn", (tuple(NAMES), "E3"), (2, 1))
+    for curriculum in (*sequences(NAMES), drawn):
+        assert run_experiment(wide, SETTINGS, [curriculum]) == run_experiment(FAMILY, SETTINGS, [curriculum])
+    one = sequences(NAMES, "full")[0]
+    found, training = train_run(wide, one, SETTINGS, 1)
+    expected, whole = train_run(FAMILY, one, SETTINGS, 1)
+    assert isinstance(training, Training) and isinstance(whole, Training)
+    assert found == expected and np.array_equal(training.q, whole.q)
+    other = replace(wide[0], tabular=replace(wide[0].tabular, n_observations=8, observation_shape=(8,)))  # type: ignore[type-var]
+    with pytest.raises(InvalidArgument, match="the same observations"):
+        run_experiment([other, *wide[1:]], SETTINGS)
+
+
+def scattered(table: Tabular) -> Tabular:
+    """The same environment, with its observations among a hundred thousand."""
+    return replace(
+        table, observation=table.observation * 16_000 + 3, n_observations=10**5, observation_shape=(10, 10**4)
+    )
 
 
 def test_a_run_does_not_depend_on_what_else_is_run() -> None:

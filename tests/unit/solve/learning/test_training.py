@@ -178,7 +178,7 @@ def test_states_that_look_alike_share_their_values(backend: Backend) -> None:
         ({"tabulars": [replace(table([[[(1.0, 0, 0.0, 0)]]]), action_names=())]}, "action_names"),
         (
             {"tabulars": [replace(table([[[(1.0, 0, 0.0, 0)]]]), n_observations=10**12)]},
-            "1000000000000 observations and 1 actions is too large",
+            "1,000,000,000,000 observations and 1 actions is too large",
         ),
     ],
 )
