@@ -21,7 +21,8 @@ from envgraph.draw._layout import LINE, Frame, arrange, head_lines, text_width
 from envgraph.errors import InvalidArgument
 
 _BORDER = 20.0
-_HALO = 'paint-order="stroke" stroke="#ffffff" stroke-width="3" stroke-linejoin="round"'
+_HALO = 'fill="#ffffff" stroke="#ffffff" stroke-width="3" stroke-linejoin="round" aria-hidden="true"'
+"""Of a text below another one, which is to be read over lines."""
 
 Point = tuple[float, float]
 
@@ -135,7 +136,9 @@ def _edge(edge: PictureEdge, bend: float, frames: dict[str, Frame]) -> Iterator[
     yield from _end(edge.head, end, controls[1], colour)
     if edge.label:
         anchor = "start" if edge.source == edge.target else "middle"
-        yield _text(*middle, edge.label, f'font-size="9.5" text-anchor="{anchor}" {_HALO}')
+        style = f'font-size="9.5" text-anchor="{anchor}"'
+        yield _text(*middle, edge.label, f"{style} {_HALO}")
+        yield _text(*middle, edge.label, style)
 
 
 _Line = tuple[str, Point, Point, tuple[Point, Point], Point]

@@ -16,7 +16,7 @@ _SPACING = 2.4
 _EDGE_LABELS = 3.4
 """At least so far apart are nodes with labels between them."""
 
-LABEL_SHARE = 0.76
+_LABEL_SHARE = 0.76
 """Where on an edge its label stands: nearer to the end, so that those of an edge and of its way back are apart."""
 
 _LONGEST = 24
@@ -24,6 +24,10 @@ _LONGEST = 24
 
 _LABEL_GAP = NODE_RADIUS + 0.32
 _EDGE_SHIFT = 0.13
+_BEND = 0.3
+"""How far the middles of edges between the same two nodes are apart."""
+_PIECES = 16
+"""Straight lines of a curve."""
 
 Point = tuple[float, float]
 
@@ -35,7 +39,7 @@ class GraphLayout:
     Attributes:
         nodes, labels: the centre of every node and of its label.
         names: the labels, cut where they are long.
-        edges: those between two nodes, with start and end.
+        edges: with the points that they go through, from start to end: two, or more where an edge is a curve.
     """
 
     width: float
@@ -43,7 +47,7 @@ class GraphLayout:
     nodes: tuple[Point, ...]
     labels: tuple[Point, ...]
     names: tuple[str, ...]
-    edges: tuple[tuple[Edge, tuple[Point, Point]], ...]
+    edges: tuple[tuple[Edge, tuple[Point, ...]], ...]
 
 
 def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
@@ -70,12 +74,37 @@ def graph_layout(scene: GraphScene, letter_width: float) -> GraphLayout:
         )
         for (x, y), angle, label in zip(nodes, angles, names, strict=True)
     )
-    edges = tuple(
-        (edge, _edge(nodes[edge.source], nodes[edge.target]))
-        for edge in scene.edges
-        if edge.source != edge.target
-    )
-    return GraphLayout(width, height, nodes, labels, names, edges)
+    seen: Counter[tuple[int, int]] = Counter()
+    edges: list[tuple[Edge, tuple[Point, ...]]] = []
+    for edge in scene.edges:
+        ends = edge.source, edge.target
+        if edge.source == edge.target:
+            edges.append((edge, _loop(nodes[edge.source], angles[edge.source] + pi / 2, seen[ends])))
+        else:
+            edges.append((edge, _curve(*_edge(nodes[edge.source], nodes[edge.target]), seen[ends])))
+        seen[ends] += 1
+    return GraphLayout(width, height, nodes, labels, names, tuple(edges))
+
+
+def _loop(node: Point, angle: float, number: int) -> tuple[Point, ...]:
+    """From a node to itself, beside it in a direction; further loops go around the first."""
+    radius = 0.26 + 0.12 * number
+    middle = NODE_RADIUS + 0.06 + radius * 0.7
+    x, y = node[0] + middle * cos(angle), node[1] + middle * sin(angle)
+    turns = [angle - 0.75 * pi + 1.5 * pi * step / _PIECES for step in range(_PIECES + 1)]
+    return tuple((x + radius * cos(turn), y + radius * sin(turn)) for turn in turns)
+
+
+def _curve(start: Point, end: Point, number: int) -> tuple[Point, ...]:
+    """From start to end; further edges between the same nodes bend aside, the more the later they come."""
+    if not number:
+        return start, end
+    (ax, ay), (bx, by) = start, end
+    length = max(hypot(bx - ax, by - ay), 1e-9)
+    side_x, side_y = -(by - ay) / length * _BEND * number, (bx - ax) / length * _BEND * number
+    shares = [step / _PIECES for step in range(_PIECES + 1)]
+    places = [(between(start, end, share), 4 * share * (1 - share)) for share in shares]
+    return tuple((x + side_x * bent, y + side_y * bent) for (x, y), bent in places)
 
 
 def _edge(start: Point, end: Point) -> tuple[Point, Point]:
@@ -89,6 +118,15 @@ def _edge(start: Point, end: Point) -> tuple[Point, Point]:
         (ax + ux * gap + shift_x, ay + uy * gap + shift_y),
         (bx - ux * gap + shift_x, by - uy * gap + shift_y),
     )
+
+
+def label_place(points: Sequence[Point]) -> Point:
+    """Where on an edge its label stands; that of a loop is half way, where it is farthest from its node."""
+    start, end = points[0], points[-1]
+    if len(points) == 2:
+        return between(start, end, _LABEL_SHARE)
+    loop = hypot(end[0] - start[0], end[1] - start[1]) < NODE_RADIUS * 2
+    return points[round((0.5 if loop else _LABEL_SHARE) * _PIECES)]
 
 
 def between(start: Point, end: Point, share: float) -> Point:

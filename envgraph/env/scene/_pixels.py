@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import hypot
 
@@ -12,13 +13,13 @@ from envgraph.draw import INK, PAPER, Colour, blend, ink_on, parse_colour
 from envgraph.env.scene._canvas import Canvas
 from envgraph.env.scene._font import ADVANCE, HEIGHT
 from envgraph.env.scene._layout import (
-    LABEL_SHARE,
     NODE_RADIUS,
     Point,
     arrow_head,
     between,
     disc_places,
     graph_layout,
+    label_place,
 )
 from envgraph.env.scene._scene import EMPTY, GraphScene, GridScene, Mark, Scene
 from envgraph.errors import InvalidArgument
@@ -103,11 +104,11 @@ def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
     small = max(1, _scale(cell) // 2)
     layout = graph_layout(scene, ADVANCE * small / cell)
     canvas = _canvas(layout.width * cell, layout.height * cell)
-    for edge, (start, end) in layout.edges:
-        _arrow(canvas, start, end, cell, parse_colour(edge.colour), bool(edge.kind))
-    for edge, (start, end) in layout.edges:
+    for edge, line in layout.edges:
+        _arrow(canvas, line, cell, parse_colour(edge.colour), bool(edge.kind))
+    for edge, line in layout.edges:
         if edge.label:
-            x, y = between(start, end, LABEL_SHARE)
+            x, y = label_place(line)
             canvas.label(x * cell, y * cell, edge.label, small, INK)
     below = {mark.place[0] for mark in scene.marks}
     for number, ((x, y), glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
@@ -124,13 +125,15 @@ def _graph(scene: GraphScene, cell: int) -> NDArray[np.uint8]:
     return canvas.array()
 
 
-def _arrow(canvas: Canvas, start: Point, end: Point, cell: int, colour: Colour, broken: bool) -> None:
+def _arrow(canvas: Canvas, line: Sequence[Point], cell: int, colour: Colour, broken: bool) -> None:
     width = max(1.0, cell / 20)
-    length = hypot(end[0] - start[0], end[1] - start[1])
-    pieces = max(1, round(length / _DASH)) if broken else 1
-    points = [between(start, end, number / pieces) for number in range(pieces + 1)]
-    for one, other in list(pairwise(points))[::2]:
+    start, end = line[0], line[-1]
+    points = list(line)
+    if broken and len(line) == 2:
+        pieces = max(1, round(hypot(end[0] - start[0], end[1] - start[1]) / _DASH))
+        points = [between(start, end, number / pieces) for number in range(pieces + 1)]
+    for one, other in list(pairwise(points))[:: 2 if broken else 1]:
         canvas.line((one[0] * cell, one[1] * cell), (other[0] * cell, other[1] * cell), width, colour)
     tip = end[0] * cell, end[1] * cell
-    for x, y in arrow_head(start, end, 0.22):
+    for x, y in arrow_head(line[-2], end, 0.22):
         canvas.line(tip, (x * cell, y * cell), width, colour)

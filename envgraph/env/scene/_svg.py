@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from envgraph.draw import INK, Colour, blend, colour_text, ink_on, markup, parse_colour
 from envgraph.env.scene._layout import (
-    LABEL_SHARE,
     NODE_RADIUS,
     Point,
     arrow_head,
-    between,
     disc_places,
     graph_layout,
+    label_place,
 )
 from envgraph.env.scene._scene import EMPTY, Edge, GraphScene, GridScene, Mark, Scene
 from envgraph.env.scene._text import scene_title
 
 _LETTER_WIDTH = 0.2
-_HALO = ' paint-order="stroke" stroke="#ffffff" stroke-width="0.12" stroke-linejoin="round"'
+_HALO = ' stroke="#ffffff" stroke-width="0.12" stroke-linejoin="round" aria-hidden="true"'
+"""Of a text below another one, which is to be read over lines."""
 
 
 def scene_svg(scene: Scene, cell: int = 32) -> str:
@@ -82,18 +82,19 @@ def _disc(mark: Mark, at: Point, radius: float) -> Iterator[str]:
 def _graph(scene: GraphScene) -> Iterator[str]:
     layout = graph_layout(scene, _LETTER_WIDTH)
     yield f'<rect width="{_n(layout.width)}" height="{_n(layout.height)}" fill="#ffffff"/>'
-    for edge, (start, end) in layout.edges:
+    for edge, line in layout.edges:
         broken = ' stroke-dasharray="0.18 0.14"' if edge.kind else ""
-        one, other = arrow_head(start, end, 0.22)
-        points = " L".join(f"{_n(x)} {_n(y)}" for x, y in (one, end, other))
+        one, other = arrow_head(line[-2], line[-1], 0.22)
         yield (
             f'<g fill="none" stroke="{markup(edge.colour)}" stroke-width="0.05" stroke-linecap="round">'
             f"<title>{markup(_title(scene, edge))}</title>"
-            f'<path d="M{_n(start[0])} {_n(start[1])} L{_n(end[0])} {_n(end[1])}"{broken}/><path d="M{points}"/></g>'
+            f'<path d="{_path(line)}"{broken}/><path d="{_path((one, line[-1], other))}"/></g>'
         )
-    for edge, (start, end) in layout.edges:
+    for edge, line in layout.edges:
         if edge.label:
-            yield _text(between(start, end, LABEL_SHARE), edge.label, 0.3, INK, _HALO)
+            at = label_place(line)
+            yield _text(at, edge.label, 0.3, parse_colour("#ffffff"), _HALO)
+            yield _text(at, edge.label, 0.3, INK)
     below = {mark.place[0] for mark in scene.marks}
     for number, (at, glyph) in enumerate(zip(layout.nodes, scene.glyphs, strict=True)):
         colour = parse_colour(glyph.colour)
@@ -108,6 +109,10 @@ def _graph(scene: GraphScene) -> Iterator[str]:
     for mark, (dx, dy), radius in disc_places(scene.marks):
         x, y = layout.nodes[mark.place[0]]
         yield from _disc(mark, (x + dx, y + dy), radius * 0.9)
+
+
+def _path(points: Sequence[Point]) -> str:
+    return "M" + " L".join(f"{_n(x)} {_n(y)}" for x, y in points)
 
 
 def _title(scene: GraphScene, edge: Edge) -> str:

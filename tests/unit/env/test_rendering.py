@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import string
+from dataclasses import replace
 from itertools import combinations
+from math import dist
 from xml.etree import ElementTree
 
 import numpy as np
@@ -41,7 +43,7 @@ from envgraph.env import (
     scene_title,
 )
 from envgraph.env.scene._font import write
-from envgraph.env.scene._layout import graph_layout
+from envgraph.env.scene._layout import NODE_RADIUS, between, graph_layout, label_place
 from envgraph.errors import InvalidArgument, ResolutionError
 from envgraph.graph import Model
 from envgraph.metamodel import Annotation, Attribute, Class, EnumType, Glyph, Metamodel, Reference, Scalar
@@ -263,9 +265,49 @@ def test_svg_escapes_what_comes_from_a_model() -> None:
     assert '<b> & "Rome"' in [element.text for element in root.iter()]
 
 
-def test_svg_of_a_graph_has_an_arrow_for_every_edge_but_loops() -> None:
+def test_svg_of_a_graph_has_an_arrow_for_every_edge() -> None:
     root = ElementTree.fromstring(render_svg(net(), NET_DRAW))
-    assert sum(element.tag.endswith("}g") for element in root) == 3
+    assert sum(element.tag.endswith("}g") for element in root) == 4
+
+
+LINES = [
+    *(Edge(0, 1, label) for label in ("a", "b", "c")),
+    *(Edge(1, 0, label) for label in ("d", "e")),
+    *(Edge(2, 2, label) for label in ("f", "g")),
+    Edge(1, 2),
+]
+
+
+def lines() -> GraphScene:
+    """Several edges between two nodes, there and back, and from a node to itself."""
+    return GraphScene(("one", "two", "three"), (Glyph("N", "#a5d8ff"),) * 3, tuple(LINES), (), ("N",) * 3)
+
+
+def test_edges_between_the_same_nodes_lie_apart_and_loops_beside_their_node() -> None:
+    layout = graph_layout(lines(), 0.2)
+    assert len(layout.edges) == len(LINES)
+    middles = [line[len(line) // 2] if len(line) > 2 else between(*line, 0.5) for _, line in layout.edges]
+    assert all(dist(one, other) > 0.2 for one, other in combinations(middles, 2))
+    for edge, line in layout.edges:
+        for end, node in ((line[0], edge.source), (line[-1], edge.target)):
+            assert NODE_RADIUS < dist(end, layout.nodes[node]) < NODE_RADIUS + 0.2
+        assert all(dist(point, node) > NODE_RADIUS for point in line for node in layout.nodes)
+        assert all(0 <= x <= layout.width and 0 <= y <= layout.height for x, y in line)
+    places = [label_place(line) for edge, line in layout.edges if edge.label]
+    assert all(dist(one, other) > 0.2 for one, other in combinations(places, 2))
+
+
+def test_loops_and_edges_side_by_side_are_drawn() -> None:
+    root = ElementTree.fromstring(scene_svg(lines()))
+    assert sum(element.tag.endswith("}g") for element in root) == len(LINES)
+    texts = [element for element in root if element.tag.endswith("text")]
+    assert [one.text for one in texts if one.get("aria-hidden")] == list(
+        "abcdefg"
+    )  # white, below the letters
+    assert [one.text for one in texts if not one.get("aria-hidden")][:7] == list("abcdefg")
+    assert "paint-order" not in scene_svg(lines())
+    with_loop, without = scene_rgb(lines()), scene_rgb(replace(lines(), edges=(*LINES[:-3], LINES[-1])))
+    assert with_loop.shape == without.shape and (with_loop != without).any()
 
 
 # --- the font
