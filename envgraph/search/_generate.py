@@ -89,8 +89,12 @@ def evolve(
     texts = domain.workspace.bundle().texts
     with telling():  # the individuals whose states are visited are pieces of one work
         warn(domain.check_initial(problem))
+        search = _search(
+            domain, problem, progress, climbing, workers
+        )  # what is wrong is said before there is a run
         with RunStore.create(store_path, _stored(domain), texts, overwrite=overwrite) as store:
-            return _search(domain, problem, store, progress, climbing, workers)
+            search(store)
+            return family_of(store, domain)
 
 
 def _stored(domain: Domain) -> dict[str, Any]:
@@ -130,23 +134,28 @@ def resume(
         domain = domain_of(store.bundle(), [*store.overrides, *changed], str(store.path), components)
         if changed:
             store.set("overrides", list(domain.overrides))
-        with telling():
-            return _search(domain, domain.problem(domain.engine()), store, progress, climbing, workers)
+        if domain.spec.objective is None or last is None:
+            with telling():
+                _search(domain, domain.problem(domain.engine()), progress, climbing, workers)(store)
+        return family_of(store, domain)
 
 
 def _search(
-    domain: Domain, problem: Problem, store: RunStore, progress: Progress, climbing: Climbing, workers: int
-) -> Family:
-    search = domain.curriculum_search()
+    domain: Domain, problem: Problem, progress: Progress, climbing: Climbing, workers: int
+) -> Callable[[RunStore], None]:
+    """What makes the family of a run: of single models, or, with an objective, as a whole."""
+    search, settings, seed = domain.curriculum_search(), domain.settings(), domain.spec.seed
     if search is None:
-        Evolution(problem, domain.settings(), domain.spec.seed, store).run(progress)
-        return family_of(store, domain)
+        return lambda store: _evolved(Evolution(problem, settings, seed, store), progress)
     assert domain.behaviour is not None, "check_family demands an environment for an objective"
-    make, settings = search
+    make, climb = search
     levels = Levels(problem, domain.behaviour)
-    found = CurriculumSearch(levels, make(levels, workers), settings, domain.spec.seed, climbing).run()
-    _store(store, levels, found)
-    return family_of(store, domain)
+    whole = CurriculumSearch(levels, make(levels, workers), climb, seed, climbing)
+    return lambda store: _store(store, levels, whole.run())
+
+
+def _evolved(evolution: Evolution, progress: Progress) -> None:
+    evolution.run(progress)
 
 
 def _store(store: RunStore, levels: Levels, found: CurriculumProgress) -> None:

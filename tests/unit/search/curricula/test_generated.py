@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from envgraph.errors import InvalidArgument, LoadError, Severity
+from envgraph.errors import EvaluationError, InvalidArgument, LoadError, Severity
 from envgraph.lang import data_path
 from envgraph.search import (
     Components,
@@ -115,3 +115,19 @@ def test_an_objective_needs_an_environment(tmp_path: Path) -> None:
         Domain.load(str(file))
     assert "needs an environment" in failure.value.diagnostics[0].message
     assert failure.value.diagnostics[0].span is not None
+
+
+@needs_numba
+def test_a_run_that_has_ended_is_not_made_again(tmp_path: Path) -> None:
+    family = generate(FILE, tmp_path / "run.sqlite", overrides=SHORT)
+    told: list[object] = []
+    assert resume(tmp_path / "run.sqlite", climbing=told.append).members == family.members
+    assert not told
+
+
+@needs_numba
+def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(tmp_path: Path) -> None:
+    overrides = ['objective={ kind = "learning" }', "search.population=4"]
+    with pytest.raises(EvaluationError, match="states"):
+        generate("warehouse", tmp_path / "run.sqlite", overrides=overrides)
+    assert not (tmp_path / "run.sqlite").exists()
