@@ -8,8 +8,9 @@ from typing import Any
 
 from envgraph.cli._inputs import Inputs
 from envgraph.cli._output import OutputFormat, print_json, print_lines
-from envgraph.cli._query import complete, open_both, open_engine, parse_values, pattern_types
-from envgraph.errors import InvalidArgument, Span
+from envgraph.cli._query import complete, open_both, parse_values, pattern_types
+from envgraph.errors import InvalidArgument, Span, did_you_mean, nearest
+from envgraph.lang import Workspace
 from envgraph.match import WhyNot
 from envgraph.metamodel import Value
 from envgraph.pattern import StaticType
@@ -27,6 +28,7 @@ def print_plan(
 
         text = explanation(engine, behaviour)
     else:
+        _check_name(engine, workspace, name)
         text = engine.explain(name, bound=parse_values(engine, _types(engine, name, bool(where)), where))
     if format is OutputFormat.JSON:
         print_json({"name": name, "explanation": text})
@@ -38,7 +40,10 @@ def print_reasons(
     model: str, definitions: str, name: str, where: Sequence[str], inputs: Inputs, format: OutputFormat
 ) -> None:
     """Print why there is no match, or which there is."""
-    engine = open_engine(model, definitions, inputs)
+    engine, workspace = open_both(model, definitions, inputs)
+    if name in {one.name for one in workspace.behaviours} and not _means(engine, name):
+        hint = "`envgraph explain` says what steps it"
+        raise InvalidArgument(f"`{name}` is an environment, which has no matches", hint)
     bound = parse_values(engine, _types(engine, name, bool(where)), where)
     if engine.library.resolve(name) is None:
         signature = None
@@ -53,6 +58,25 @@ def print_reasons(
     print_lines(str(why))
     for span in _spans(why):
         print_lines(f"\n{span}\n{span.excerpt()}")
+
+
+def _check_name(engine: Engine, workspace: Workspace, name: str) -> None:
+    """Says of a name that means nothing which environment it nearly is; else the question itself says it best."""
+    environments = [one.name for one in workspace.behaviours]
+    near = nearest(name, [*environments, *(one.name for one in workspace.definitions)])
+    if near in environments and not _means(engine, name):
+        raise InvalidArgument(f"unknown pattern, rule or environment `{name}`", did_you_mean(name, [near]))
+
+
+def _means(engine: Engine, name: str) -> bool:
+    """Whether a pattern, rule, unit or group has a name."""
+    if engine.library.resolve(name) is not None:
+        return True
+    try:
+        engine.signature(name)
+    except InvalidArgument:
+        return False
+    return True
 
 
 def _types(engine: Engine, name: str, given: bool) -> Mapping[str, StaticType | None]:

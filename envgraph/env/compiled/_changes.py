@@ -8,6 +8,7 @@ from types import MappingProxyType
 from envgraph.behaviour import Agent, Behaviour, EachStep, RuleCall
 from envgraph.code import dataclass
 from envgraph.env.compiled._refused import NotCompiled, standing
+from envgraph.errors import Span
 from envgraph.match.plan import CallGraph
 from envgraph.metamodel import Attribute, Metamodel, Reference, Scalar
 from envgraph.pattern import (
@@ -70,8 +71,8 @@ def blocks_of(body: BlockPlan) -> Iterator[BlockPlan]:
 
 def _check(plan: RulePlan, call: RuleCall) -> None:
     for body in blocks_of(plan.body):
-        if body.absorbs:
-            raise NotCompiled(f"objects that a rule merges (`{plan.name}`)", body.span or call.span)
+        for absorb in body.absorbs:
+            raise NotCompiled(f"objects that a rule merges (`{plan.name}`)", absorb.span or body.span)
         for change in body.sets:
             if isinstance(change, Increase) and change.attribute.type is Scalar.STRING:
                 raise NotCompiled(f"strings that a rule puts together (`{plan.name}`)", change.span)
@@ -168,15 +169,15 @@ class _Found:
             match change:
                 case SetTargets(_, reference):
                     self._reference(reference)
-                    self._set_containment(reference)
+                    self._set_containment(reference, change.span)
                 case SetValue(_, attribute) | Increase(_, attribute):
                     self.written.add(attribute.index)
                 case _:
                     raise AssertionError(change)
         for delete in body.deletes:
-            self._delete(body.classes[delete.node], body)
+            self._delete(body.classes[delete.node], delete.span or body.span)
         for retype in body.retypes:
-            self._retype(body.classes[retype.node], retype.cls, body)
+            self._retype(body.classes[retype.node], retype.cls, retype.span or body.span)
         for new in body.creates:
             self.created.add(new.cls)
             self._group(self.created)
@@ -189,10 +190,10 @@ class _Found:
             content = reference.target if reference.containment else reference.owner
             self._enters(content, reference)
 
-    def _set_containment(self, reference: Reference) -> None:
+    def _set_containment(self, reference: Reference, span: Span | None) -> None:
         opposite = self.metamodel.opposite(reference)
         if reference.containment or (opposite is not None and opposite.containment):
-            raise NotCompiled(f"containers that are set (`{reference}`); `move` is compiled")
+            raise NotCompiled(f"containers that are set (`{reference}`); `move` is compiled", span)
 
     def _enters(self, content: str | None, entered: Reference) -> None:
         """An object enters a container: it leaves another."""
@@ -204,7 +205,7 @@ class _Found:
                 self.references.add(reference.index)
                 self.references.update(() if opposite is None else (opposite.index,))
 
-    def _delete(self, cls: str | None, body: BlockPlan) -> None:
+    def _delete(self, cls: str | None, span: Span | None) -> None:
         assert cls is not None
         concrete = self.metamodel.concrete(cls)
         self._group(concrete)
@@ -212,7 +213,7 @@ class _Found:
         for one in concrete:
             for feature in self.metamodel.features(one).values():
                 if isinstance(feature, Reference) and feature.containment:
-                    raise NotCompiled(f"containers that a rule deletes (`{one}`)", body.span)
+                    raise NotCompiled(f"containers that a rule deletes (`{one}`)", span)
         self._passing(concrete)
 
     def _passing(self, concrete: Iterable[str]) -> None:
@@ -229,20 +230,18 @@ class _Found:
             ):
                 self.references.add(reference.index)
 
-    def _retype(self, cls: str | None, new: str, body: BlockPlan) -> None:
+    def _retype(self, cls: str | None, new: str, span: Span | None) -> None:
         assert cls is not None
         old = self.metamodel.concrete(cls)
         features = self.metamodel.features(new)
         for one in old:
             if self.metamodel.features(one) != features:
-                raise NotCompiled(
-                    f"a retyping that changes what an object has (`{one}` to `{new}`)", body.span
-                )
+                raise NotCompiled(f"a retyping that changes what an object has (`{one}` to `{new}`)", span)
         for reference in self.metamodel.references:
             for one in old:
                 if self.metamodel.is_a(one, reference.target) != self.metamodel.is_a(new, reference.target):
                     message = f"a retyping after which links are not allowed any more (`{one}` to `{new}`)"
-                    raise NotCompiled(message, body.span)
+                    raise NotCompiled(message, span)
         self._group([*old, new])
 
     def _group(self, classes: Iterable[str]) -> None:

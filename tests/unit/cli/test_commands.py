@@ -590,6 +590,21 @@ def test_the_only_object_of_a_class_need_not_be_given_to_a_unit(envgraph: Envgra
         assert result.code == 1 and "`many` needs a value for `least`; write `--where least=..`" in result.err
 
 
+def test_explain_and_why_not_know_environments(envgraph: Envgraph) -> None:
+    ok(envgraph("new", "maze"))
+    files = "maze/maze.model", "maze/maze.environment"
+    assert "environment Maze is compiled" in ok(envgraph("explain", *files, "Maze")).out
+    misspelt = envgraph("explain", *files, "Mazze")
+    assert misspelt.code == 1
+    assert misspelt.err == "error: unknown pattern, rule or environment `Mazze`; did you mean `Maze`?\n"
+    asked = envgraph("why-not", *files, "Maze")
+    assert asked.code == 1
+    assert (
+        asked.err
+        == "error: `Maze` is an environment, which has no matches; `envgraph explain` says what steps it\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -981,6 +981,10 @@ def test_what_rules_have_and_is_not_compiled_is_named_with_its_place(construct: 
     assert refused.construct.startswith(construct)
     assert refused.span is not None
     assert "yard.rules:3:" in str(refused.span)
+    action = REFUSED[construct].partition("modify { ")[2].partition(";")[0]
+    if action.startswith(("merge", "delete", "retype")) or "containers that are set" in construct:
+        assert refused.span.text.rstrip(";") in action
+        assert refused.span.start > refused.span.source.text.index("modify")
 
 
 REFUSED_ELSEWHERE = {
