@@ -8,11 +8,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, Tabular
+from envgraph.env import Behaviour
 from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import Library
-from envgraph.rewrite import Engine
 from envgraph.search._diversity import BinnedEntropy, FamilyMeasure, Gini, Variance
 from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
 from envgraph.search._options import Options
@@ -47,7 +46,6 @@ class Context:
         spec: the family file.
         behaviour: what the agent can do, if the family has an environment.
         measured: the measure that the diversity reads, for the diversity.
-        known: the table of states of the model at which an engine stands, if it is kept.
         library: the patterns of the family; None where they have errors.
     """
 
@@ -55,7 +53,6 @@ class Context:
     spec: FamilySpec
     behaviour: Behaviour | None
     measured: IndividualMeasure | None = None
-    known: Callable[[Engine], Tabular | None] = lambda engine: None
     library: Library | None = None
 
 
@@ -89,9 +86,8 @@ def _shortest_path(options: Options, context: Context) -> IndividualMeasure:
 
 
 def _shortest_plan(options: Options, context: Context) -> IndividualMeasure:
-    del options
     assert context.behaviour is not None, "check_family demands an environment for this measure"
-    return ShortestPlan(context.behaviour, context.known)
+    return ShortestPlan(context.behaviour, options.name("guide") if options.given("guide") else None)
 
 
 def _value(options: Options, context: Context) -> IndividualMeasure:

@@ -8,7 +8,8 @@ from math import inf, isfinite
 from typing import TypeVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, Tabular, can_end, indexed_classes, unbound
+from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes, unbound
+from envgraph.env.compiled import NotCompiled
 from envgraph.errors import (
     Diagnostic,
     EvaluationError,
@@ -50,7 +51,6 @@ from envgraph.search._problem import (
     Problem,
     Require,
 )
-from envgraph.search._tables import Tables
 from envgraph.search.curricula import CurriculumSettings, Levels, Objective
 
 EFFORT, MOST_LANES = 4_000_000_000, 1_000
@@ -64,20 +64,21 @@ class Reachable:
     """Some episode ends with an outcome ("success" or "failure"); what cannot be found counts as out of reach.
 
     Attributes:
-        plan: the measure, where the family has it: it enumerates the states in any case, and its table tells.
+        plan: finds a way; the measure, where the family has it, so that one search answers both.
     """
 
     outcome: str
-    behaviour: Behaviour
-    plan: ShortestPlan | None = None
+    plan: ShortestPlan
 
     def holds(self, engine: Engine) -> bool:
         """Whether the outcome can be reached."""
         end = {"success": 1, "failure": 2}[self.outcome]
-        if self.plan is not None:
-            return isfinite(self.plan.steps(engine, end))
-        with counting(f"states of {self.behaviour.name}") as progress:
-            return can_end(engine, self.behaviour, end, progress=progress)
+        try:
+            return isfinite(self.plan.plan(engine, end).steps)
+        except NotCompiled:
+            behaviour = self.plan.behaviour
+            with counting(f"states of {behaviour.name}") as progress:
+                return can_end(engine, behaviour, end, progress=progress)
 
     def __str__(self) -> str:
         return f"reachable {self.outcome}"
@@ -388,16 +389,7 @@ class Domain:
     def _context(self) -> Context:
         registration = self.workspace.registration
         assert registration is not None, "there are no errors"
-        return Context(
-            self.metamodel, self.spec, self.behaviour, known=self._table, library=registration.library
-        )
-
-    def _table(self, engine: Engine) -> Tabular | None:
-        """That of the initial model, which every check asks about, is kept among those of the user."""
-        behaviour, initial = self.behaviour, self._model()
-        if behaviour is None or engine.model.state_hash() != initial.state_hash():
-            return None
-        return Tables.of_user().explored(self, behaviour, self.initial(), self.keys()).tabular
+        return Context(self.metamodel, self.spec, self.behaviour, library=registration.library)
 
     def _constraints(self, engine: Engine, measures: Iterable[IndividualMeasure]) -> tuple[Constraint, ...]:
         """Conformance first, then as in the file; what enumerates states comes last."""
@@ -416,8 +408,8 @@ class Domain:
         constraints += [DistinctKeys(pattern.qualified_name) for pattern in keys]
         if behaviour is not None:
             constraints.append(Bound(behaviour))
-            plan = next((one for one in measures if isinstance(one, ShortestPlan)), None)
-            constraints += [Reachable(str(outcome), behaviour, plan) for outcome in spec.reachable]
+            plans = [*(one for one in measures if isinstance(one, ShortestPlan)), ShortestPlan(behaviour)]
+            constraints += [Reachable(str(outcome), plans[0]) for outcome in spec.reachable]
         return tuple(constraints)
 
     def _violations(self) -> list[str]:

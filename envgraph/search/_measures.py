@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import field
 from math import inf
 from typing import ClassVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, Tabular, indexed_classes
-from envgraph.env.compiled import Tables
+from envgraph.env import Behaviour, explore
+from envgraph.env.compiled import NotCompiled, Plan, Plans
 from envgraph.files import counting
 from envgraph.metamodel import Metamodel
 from envgraph.rewrite import Engine
@@ -124,35 +124,46 @@ def _farthest(links: dict[int, list[int]], start: int, goals: set[int]) -> int |
 
 @dataclass(slots=True)
 class ShortestPlan:
-    """Fewest steps after which an episode can end in success, over the enumerated states of the environment.
+    """Fewest steps after which an episode can end in success; of large environments, an upper bound on them.
 
-    A stochastic outcome counts as possible. Infinite where success is out of reach. The table of the last state of the
-    model is kept: constraints ask about the state that is then measured.
+    A stochastic outcome counts as possible. Infinite where no plan was found. What `find_plan` of
+    `envgraph.env.compiled` says is kept of the last state of the model: constraints ask about what is then measured.
 
     Attributes:
-        known: the table of the model at which an engine stands, if one is kept somewhere.
+        guide: a pattern that a beam keeps the states with the fewest matches of; None: those of the behaviour.
     """
 
     behaviour: Behaviour
-    known: Callable[[Engine], Tabular | None] = lambda engine: None
+    guide: str | None = None
     whole: ClassVar = True
-    _last: tuple[int, Tabular] | None = field(default=None, init=False, repr=False, compare=False)
-    _tables: Tables | None = field(default=None, init=False, repr=False, compare=False)
+    _plans: dict[int, Plans] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _last: tuple[int, dict[int, Plan]] = field(default=(0, {}), init=False, repr=False, compare=False)
 
     def evaluate(self, engine: Engine) -> float:
-        """The number of steps from a start state of the model at which the engine stands."""
-        return self.steps(engine, 1)
+        """The number of steps from a start state of the model at which the engine stands.
 
-    def steps(self, engine: Engine, outcome: int) -> float:
-        """Fewest steps to an outcome (1 success, 2 failure); objects are numbered among themselves alone."""
+        Raises:
+            EvaluationError: the behaviour is not compiled, and has too many states to visit all of them.
+        """
+        try:
+            return self.plan(engine).steps
+        except NotCompiled:
+            with counting(f"states of {self.behaviour.name}") as progress:
+                table = explore(engine, self.behaviour, progress=progress).tabular
+            return shortest_plan(table, native=False)
+
+    def plan(self, engine: Engine, outcome: int = 1) -> Plan:
+        """A plan that ends so (1 success, 2 failure); objects are numbered among themselves alone.
+
+        Raises:
+            NotCompiled: something in the behaviour only the live engine has.
+        """
         state = engine.model.state_hash()
-        if self._last is None or self._last[0] != state:
-            self._last = state, self.known(engine) or self._visited(engine)
-        return shortest_plan(self._last[1], outcome, native=False)
-
-    def _visited(self, engine: Engine) -> Tabular:
-        keys = KeyIndex.of(engine.model, indexed_classes(self.behaviour, engine.model.metamodel))
-        with counting(f"states of {self.behaviour.name}") as progress:
-            if self._tables is None:
-                self._tables = Tables(self.behaviour)
-            return self._tables.table(engine, keys, progress)
+        if self._last[0] != state:
+            self._last = state, {}
+        known = self._last[1]
+        if outcome not in known:
+            plans = self._plans.setdefault(outcome, Plans(self.behaviour, outcome, self.guide))
+            with counting(f"states of {self.behaviour.name}") as progress:
+                known[outcome] = plans.plan(engine, progress)
+        return known[outcome]

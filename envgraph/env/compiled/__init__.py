@@ -12,6 +12,7 @@ from envgraph.env.compiled._explanation import explanation
 from envgraph.env.compiled._export import export
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._native import functions, has_numba
+from envgraph.env.compiled._planning import Plan, Plans, find_plan, guided
 from envgraph.env.compiled._program import Program, program_of, set_stream, streams
 from envgraph.env.compiled._refused import NotCompiled
 
@@ -21,6 +22,8 @@ __all__ = [
     "CompiledVectorEnv",
     "Learner",
     "NotCompiled",
+    "Plan",
+    "Plans",
     "Program",
     "Rates",
     "Streams",
@@ -29,7 +32,9 @@ __all__ = [
     "explanation",
     "explored",
     "export",
+    "find_plan",
     "functions",
+    "guided",
     "has_numba",
     "kernels",
     "program_of",

@@ -50,7 +50,7 @@ def enumerated(
     """
     if program.layout.renumbered:
         raise NotCompiled("objects that rules create and delete: a table of the live engine tells them apart")
-    return _Visit(program, member, limit, progress).table()
+    return Visit(program, member, limit, progress).table()
 
 
 FEW: Final = 2_000
@@ -118,7 +118,7 @@ class Tables:
             return program_of(engine, self._behaviour, keys=keys, broken=broken)
 
 
-class _Visit:
+class Visit:
     """The arrays of a visit; they grow.
 
     Attributes:
@@ -148,7 +148,7 @@ class _Visit:
 
     def table(self) -> Tabular:
         """Visit all states."""
-        states, beginnings, chances = self._begin()
+        states, beginnings, chances = self.begin()
         head, used = 0, 0
         while True:
             how, head, states, used, action = self._kernels["visit"](
@@ -192,7 +192,7 @@ class _Visit:
             self._draw,
         )
 
-    def _begin(self) -> tuple[int, Array, Array]:
+    def begin(self) -> tuple[int, Array, Array]:
         """Number of start states, and of each way to begin the state and its probability."""
         arrays = self._program.arrays
         while True:
@@ -224,7 +224,7 @@ class _Visit:
                 setattr(self, name, longer(getattr(self, name), size))
             self.starts = longer(self.starts, size * self._actions + 1)
             self.hashed = np.full(4 * size, -1, dtype=np.int64)
-            self._kernels["hash_all"](self.states, self.floats.view(np.int64), self.hashed, states)
+            self._kernels["hash_all"](self.states, self.floats.view(np.int64), self.hashed, 0, states)
         if 2 * used >= len(self.to):
             for name in ("to", "ended", "chance", "reward"):
                 setattr(self, name, longer(getattr(self, name), 4 * len(self.to)))

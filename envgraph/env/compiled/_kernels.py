@@ -195,11 +195,19 @@ def number_of(S, BITS, HASHED, row):
     return row
 
 
-def hash_all(S, BITS, HASHED, count):
-    """Put states into an empty table."""
+def hash_all(S, BITS, HASHED, first, count):
+    """Put states, from the first one on, into a table that has none of them."""
     S, BITS = matrix(S), matrix(BITS)
-    for row in range(count):
+    for row in range(first, count):
         number_of(S, BITS, HASHED, row)
+
+
+def forget(S, BITS, HASHED, row):
+    """Take the state that was put into the hash table last out of it."""
+    place = hash_place(S, BITS, HASHED, row)
+    while HASHED[place] != row:
+        place = (place + 1) & (len(HASHED) - 1)
+    HASHED[place] = -1
 
 
 def reset_one(T, G, L, K, S, F, RI, RF, D, e, m, S0, F0):

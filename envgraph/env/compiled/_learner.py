@@ -191,4 +191,4 @@ class Learner:
         self.keys, self.values = longer(self.keys, size), longer(self.values, size)
         self._hashed = np.full(4 * size, -1, dtype=np.int64)
         nothing = np.zeros((size, 0), dtype=np.int64)
-        self._functions["hash_all"](self.keys, nothing, self._hashed, self.count)
+        self._functions["hash_all"](self.keys, nothing, self._hashed, 0, self.count)

@@ -172,11 +172,3 @@ def follow(
                 successes += ended == 1
                 break
     return DONE, successes, total, steps
-
-
-def forget(KEYS, BITS, HASHED, row):
-    """Take the key that was put into the hash table last out of it."""
-    place = hash_place(KEYS, BITS, HASHED, row)
-    while HASHED[place] != row:
-        place = (place + 1) & (len(HASHED) - 1)
-    HASHED[place] = -1

@@ -7,8 +7,8 @@ outside get arrays, and make vectors and matrices of them.
 # ruff: noqa: F821
 # mypy: ignore-errors
 
-DONE, SPACE, WRONG, MANY = 0, 1, 2, 3
-"""How a visit ends: all states are known, arrays are full, an error of the environment, too many outcomes."""
+DONE, SPACE, WRONG, MANY, FOUND = 0, 1, 2, 3, 4
+"""How a visit ends: all is done, arrays are full, an error of the environment, too many outcomes, what was sought."""
 MADE, CHANCE, KNOWN, SCRIPT = 0, 1, 2, 3
 """Places of `D`: choices made, their probability, choices that the script says; then place and count of each."""
 
@@ -167,3 +167,54 @@ def visit(
         head += 1
         STARTS[head * ACTIONS] = used
     return DONE, head, count, used, 0
+
+
+def expand(
+    T, G, L, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, head, last, count, ACTIONS, MOST, SOUGHT, BEFORE, BY
+):  # fmt: skip
+    """Leave some states by every action, until an episode ends as is sought; new states get the next numbers.
+
+    Returns how it ended, the state that is left next, how many states there are, and the action.
+    """
+    space = len(S)
+    T, G, L, S, F, RI, RF = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(RI), matrix(RF)
+    BITS, C = matrix(BITS), matrix(C)
+    K = places(L)
+    while head < last:
+        for action in range(ACTIONS):
+            begin_script(D)
+            number = 0
+            while True:
+                if count + 1 >= space:
+                    return SPACE, head, count, action
+                for column in range(width(S)):
+                    S[count, column] = S[head, column]
+                for column in range(width(F)):
+                    F[count, column] = F[head, column]
+                begin_outcome(D)
+                _, end = step_one(T[m], G[m], L, K, S[count], F[count], RI, RF, D, 0, action)
+                number += 1
+                if number > MOST or crowded(D):
+                    return MANY, head, count, action
+                if S[count, 0] != 0:
+                    return WRONG, head, count, action
+                if end == SOUGHT:
+                    return FOUND, head, count, action
+                if end == 0:
+                    found = enter(T, G, L, K, S, F, RI, RF, D, m, BITS, HASHED, C, OBS, count, 0)
+                    if found < 0:
+                        return WRONG, head, count, action
+                    if found == count:
+                        BEFORE[count], BY[count] = head, action
+                        count += 1
+                if not next_script(D):
+                    break
+        head += 1
+    return DONE, head, count, 0
+
+
+def forget_last(S, BITS, HASHED, first, count):
+    """Take the states from the first one on, which came last, out of the hash table."""
+    S, BITS = matrix(S), matrix(BITS)
+    for row in range(count - 1, first - 1, -1):
+        forget(S, BITS, HASHED, row)

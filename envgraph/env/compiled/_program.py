@@ -30,7 +30,7 @@ Purpose = Literal["step", "list", "learn"]
 
 PURPOSES: Final[Mapping[Purpose, tuple[tuple[ModuleType, ...], tuple[str, ...]]]] = {
     "step": ((_kernels,), ("advance",)),
-    "list": ((_kernels, _listing), ("visit_starts", "visit", "hash_all")),
+    "list": ((_kernels, _listing), ("visit_starts", "visit", "expand", "forget_last", "hash_all")),
     "learn": ((_kernels, _learning), ("learn", "follow", "hash_all")),
 }
 """The texts that a program has besides its own, and the functions that are called from outside."""

@@ -26,7 +26,7 @@ COMPONENTS: Mapping[str, Collection[str]] = MappingProxyType(
 _OPTIONS: Mapping[str, Mapping[str, str]] = {
     "path_complexity": {"transform": "", "from": "class", "to": "class", "along": "path", "avoid": "class"},
     "shortest_path": {"from": "class", "to": "class", "along": "path", "avoid": "class"},
-    "shortest_plan": {},
+    "shortest_plan": {"guide": "pattern"},
     "count": {"of": "pattern"},
     "value": {"of": "pattern", "parameter": ""},
 }

@@ -11,6 +11,7 @@ from envgraph.env import KeyIndex, Tabular, explore, indexed_classes
 from envgraph.env.compiled import (
     Batch,
     NotCompiled,
+    Plans,
     Program,
     Tables,
     enumerated,
@@ -108,6 +109,8 @@ def test_what_a_program_has_no_space_for_is_visited_by_the_live_engine(
     assert wanted.n_states == 10
     with pytest.raises(NotCompiled, match="32 bits"):
         enumerated(program_of(engine, behaviour, native=False))
+    with pytest.raises(NotCompiled, match="32 bits"):
+        Plans(behaviour).plan(engine)
     monkeypatch.setattr("envgraph.env.compiled._enumeration.FEW", 3)
     assert_equal_tables(explored(engine, behaviour).tabular, wanted)
     batch = Batch(program_of(engine, behaviour, native=False), [0])

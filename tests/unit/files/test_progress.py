@@ -72,4 +72,4 @@ def test_a_search_tells_of_the_states_that_it_visits_for_measures(
     )
     with progress_bar("generations", 0):
         evolve(domain, tmp_path / "run.sqlite")
-    assert capsys.readouterr().err.startswith("states of BurningForest: 100 (0:00:10)\n")
+    assert capsys.readouterr().err.startswith("states of BurningForest: 2 (0:00:10)\n")

@@ -11,7 +11,7 @@ import pytest
 from numpy import float32
 from numpy.random import default_rng
 
-from envgraph.env import Explored, explore
+from envgraph.env.compiled import NotCompiled, Plan, find_plan
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.rewrite import Engine
 from envgraph.search import Constraint, CountWithin, Domain, Forbid, NoValue, Problem, Require
@@ -79,16 +79,17 @@ def test_problems_on_one_engine_share_the_query(domain: Domain) -> None:
     assert not any("violation" in name for name in engine.patterns)
 
 
-def test_a_constraint_and_a_measure_visit_the_states_of_a_model_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ENVGRAPH_CACHE", "off")
-    visits: list[int] = []
+def test_a_constraint_and_a_measure_search_the_states_of_a_model_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    searches: list[float] = []
 
-    def counted(engine: Engine, *rest: Any, **options: Any) -> Explored:
-        visits.append(engine.model.state_hash())
-        return explore(engine, *rest, **options)
+    def counted(*arguments: Any, **options: Any) -> Plan:
+        plan = find_plan(*arguments, **options)
+        searches.append(plan.steps)
+        return plan
 
-    monkeypatch.setattr("envgraph.env.compiled._enumeration.explored", counted)
-    monkeypatch.setattr("envgraph.search._tables.explored", counted)
+    monkeypatch.setattr("envgraph.env.compiled._planning.find_plan", counted)
     monkeypatch.delattr("envgraph.search._domain.can_end")
     domain = Domain.load("keydoor")
     problem = domain.problem(domain.engine())
@@ -102,7 +103,20 @@ def test_a_constraint_and_a_measure_visit_the_states_of_a_model_once(monkeypatch
         problem.measure()
     engine.model.rollback(savepoint)
     assert problem.valid() and problem.measure()["plan"] == plan == 9.0
-    assert len(visits) == 3 and visits[0] == visits[2] != visits[1]
+    assert searches == [9.0, inf, 9.0]
+
+
+def test_what_is_not_compiled_is_answered_by_the_live_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*arguments: Any, **options: Any) -> Plan:
+        raise NotCompiled("what is not there")
+
+    monkeypatch.setattr("envgraph.env.compiled._planning.find_plan", refused)
+    domain = Domain.load("keydoor")
+    problem = domain.problem(domain.engine())
+    assert problem.valid() and problem.measure()["plan"] == 9.0
+    for key in problem.engine.model.nodes("Key"):
+        key.delete(semantics="spo")
+    assert not problem.valid()
 
 
 @dataclass

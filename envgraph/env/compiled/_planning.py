@@ -1,0 +1,280 @@
+"""A way to an end in a compiled environment: breadth-first up to a bound, then a beam."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
+from math import inf, isfinite
+from typing import Final
+
+import numpy as np
+
+from envgraph.behaviour import Behaviour, ObserveFind, OnFind
+from envgraph.code import dataclass
+from envgraph.env._explore import Progress, TooManyStates
+from envgraph.env._keys import KeyIndex, indexed_classes
+from envgraph.env._simulator import MOST_OUTCOMES
+from envgraph.env.compiled._batch import longer
+from envgraph.env.compiled._enumeration import FIRST, Visit
+from envgraph.env.compiled._listing import DONE, FOUND, SPACE
+from envgraph.env.compiled._program import Program, program_of
+from envgraph.env.compiled._refused import Misfit
+from envgraph.pattern import Negation, PatternCall, Variable
+from envgraph.rewrite import Engine
+
+BREADTH: Final = 20_000
+WIDTH: Final = 500
+FEW: Final = 2_000
+"""States that Python meets in less time than it takes to load a compiled program."""
+SEARCHES_OF_PYTHON: Final = 20
+"""Small searches that take Python as long as that."""
+MOST_MATCHES: Final = 255
+"""Matches of a guide that are told apart."""
+HORIZON: Final = 1_000
+"""Steps of a beam in an environment without a limit."""
+ENDS: Final = {1: "success", 2: "failure"}
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a search for a way to an end has found.
+
+    >>> str(Plan(inf, (), 124, 20_000, None)), str(Plan(2.0, ("go", "eat"), 25_040, 20_000, 500))
+    ('none: 124 states are all there are', 'at most 2 steps, found by a beam of 500 states after the first 20,000')
+
+    Attributes:
+        steps: of the plan, infinite if none was found.
+        actions: their names. What is drawn may have to come out right for them to lead to the end.
+        states: how many were met.
+        limit: how many were to be met before layers are cut.
+        width: how many were kept of a layer; None if no layer was cut: then there is no shorter plan, or none at all.
+    """
+
+    steps: float
+    actions: tuple[str, ...]
+    states: int
+    limit: int
+    width: int | None
+
+    @property
+    def exact(self) -> bool:
+        """Whether there is no shorter plan; without a plan, whether there is none at all."""
+        return self.width is None
+
+    def __str__(self) -> str:
+        if isfinite(self.steps):
+            if self.width is None:
+                return f"{self.steps:.0f} steps, the fewest"
+            return (
+                f"at most {self.steps:.0f} steps, found by a beam of {self.width:,} states "
+                f"after the first {self.limit:,}"
+            )
+        if self.width is None:
+            return f"none: {self.states:,} states are all there are"
+        return (
+            f"none within {self.states:,} states, by a beam of {self.width:,} after the first {self.limit:,}"
+        )
+
+
+def guided(behaviour: Behaviour, outcome: int = 1, guide: PatternCall | None = None) -> tuple[Behaviour, int]:
+    """A behaviour whose observations begin with numbers of matches, and how many of them do.
+
+    Args:
+        behaviour: free of errors.
+        outcome: 1 for success, 2 for failure.
+        guide: what is counted; None: the queries of `on neg find .. terminate`, shared by all agents, for that outcome.
+    """
+    calls = [
+        effect.condition.relation
+        for effect in behaviour.effects
+        if isinstance(effect, OnFind)
+        and effect.terminate == ENDS[outcome]
+        and isinstance(effect.condition, Negation)
+        and isinstance(effect.condition.relation, PatternCall)
+    ]
+    counts = tuple(ObserveFind(call, MOST_MATCHES) for call in ([guide] if guide is not None else calls))
+    agents = tuple(replace(agent, observations=(*counts, *agent.observations)) for agent in behaviour.agents)
+    own = () if agents else counts
+    return replace(behaviour, agents=agents, observations=(*own, *behaviour.observations)), len(counts)
+
+
+def find_plan(
+    program: Program,
+    outcome: int = 1,
+    member: int = 0,
+    *,
+    guides: int = 0,
+    limit: int = BREADTH,
+    width: int = WIDTH,
+    most: int | None = None,
+    progress: Progress | None = None,
+) -> Plan:
+    """Search for a way to an end: breadth-first, so that the first one found is a shortest one.
+
+    Once more than `limit` states were met, each layer is cut to `width` states before it is left: those with the fewest
+    matches of the guides, drawn by lot among equals, always the same. Such a beam goes on up to the time limit of the
+    behaviour, and has no shortest plan. What is found does not depend on whether numba is installed.
+
+    Args:
+        program: the compiled behaviour.
+        outcome: 1 for success, 2 for failure.
+        member: its number.
+        guides: how many of the first observations count matches: see `guided`.
+        limit: how many states may be met before layers are cut.
+        width: how many states are kept of a layer.
+        most: how many states may be met at all.
+        progress: is told of the number of states, now and then.
+
+    Raises:
+        TooManyStates: more states than the most that there may be.
+        EvaluationError, RuleError, NotCompiled: as `enumerated`.
+    """
+    return _Search(program, outcome, member, limit, width, most, progress).plan(guides)
+
+
+class Plans:
+    """Plans in many models with one behaviour, which an engine comes to one after the other.
+
+    Python searches a few states of the first models; then numba compiles the program, where it is installed.
+
+    Args:
+        behaviour: free of errors.
+        outcome: 1 for success, 2 for failure.
+        guide: a pattern: a beam keeps the states with the fewest matches; None: see `guided`.
+    """
+
+    def __init__(self, behaviour: Behaviour, outcome: int = 1, guide: str | None = None) -> None:
+        self._behaviour, self._outcome, self._guide = behaviour, outcome, guide
+        self._searches = 0
+        self._program: Program | None = None
+
+    def plan(self, engine: Engine, progress: Progress | None = None) -> Plan:
+        """A plan in the present model of an engine, whose objects are numbered among themselves alone.
+
+        Raises:
+            NotCompiled: something in the behaviour only the live engine has.
+            EvaluationError, RuleError, ResolutionError: as `explore`.
+        """
+        call = None
+        if self._guide is not None:
+            pattern = engine.library.resolve(self._guide) or engine.library.get(self._guide)
+            call = PatternCall(pattern.qualified_name, (Variable("_"),) * len(pattern.parameters))
+        behaviour, guides = guided(self._behaviour, self._outcome, call)
+        program = self._program = self._over(engine, behaviour)
+        self._searches += 1
+        if not program.native or self._searches <= SEARCHES_OF_PYTHON:
+            most = FEW if program.native else None
+            with suppress(TooManyStates):
+                slow = replace(program, native=False)
+                return find_plan(slow, self._outcome, guides=guides, most=most, progress=progress)
+        return find_plan(program, self._outcome, guides=guides, progress=progress)
+
+    def _over(self, engine: Engine, behaviour: Behaviour) -> Program:
+        """The last program over the present model, or another where that does not fit."""
+        keys = KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
+        if self._program is None:
+            return program_of(engine, behaviour, keys=keys)
+        try:
+            return self._program.over(engine, keys)
+        except Misfit as misfit:
+            broken = {*self._program.layout.broken, misfit.assumption}
+            return program_of(engine, behaviour, keys=keys, broken=broken)
+
+
+class _Search(Visit):
+    """The arrays of a search.
+
+    Attributes:
+        before, by: of each state, the one that it was met from, and the action; -1 for those that an episode begins in.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        outcome: int,
+        member: int,
+        limit: int,
+        width: int,
+        most: int | None,
+        progress: Progress | None,
+    ) -> None:
+        super().__init__(program, member, limit, progress)
+        self._outcome, self._width, self._most = outcome, width, most
+        self.before, self.by = np.zeros(FIRST, np.int64), np.zeros(FIRST, np.int64)
+
+    def plan(self, guides: int) -> Plan:
+        """Search layer by layer."""
+        guide = slice(
+            lead := len(self._program.behaviour.agents) > 1, lead + guides
+        )  # behind the number of the block
+        lot = np.random.default_rng(0)
+        first, (last, _, _) = 0, self.begin()
+        self.before[:last] = -1
+        met, depth, cut = last, 0, False
+        horizon = self._program.behaviour.limit or HORIZON
+        while first < last and (depth < horizon or not cut):
+            if last > self._limit and last - first > self._width:
+                score = self.components[first:last, guide].sum(axis=1)
+                kept = np.lexsort((lot.random(last - first), score))[: self._width]
+                last, cut = self._cut(first, last, first + np.sort(kept)), True
+            found, count = self._expanded(first, last)
+            met += count - last
+            depth += 1
+            if found is None and self._most is not None and met > self._most:
+                raise TooManyStates(self._program.behaviour, self._most)
+            if found is not None:
+                names = self._program.action_names
+                actions = tuple(names[action] for action in self._actions_to(*found))
+                return Plan(float(depth), actions, met, self._limit, self._width if cut else None)
+            first, last = last, count
+        return Plan(inf, (), met, self._limit, self._width if cut else None)
+
+    def _expanded(self, first: int, last: int) -> tuple[tuple[int, int] | None, int]:
+        """The state and the action that lead to the end, if any of a layer do, and how many states there are now."""
+        head, states = first, last
+        while True:
+            how, head, states, action = self._kernels["expand"](
+                *self._world(),
+                self._member,
+                self.floats.view(np.int64),
+                self.hashed,
+                self.components,
+                self.observations,
+                head,
+                last,
+                states,
+                self._actions,
+                MOST_OUTCOMES,
+                self._outcome,
+                self.before,
+                self.by,
+            )
+            if self._progress is not None:
+                self._progress(states)
+            if how in {DONE, FOUND}:
+                return ((head, action) if how == FOUND else None), states
+            if how != SPACE:
+                self._raise(head, action)
+            self._grow(states, 0)
+
+    def _cut(self, first: int, last: int, kept: np.ndarray[tuple[int], np.dtype[np.int64]]) -> int:
+        """Keep some states of the last layer, and forget the others; how many there are then."""
+        bits = self.floats.view(np.int64)
+        self._kernels["forget_last"](self.states, bits, self.hashed, first, last)
+        end = first + len(kept)
+        for array in (self.states, self.floats, self.components, self.before, self.by):
+            array[first:end] = array[kept]
+        self._kernels["hash_all"](self.states, bits, self.hashed, first, end)
+        return end
+
+    def _grow(self, states: int, used: int) -> None:
+        super()._grow(states, used)
+        self.before, self.by = longer(self.before, len(self.states)), longer(self.by, len(self.states))
+
+    def _actions_to(self, state: int, action: int) -> Iterable[int]:
+        actions = [action]
+        while self.before[state] >= 0:
+            actions.append(int(self.by[state]))
+            state = int(self.before[state])
+        return reversed(actions)

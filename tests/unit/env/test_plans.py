@@ -1,0 +1,186 @@
+"""Plans in compiled environments, against tables of all states and the live engine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from envgraph.env import Behaviour, EnvgraphLiveEnv, Simulator, TooManyStates, explore
+from envgraph.env.compiled import (
+    Batch,
+    Plan,
+    Plans,
+    Program,
+    _planning,
+    find_plan,
+    guided,
+    has_numba,
+    program_of,
+)
+from envgraph.pattern import PatternCall, Variable
+from envgraph.rewrite import Engine
+from envgraph.solve import shortest_plan
+from tests.unit.env import test_agents, test_keydoor
+from tests.unit.env.coins import loaded
+from tests.unit.env.side_by_side import BUNDLED, opened
+
+SOKOBAN = Path(__file__).parents[2] / "data" / "compiled" / "sokoban"
+HALL = test_agents.Hall(["....d"], [(0, 0), (1, 0)], 20, [(0, 0), (2, 0)])
+
+
+def found(
+    engine: Engine, behaviour: Behaviour, outcome: int = 1, limit: int = 20_000, width: int = 500
+) -> Plan:
+    with_guides, guides = guided(behaviour, outcome)
+    program = program_of(engine, with_guides, native=False)
+    plan = find_plan(program, outcome, guides=guides, limit=limit, width=width)
+    if has_numba():
+        native = replace(program, native=True)
+        assert find_plan(native, outcome, guides=guides, limit=limit, width=width) == plan
+    return plan
+
+
+def ends_after(engine: Engine, behaviour: Behaviour, plan: Plan) -> int:
+    """The step in which a plan ends an episode of a live environment in success; 0 if it does not."""
+    env = EnvgraphLiveEnv(Simulator(engine, behaviour))
+    env.reset(seed=0)
+    for number, action in enumerate(plan.actions, 1):
+        _, _, terminated, _, info = env.step(env.simulator.action_names.index(action))
+        if terminated:
+            return number if info["success"] else 0
+    return 0
+
+
+def assert_same_as_the_table(engine: Engine, behaviour: Behaviour) -> None:
+    table = explore(engine, behaviour).tabular
+    for outcome in (1, 2):
+        plan = found(engine, behaviour, outcome)
+        assert plan.exact
+        assert plan.steps == shortest_plan(table, outcome)
+        assert plan.states <= table.n_states
+        assert len(plan.actions) == (plan.steps if isfinite(plan.steps) else 0)
+
+
+@pytest.mark.parametrize(
+    "rows", [*test_keydoor.MAZES, test_keydoor.TWO_KEYS, ["####", "#.#X"], ["####", "#.RX"]]
+)
+def test_mazes_with_and_without_a_way(rows: list[str]) -> None:
+    assert_same_as_the_table(*test_keydoor.loaded(rows))
+
+
+@pytest.mark.parametrize("battery", [2, 5])
+def test_robots_with_and_without_the_power(battery: int) -> None:
+    hall = test_agents.Hall(["..d."], [(0, 0), (3, 0)], battery, [(0, 0), (3, 0)])
+    assert_same_as_the_table(*test_agents.opened(hall.text()))
+
+
+@pytest.mark.parametrize(
+    "clauses",
+    [
+        "action turn = 0.5: turn() on find pair(_, _) terminate success on neg find up(_) terminate failure",
+        "action wait = nothing() on reset apply turn() on neg find up(_) terminate success",
+    ],
+)
+def test_chance_and_starts(clauses: str) -> None:
+    assert_same_as_the_table(*loaded(clauses, "hand : Hand"))
+
+
+@pytest.mark.parametrize(("limit", "width"), [(20_000, 500), (50, 500), (50, 20), (1, 20)])
+def test_plans_end_episodes_of_the_live_engine(limit: int, width: int) -> None:
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    shortest = found(engine, behaviour)
+    plan = found(engine, behaviour, limit=limit, width=width)
+    assert shortest.exact and shortest.steps == 14.0
+    assert plan.exact == (limit == 20_000)
+    assert plan.steps == len(plan.actions) >= 14
+    assert ends_after(engine, behaviour, plan) == plan.steps
+
+
+def test_a_beam_says_how_wide_it_was() -> None:
+    engine, behaviour = test_agents.opened(test_agents.Hall(["...d"], [(0, 0)], 12, [(0, 0), (1, 0)]).text())
+    assert str(found(engine, behaviour)) == "11 steps, the fewest"
+    lost = found(engine, replace(behaviour, limit=6), limit=5, width=2)
+    plan = found(engine, behaviour, limit=5, width=3)
+    assert (plan.steps, plan.width, plan.limit) == (15.0, 3, 5)
+    assert str(plan) == "at most 15 steps, found by a beam of 3 states after the first 5"
+    assert ends_after(engine, behaviour, plan) == plan.steps
+    assert (lost.steps, lost.actions, lost.exact) == (inf, (), False)
+    assert str(lost) == f"none within {lost.states} states, by a beam of 2 after the first 5"
+
+
+def test_guides_are_what_stands_in_the_way() -> None:
+    engine, behaviour = test_agents.opened(HALL.text())
+    with_guides, guides = guided(behaviour)
+    assert guides == 1
+    batch = Batch(program_of(engine, with_guides, native=False), [0])
+    batch.reset(np.ones(1, dtype=np.bool_))
+    assert batch.components[0, 0] == Simulator(engine, behaviour).in_the_way(1)() == 2
+    assert guided(behaviour, 2)[1] == 0
+    named, one = guided(behaviour, 2, PatternCall("pending", (Variable("_"),)))
+    assert one == 1 and len(named.agents[0].observations) == len(behaviour.agents[0].observations) + 1
+
+
+def test_where_there_are_several_blocks_guides_stand_behind_the_number_of_the_block() -> None:
+    engine, behaviour = loaded(
+        """
+        agent coin : Coin { action flip = turnOver(coin) observe coin.side }
+        agent player : Hand { action count = count(player, 1) observe player.moves in 0..3 }
+        on neg find up(_) terminate success
+        """
+    )
+    with_guides, _ = guided(behaviour)
+    batch = Batch(program_of(engine, with_guides, native=False), [0])
+    batch.reset(np.ones(1, dtype=np.bool_))
+    assert batch.components[0, :2].tolist() == [0, Simulator(engine, behaviour).in_the_way(1)()]
+    assert_same_as_the_table(engine, behaviour)
+
+
+def test_plans_of_many_models_of_one_engine_are_found_by_one_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = []
+
+    def counted(*arguments: Any, **options: Any) -> Program:
+        written.append(arguments)
+        return program_of(*arguments, **options)
+
+    monkeypatch.setattr(_planning, "program_of", counted)
+    monkeypatch.setattr(_planning, "SEARCHES_OF_PYTHON", 6)
+    engine, behaviour = opened(
+        BUNDLED / "burning_forest/running_4x4.model", BUNDLED / "burning_forest/burning_forest.environment"
+    )
+    plans, rng = Plans(behaviour), np.random.default_rng(0)
+    rules = [name for name in engine.rules if "retypings" in name]
+    for number in range(12):
+        plan = plans.plan(engine)
+        assert (plan.steps, plan.exact) == (shortest_plan(explore(engine, behaviour).tabular), True)
+        engine.model.commit()
+        for _ in range(3):
+            name = rules[int(rng.integers(len(rules)))]
+            if engine.exists(name):
+                engine.apply(name)
+        assert len(written) <= number + 1
+    assert len(written) < 4
+
+
+def test_a_large_model_is_left_to_the_compiled_program_with_the_same_plan(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_planning, "FEW", 10)
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    assert Plans(behaviour).plan(engine) == found(engine, behaviour)
+
+
+def test_a_guide_is_a_pattern_of_the_domain() -> None:
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    assert guided(behaviour, guide=PatternCall("left", (Variable("_"),)))[0] == guided(behaviour)[0]
+    assert Plans(behaviour, guide="stored").plan(engine).steps == 14.0
+
+
+def test_no_more_states_are_met_than_there_may_be() -> None:
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    with pytest.raises(TooManyStates, match="more than 100 states"):
+        find_plan(program_of(engine, behaviour, native=False), most=100)
