@@ -298,14 +298,7 @@ class Domain:
         if spec is None:
             return None
         options = Options(spec)
-        demanded = options.number_or("diversity", "maximum")
-        settings = CurriculumSettings(
-            population=max(2, search.population),
-            effort=int(options.number("effort", EFFORT, 1, 1e15)),
-            lanes=options.integer("lanes", 4, 1, MOST_LANES),
-            enough=options.number("enough", 0.0, -LARGEST, LARGEST) if options.given("enough") else None,
-            demanded=inf if isinstance(demanded, str) else demanded,
-        )
+        settings = _climb(options, search.population)
         made = self.components.objective[spec.kind](options, self._context())
         problems = _finished(options)
         if search.population < 2 or not search.keep_initial:
@@ -455,6 +448,11 @@ def option_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
                 options.number("otherwise", 0.0, -LARGEST, LARGEST)
             made[component.kind](options, context)
             problems += _finished(options)
+    if spec.objective is not None and spec.objective.kind in known.objective:
+        options = Options(spec.objective)
+        _climb(options, spec.search.population)
+        known.objective[spec.objective.kind](options, context)
+        problems += _finished(options)
     told = {one.span for one in workspace.diagnostics}
     return [one for one in problems if one.span not in told]
 
@@ -469,6 +467,18 @@ def domain_problems(spec: FamilySpec, workspace: Workspace) -> list[Diagnostic]:
         except LoadError as error:
             problems += error.diagnostics
     return problems
+
+
+def _climb(options: Options, population: int) -> CurriculumSettings:
+    """How a whole family is searched for: the options that every objective has."""
+    demanded = options.number_or("diversity", "maximum")
+    return CurriculumSettings(
+        population=max(2, population),
+        effort=int(options.number("effort", EFFORT, 1, 1e15)),
+        lanes=options.integer("lanes", 4, 1, MOST_LANES),
+        enough=options.number("enough", 0.0, -LARGEST, LARGEST) if options.given("enough") else None,
+        demanded=inf if isinstance(demanded, str) else demanded,
+    )
 
 
 def _finished(options: Options) -> list[Diagnostic]:
