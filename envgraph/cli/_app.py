@@ -582,10 +582,11 @@ def import_(
 )
 @click.option(
     "--controls",
-    show_default="all, where there is a curriculum",
+    show_default="all but random, where there is a curriculum",
     help="What the curriculum is compared with, each with as many steps: some of direct (the target alone), optimistic "
-    "(likewise, with higher values at first), reversed, shuffled (other orders, the target last) and randomised (an "
-    "environment drawn for each episode), separated by commas, or none.",
+    "(likewise, with higher values at first), reversed, shuffled (other orders, the target last), randomised (an "
+    "environment drawn for each episode) and random (families that nothing has selected, one a seed), separated by "
+    "commas; or all, or none.",
 )
 @click.option(
     "--workers",

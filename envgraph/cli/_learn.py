@@ -21,6 +21,7 @@ from envgraph.files import replace_file
 from envgraph.learn import (
     CONTROLS,
     Curriculum,
+    Experiment,
     FamilyMember,
     InProgram,
     Journal,
@@ -32,12 +33,13 @@ from envgraph.learn import (
     optimistic_value,
     read_csv,
     run_experiment,
+    run_families,
     run_stages,
     sequences,
     write_csv,
 )
 from envgraph.report import Trained, family_report, render_html, stage_rows, stage_table
-from envgraph.search import Family, RunStore, open_family, run_file
+from envgraph.search import Family, RunStore, lineage_lengths, open_family, random_families, run_file
 
 STAGES = "stages"
 """Name of the directory of training on the curriculum up to each environment, below that of the budget."""
@@ -47,7 +49,10 @@ _KINDS = ("suffixes", "full", "baselines", "direct")
 _OPTIONS = {"steps": str, "seeds": int, "curricula": str, "controls": str}
 """What a training is begun with, and `--resume` goes on with."""
 
-_OF_TABLES = ("optimistic", "randomised")
+_RANDOM = "random"
+"""The control that visits the states of as many other families as there are seeds: only where it is named."""
+
+_OF_TABLES = ("optimistic", "randomised", _RANDOM)
 """Controls that need tables of the environments."""
 
 UNFINISHED = "unfinished.jsonl"
@@ -97,6 +102,8 @@ def train_agents(
         _refuse_results(base, budgets)
     members = _members(family)
     chosen = _with_controls(chosen, compared, members, budgets[0])
+    count = budgets[0].seeds if compared and _RANDOM in compared else 0
+    random = _random(family, run, directory, count) if count else []
     made_of = fingerprint({member.name: member.tabular for member in members}, __version__, *budgets)
     if journal is None:
         journal = Journal.create(base / UNFINISHED, {**wanted, "made_of": made_of})
@@ -105,7 +112,7 @@ def train_agents(
             f"the environments or settings are not those with which {journal.path} was begun: train anew with --force"
         )
     try:
-        trained = [_train(members, settings, chosen, workers, journal, base) for settings in budgets]
+        trained = [_train(members, settings, chosen, workers, journal, base, random) for settings in budgets]
     except KeyboardInterrupt:
         sys.stderr.write(f"{len(journal)} agents are kept: `{again}` goes on\n")
         raise
@@ -142,6 +149,7 @@ def _train(
     workers: int,
     journal: Journal,
     base: Path,
+    random: list[list[FamilyMember]],
 ) -> Trained:
     """Train with one budget, but for what the journal has; every agent is written to it, and all of them at the end."""
     steps, target = settings.steps_per_environment, members[-1].name
@@ -156,6 +164,17 @@ def _train(
             known=journal.known(part, target),
             found=partial(journal.add, part, target),
         )
+    if random:
+        with progress_bar(f"{label}, random families", len(random)) as advance:
+            others = run_families(
+                random,
+                settings,
+                "random families",
+                progress=lambda done, _: advance(done),
+                known=journal.known(part, target),
+                found=partial(journal.add, part, target),
+            )
+        experiment = Experiment((*experiment.runs, *others.runs))
     stages = None
     if any(curriculum.kind == "curriculum" for curriculum in chosen):
         with progress_bar(f"{label}, up to each environment", len(members) * settings.seeds) as advance:
@@ -280,12 +299,13 @@ def _curricula(family: Family, kinds: str | None) -> list[Curriculum]:
 
 def _named(controls: str | None) -> list[str] | None:
     """Kinds of controls; None where none were named."""
-    if controls is None or controls.strip() == "none":
-        return None if controls is None else []
+    known = (*CONTROLS, _RANDOM)
+    if controls is None or controls.strip() in ("none", "all"):
+        return None if controls is None else list(known) if controls.strip() == "all" else []
     kinds = [kind.strip() for kind in controls.split(",")]
     for kind in kinds:
-        if kind not in CONTROLS:
-            hint = did_you_mean(kind, CONTROLS) or f"there are {', '.join(CONTROLS)}, or none"
+        if kind not in known:
+            hint = did_you_mean(kind, known) or f"there are {', '.join(known)}; all, or none"
             raise InvalidArgument(f"unknown control `{kind}`", hint)
     return kinds
 
@@ -308,8 +328,27 @@ def _with_controls(
         raise InvalidArgument(
             f"`--controls {','.join(needed)}` needs tables of all states, of which there are too many"
         )
-    found = controls([member.name for member in members], kinds, optimism=optimism)
+    other = [kind for kind in kinds if kind != _RANDOM]
+    found = controls([member.name for member in members], other, optimism=optimism)
     return list({(one.kind, one.label): one for one in (*chosen, *found)}.values())
+
+
+def _random(family: Family, run: str, directory: Path, count: int) -> list[list[FamilyMember]]:
+    """The tables of random families with the same target; of a family that was not generated here there are none."""
+    if Path(run).suffix == ".json":
+        raise InvalidArgument(
+            f"`--controls {_RANDOM}` needs a run: `{run}` does not say how its members were made"
+        )
+    with RunStore.open(run_file(run, directory)) as store:
+        applications = lineage_lengths(family, store)
+    found = []
+    with progress_bar("random families", count) as advance:
+        for place, one in enumerate(
+            random_families(family, count, applications, seed=family.domain.spec.seed)
+        ):
+            advance(place)
+            found.append([FamilyMember(each.name, one.explored(each).tabular) for each in one.members])
+    return found
 
 
 def _print_summary(family: Family, trained: list[Trained], directory: Path, format: OutputFormat) -> None:

@@ -14,7 +14,7 @@ from envgraph.errors import shorten
 from envgraph.learn._comparison import Comparison, compare, findings
 from envgraph.learn._controls import CONTROLS, Control, controls, optimistic_value
 from envgraph.learn._curricula import Curriculum, sequences
-from envgraph.learn._experiment import FamilyMember, run_experiment, run_stages, train_run
+from envgraph.learn._experiment import FamilyMember, run_experiment, run_families, run_stages, train_run
 from envgraph.learn._intervals import (
     bootstrap_interval,
     interquartile_mean,
@@ -87,6 +87,7 @@ __all__ = [
     "probability_of_improvement",
     "read_csv",
     "run_experiment",
+    "run_families",
     "run_stages",
     "sequences",
     "softened_policy",

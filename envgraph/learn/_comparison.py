@@ -26,6 +26,7 @@ _CALLED = {
     "shuffled": "shuffled orders",
     "randomised": "domain randomisation",
     "randomised, renewed": "domain randomisation with renewed epsilon",
+    "random families": "random families",
 }
 
 
@@ -74,6 +75,8 @@ class Comparison:
         seeds = f"{self.seeds:,} seed{'s' if self.seeds > 1 else ''}"
         numbers = f"({by}{self.value:z.2f} against {self.other:z.2f} over {seeds}, {chance})"
         match self.verdict:
+            case "as much" if self.value == self.other == 0:
+                return f"neither {self.curriculum} nor {self.called} succeeds {numbers}"
             case "as much":
                 return f"{self.curriculum} and {self.called} reach as much {numbers}"
             case "undecided":

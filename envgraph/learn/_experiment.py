@@ -164,6 +164,38 @@ def run_stages(
     return Experiment(tuple(runs))
 
 
+def run_families(
+    families: Sequence[Sequence[FamilyMember]],
+    settings: TrainingSettings,
+    label: str,
+    *,
+    backend: Backend = "auto",
+    progress: Callable[[int, int], None] | None = None,
+    known: Iterable[RunResult] = (),
+    found: Callable[[RunResult], None] | None = None,
+) -> Experiment:
+    """One agent on the whole of each family: the first with seed 0, the next with seed 1 and so on.
+
+    So a family is compared with others that are drawn at random, which is another one for each seed. All runs have the
+    label, as a control; the other arguments are those of `run_experiment`.
+    """
+    steps, known = settings.steps_per_environment * sum(map(len, families)), tuple(known)
+    backend, runs = choose_backend(backend, steps), list[RunResult]()
+    for seed, family in enumerate(families):
+        names = tuple(member.name for member in family)
+        runs += run_experiment(
+            family,
+            settings,
+            [Curriculum("control", label, names, (1,) * len(names))],
+            seeds=[seed],
+            backend=backend,
+            progress=_shifted(progress, seed, len(families)),
+            known=known,
+            found=found,
+        ).runs
+    return Experiment(tuple(runs))
+
+
 def _shifted(
     progress: Callable[[int, int], None] | None, before: int, total: int
 ) -> Callable[[int, int], None] | None:

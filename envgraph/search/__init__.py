@@ -27,6 +27,7 @@ from envgraph.search._problem import (
     Problem,
     Require,
 )
+from envgraph.search._random_families import lineage_lengths, random_families
 from envgraph.search._rewards import reward_schedule
 from envgraph.search._selection import (
     BeamSearch,
@@ -98,12 +99,14 @@ __all__ = [
     "generate",
     "grid_rows",
     "import_ga4cl",
+    "lineage_lengths",
     "make",
     "make_environment",
     "make_vec",
     "make_vector_environment",
     "open_family",
     "option_problems",
+    "random_families",
     "read_family",
     "read_ga4cl",
     "resume",

@@ -11,7 +11,6 @@ on the seed alone, and a resumed run on nothing that happened before its last st
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from math import inf
@@ -20,12 +19,12 @@ from typing import overload
 from numpy.random import Generator, SeedSequence, default_rng
 
 from envgraph.code import dataclass
-from envgraph.errors import RuleError
 from envgraph.graph import Version, model_to_json
 from envgraph.search._diversity import FamilyMeasure
-from envgraph.search._problem import NoValue, Problem
+from envgraph.search._problem import Problem
 from envgraph.search._selection import ParentSelection, SurvivorSelection
 from envgraph.search._store import Generation, Individual, RunStore, Trace, dump_json
+from envgraph.search._variation import Variation
 
 _SELECTION = 1 << 32
 """Spawn key of the survivor selection of a generation; larger than any number of a child."""
@@ -117,7 +116,7 @@ class Evolution:
         self._next_id = store.next_id()
         self._started = time.monotonic()
         self._members: list[_Member] = []
-        self._reasons: Counter[str] = Counter()
+        self._variation = Variation(problem, settings.max_attempts)
         last = store.last_generation()
         if last is None:
             self.current = self._initialise()
@@ -152,13 +151,13 @@ class Evolution:
 
     def _initialise(self) -> Generation:
         """Step 4.1: clones of the initial model, each varied by a small random number of applications."""
-        problem, settings = self._problem, self._settings
+        problem, settings, varied = self._problem, self._settings, self._variation
         first = self._accept(0, -1, None, (), problem.measure())
         members = [first] if settings.keep_initial else []
         born = [first.individual]
         for child in range(settings.population - len(members)):
             rng = self._generator(0, child)
-            found = self._attempts(first, rng, lambda rng: self._several(rng, settings.initial_applications))
+            found = self._attempts(first, rng, lambda rng: varied.several(rng, settings.initial_applications))
             if found is not None:
                 members.append(self._accept(0, child, first, *found))
                 born.append(members[-1].individual)
@@ -182,7 +181,7 @@ class Evolution:
             if rng.random() >= settings.rate:
                 continue  # a copy of the parent, which is in the pool already
             origin = self._members[parent]
-            found = self._attempts(origin, rng, self._once)
+            found = self._attempts(origin, rng, self._variation.once)
             if found is None:
                 continue
             member = self._accept(number, child, origin, *found)
@@ -230,45 +229,8 @@ class Evolution:
         self, parent: _Member, rng: Generator, vary: Callable[[Generator], Trace | None]
     ) -> tuple[Trace, dict[str, float]] | None:
         """Vary the parent until the result is valid and has its measures; the engine then stands at it."""
-        engine, problem = self._problem.engine, self._problem
-        engine.checkout(parent.version, discard=True)
-        for _ in range(self._settings.max_attempts):
-            savepoint = engine.model.savepoint()
-            trace = vary(rng)
-            if trace is None:
-                reason = "no rule could be applied"
-            elif not problem.valid():
-                reason = f"`{next(problem.violations())}` is violated"
-            else:
-                try:
-                    measures = problem.measure()
-                except NoValue as error:
-                    reason = error.message
-                else:
-                    engine.model.release(savepoint)
-                    return trace, measures
-            self._reasons[reason] += 1
-            engine.model.rollback(savepoint)
-        return None
-
-    def _once(self, rng: Generator) -> Trace | None:
-        """One mutation; None, and the model as before, when nothing matches or the rule cannot be applied."""
-        engine = self._problem.engine
-        engine.rng = rng  # for the choices inside units
-        chosen = engine.choose(self._problem.mutations, rng)
-        if chosen is None:
-            return None
-        try:
-            return engine.fire(*chosen) or None
-        except RuleError:
-            return None
-
-    def _several(self, rng: Generator, bounds: Sequence[int]) -> Trace | None:
-        """A random number of mutations in a row; None when not even one was possible."""
-        steps: list[tuple[str, tuple[int | float | bool | str, ...]]] = []
-        for _ in range(int(rng.integers(bounds[0], bounds[1] + 1))):
-            steps.extend(self._once(rng) or ())
-        return tuple(steps) or None
+        self._problem.engine.checkout(parent.version, discard=True)
+        return self._variation.attempts(rng, vary)
 
     def _accept(
         self, generation: int, child: int, parent: _Member | None, trace: Trace, measures: dict[str, float]
@@ -308,7 +270,9 @@ class Evolution:
     def _write(self, number: int, born: Sequence[Individual]) -> Generation:
         members = tuple(member.individual.id for member in self._members)
         score = self._problem.diversity.score([member.value for member in self._members])
-        generation = Generation(number, members, score, len(born), dict(sorted(self._reasons.items())))
-        self._reasons.clear()
+        generation = Generation(
+            number, members, score, len(born), dict(sorted(self._variation.reasons.items()))
+        )
+        self._variation.reasons.clear()
         self._store.write_generation(generation, born)
         return generation

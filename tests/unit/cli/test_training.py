@@ -180,9 +180,31 @@ def test_controls_are_chosen_or_left_out(run: Path, command: Callable[..., tuple
     code, _, messages = command(*short, "--controls", "optimist")
     assert code == 1 and "unknown control `optimist`" in messages and "did you mean `optimistic`?" in messages
     code, _, messages = command(*short, "--controls", "nothing")
-    assert code == 1 and "there are direct, optimistic, reversed, shuffled, randomised, or none" in messages
+    assert (
+        code == 1
+        and "there are direct, optimistic, reversed, shuffled, randomised, random; all, or none" in messages
+    )
     code, out, _ = command(*short[:-3], "--curricula", "direct", "--force", "--format", "json")
     assert [one["kind"] for one in json.loads(out)["results"]] == ["baseline"]
+
+
+def test_random_families_are_trained_where_they_are_named(
+    run: Path, command: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train = ("train", "forest", "--steps", "100", "--seeds", "2", "--curricula", "full")
+    assert command(*train, "--controls", "random, direct", "--format", "json")[0] == 0
+    whole = results(run)
+    rows = (run / "training" / "100" / "runs.csv").read_text().splitlines()[1:]
+    labels = [row.split(",")[1] for row in rows]
+    assert labels == ["E1-E2"] * 2 + ["E2"] * 2 + ["random families"] * 2
+    with monkeypatch.context() as patch:
+        interrupted_after(5, patch)
+        assert command(*train, "--controls", "random, direct", "--force")[0] == 130
+    assert command("train", "forest", "--resume")[0] == 0
+    assert results(run) == whole
+    assert command("export", "forest", "-o", "forest.json")[0] == 0
+    code, _, messages = command("train", "forest.json", "--controls", "random", "--steps", "50")
+    assert code == 1 and "`--controls random` needs a run: `forest.json` does not say" in messages
 
 
 def test_environments_with_too_many_states_are_trained_in_a_program(

@@ -66,6 +66,12 @@ def test_as_much_needs_seeds_enough_and_else_nothing_is_told() -> None:
     ]
 
 
+def test_where_neither_succeeds_they_do_not_reach_as_much() -> None:
+    first, third = runs("E1-E6", [0.0] * 500, "curriculum"), runs("randomised", [1.0] * 500)
+    found = compared(first, runs("reversed", [0.0] * 500), third)
+    assert str(found[0]) == "neither E1-E6 nor its reverse succeeds (0.00 against 0.00 over 500 seeds, p = 1)"
+
+
 def test_p_values_are_corrected_for_all_comparisons() -> None:
     first = runs("E1-E6", [1.0] * 8, "curriculum")
     found = compared(first, runs("reversed", [0.0] * 8), runs("randomised", [0.0, 1.0] * 4))

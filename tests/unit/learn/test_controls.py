@@ -10,6 +10,7 @@ from envgraph.errors import InvalidArgument
 from envgraph.learn import (
     Curriculum,
     FamilyMember,
+    RunResult,
     TrainingSettings,
     available_backends,
     controls,
@@ -18,6 +19,7 @@ from envgraph.learn import (
     optimal_return,
     optimistic_value,
     run_experiment,
+    run_families,
     sequences,
     train_run,
 )
@@ -166,3 +168,27 @@ def test_stages_of_several_draw_other_numbers_than_as_many_stages() -> None:
 def test_what_makes_no_control_is_refused(act: object, message: str) -> None:
     with pytest.raises(InvalidArgument, match=message):
         act()  # type: ignore[operator]
+
+
+def test_each_of_several_families_is_trained_with_a_seed_of_its_own() -> None:
+    families = [
+        [FamilyMember(name, random_table(10 * number + place)) for place, name in enumerate(NAMES[:2])]
+        for number in range(3)
+    ]
+    ended: list[RunResult] = []
+    found = run_families(families, SETTINGS, "random families", found=ended.append)
+    assert [(run.kind, run.label, run.seed, run.steps) for run in found.runs] == [
+        ("control", "random families", seed, 600) for seed in range(3)
+    ]
+    curriculum = Curriculum("control", "random families", ("E1", "E2"), (1, 1))
+    assert found.runs[2] == train_run(families[2], curriculum, SETTINGS, 2)[0]
+    told: list[tuple[int, int]] = []
+    again = run_families(
+        families,
+        SETTINGS,
+        "random families",
+        known=ended[:2],
+        progress=lambda *numbers: told.append(numbers),
+        backend="python",
+    )
+    assert again == found and told == [(3, 3)]
