@@ -21,7 +21,7 @@ demo: $(VENV)/.demo
 	@rm -rf runs/$(DEMO_RUN)
 	@echo "1. generate: evolve the model, keep the most diverse family"
 	@$(BIN)/envgraph generate burning_forest --name $(DEMO_RUN)
-	@echo "2. train: agents on the curriculum, and on the target alone"
+	@echo "2. train: agents on the curriculum, and on controls with as many steps"
 	@$(BIN)/envgraph train $(DEMO_RUN) --steps 10000,50000 --curricula full,direct
 	@echo "3. report: everything on one page"
 	@$(BIN)/envgraph report $(DEMO_RUN)
