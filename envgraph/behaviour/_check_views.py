@@ -85,7 +85,7 @@ class ViewChecking(Checking):
             self.report("wrong-type", message, span, f"write `among {type_.cls}`")
         elif observation.or_none:
             return
-        elif not set(self.metamodel.concrete(type_.cls)).issubset(self.metamodel.concrete(among.cls)):
+        elif not self.metamodel.covers(among.cls, type_.cls):
             wider = f"{type_.cls} or none" if self._optional(observation.path, scope) else type_.cls
             message = f"this may lead to {a_type(type_)} that is no `{among.cls}`, and then there is nothing to observe"
             hint = f"write `among {wider}`, or `among {among.cls} or none`"

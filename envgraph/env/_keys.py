@@ -171,6 +171,21 @@ def key_attributes(metamodel: Metamodel, cls: str) -> tuple[Attribute, ...]:
     return tuple(f for name in metamodel.key(cls) if isinstance(f := features[name], Attribute))
 
 
+class SameKey(EvaluationError):
+    """Two objects of a class have one key.
+
+    Attributes:
+        nodes: the objects, in the order of their creation.
+    """
+
+    def __init__(self, model: Model, cls: str, nodes: tuple[int, int], key: Key) -> None:
+        self.nodes = nodes
+        names = " and ".join(f"`{model.title(node) or f'{model.class_of(node)}#{node}'}`" for node in nodes)
+        attributes = key_attributes(model.metamodel, cls)
+        values = ", ".join(f"{one.name} = {value}" for one, value in zip(attributes, key, strict=True))
+        super().__init__(f"{names} have the same key, {values}: objects of `{cls}` are told apart by it")
+
+
 def _keys(model: Model, cls: str) -> dict[int, Key]:
     read = key_reader(model, cls)
     return {node: read(node) for node in model.extent(cls)}
@@ -180,13 +195,7 @@ def _sorted_keys(model: Model, cls: str) -> tuple[Key, ...]:
     owner: dict[Key, int] = {}
     for node, key in _keys(model, cls).items():
         if key in owner:
-            names = " and ".join(f"`{model.class_of(one)}#{one}`" for one in (owner[key], node))
-            values = ", ".join(
-                f"{a.name} = {v}" for a, v in zip(key_attributes(model.metamodel, cls), key, strict=True)
-            )
-            raise EvaluationError(
-                f"{names} have the same key, {values}: objects of `{cls}` are told apart by it"
-            )
+            raise SameKey(model, cls, (owner[key], node), key)
         owner[key] = node
     return _ordered(set(owner), model.metamodel, cls)
 

@@ -109,7 +109,7 @@ def object_index(
         static: the class that a path leads to, of which others may be subclasses, too.
     """
     metamodel = model.metamodel
-    certain = metamodel.is_a(static, cls)
+    certain = metamodel.covers(cls, static)
 
     def index(value: Value | None) -> int:
         if type(value) is int and (certain or metamodel.is_a(model.class_of(value), cls)):

@@ -159,6 +159,10 @@ class Metamodel:
             self._instances[name] = found
         return found
 
+    def covers(self, cls: str, other: str) -> bool:
+        """Whether every object of another class is of a class, by their concrete subclasses."""
+        return set(self.concrete(other)) <= set(self.concrete(cls))
+
     def overlap(self, one: str, other: str) -> bool:
         """Whether some object can be an instance of both classes."""
         return bool(self._kinds[one] & self._kinds[other] & self._instantiable)

@@ -8,7 +8,7 @@ from math import inf, isfinite
 from typing import TypeVar
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, can_end, indexed_classes, unbound
+from envgraph.env import Behaviour, KeyIndex, SameKey, can_end, indexed_classes, unbound
 from envgraph.env.compiled import NotCompiled
 from envgraph.errors import (
     Diagnostic,
@@ -329,6 +329,13 @@ class Domain:
             self.keys()
         except EvaluationError as error:
             hint = "the environment counts through these objects: give each of them a key of its own"
+            spans = _only(self.workspace.models, spec.model).spans
+            places = [spans.get(node) for node in error.nodes] if isinstance(error, SameKey) else []
+            if len(places) == 2 and all(places):
+                first = Note("the other object is here", places[0])
+                raise LoadError(
+                    [Diagnostic("no-key", error.message, places[1], hint, notes=(first,))]
+                ) from error
             raise LoadError([Diagnostic("no-key", error.message, spec.model.span, hint)]) from error
         absent = unbound(self.behaviour, self._model()) if self.behaviour else []
         if has_errors(absent):

@@ -25,6 +25,7 @@ from envgraph.env import (
 )
 from envgraph.env.compiled import CompiledEnv, CompiledVectorEnv, NotCompiled, Program, Streams
 from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.files import telling
 from envgraph.graph import model_to_json
 from envgraph.search._domain import Domain
 from envgraph.search._family import Family, Member, place_of, run_file
@@ -256,7 +257,11 @@ class _Opened:
             return None
         if engine != "compiled":
             try:
-                return [self.explored(place, pictures=pictures) for place in places]
+                shown = [f"environments: {number} of {len(places)}" for number in range(len(places))]
+                return [
+                    self.explored(place, pictures=pictures, told=told if len(places) > 1 else "")
+                    for place, told in zip(places, shown, strict=True)
+                ]
             except TooManyStates:
                 if engine == "table":
                     raise
@@ -277,10 +282,14 @@ class _Opened:
         hint = 'use `engine="live"`, or `engine="table"` where there are few states'
         return EvaluationError(message, self._refused.span, hint)
 
-    def explored(self, place: int, *, pictures: bool) -> Explored:
-        table = [*self.record.tables.values()][place]
+    def explored(self, place: int, *, pictures: bool, told: str) -> Explored:
+        name, table = [*self.record.tables.items()][place]
         found = self._tables.read(table, drawn=pictures and self.record.drawn)
-        return found or self.family.explored(self.family.members[place], pictures=pictures)
+        if found is not None:
+            return found
+        with telling() as tell:
+            tell(told and f"{told}, {name}")
+            return self.family.explored(self.family.members[place], pictures=pictures)
 
 
 def _opened(domain: str | None, family: Location | None, variants: Sequence[int | str] = ()) -> _Opened:

@@ -506,7 +506,7 @@ class _Program:
                     code.Assign(local, table(plus(indices, node))),
                     code.If(code.Operation("<", (local, ZERO)), writer.fail()),
                 )
-                if not self._metamodel.is_a(term.type.cls, among):
+                if not self._metamodel.covers(among, term.type.cls):
                     found = (code.If(self._facts.is_instance(node, among), found, missing),)
                 writer.add(*found)
             case ObserveRange(low=low, high=high):

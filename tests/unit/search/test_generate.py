@@ -545,6 +545,15 @@ def test_objects_with_one_key_are_refused_in_the_initial_model(tmp_path: Path) -
     with pytest.raises(LoadError, match="`Cow#1` and `Cow#2` have the same key, number = 1") as caught:
         generate(where, tmp_path / "run.sqlite")
     assert caught.value.diagnostics[0].hint
+    where = herd(tmp_path, ("[Cow { number = 1 }, Cow {", "[one : Cow { number = 2 }, two : Cow {"))
+    with pytest.raises(LoadError, match="`one` and `two` have the same key, number = 2") as caught:
+        generate(where, tmp_path / "run.sqlite")
+    (found,) = caught.value.diagnostics
+    places = [found.span, found.notes[0].span]
+    assert [place and (place.source.name.endswith("herd.model"), place.text) for place in places] == [
+        (True, "two"),
+        (True, "one"),
+    ]
 
 
 def test_a_parameter_that_the_initial_model_has_no_object_for_is_refused(tmp_path: Path) -> None:

@@ -292,6 +292,16 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
     assert "\rstates of BurningForest: 100\x1b[K\r" in capsys.readouterr().err
 
 
+def test_of_several_members_it_is_told_whose_states_are_counted(
+    exported: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    make_vec(exported, 4, variant=[2, 1]).close()
+    told = capsys.readouterr().err
+    assert "\renvironments: 0 of 2, E2; states of BurningForest: 100\x1b[K" in told
+    assert "\renvironments: 1 of 2, E1" in told
+
+
 def test_check_generate_and_make_visit_the_states_of_the_initial_model_once(
     cache: Path, visited: list[bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
