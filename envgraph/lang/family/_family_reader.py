@@ -24,7 +24,7 @@ from envgraph.lang.family._family import (
     Sequences,
     TrainingSpec,
 )
-from envgraph.lang.syntax._data import bundled_domains, data_path
+from envgraph.lang.syntax._data import bundled_domains, bundled_file, data_path
 from envgraph.lang.syntax._files import DiskFiles, Files, file_format, read_source
 from envgraph.lang.syntax._formats import FORMATS
 from envgraph.lang.syntax._toml import TomlText, override, parse_toml
@@ -136,13 +136,13 @@ def _no_family(path: str, problem: Diagnostic) -> Diagnostic:
 
 
 def family_path(path: str, files: Files) -> str:
-    """The name of a family file, from its path, its directory, or the name of a bundled domain."""
+    """The name of a family file, from its path, its directory, or the name of a bundled domain or of a file in one."""
     name = files.name(path)
     if files.is_directory(name):
         return files.name(f"{path}/{FAMILY_FILE}")
     if isinstance(files, DiskFiles) and path in bundled_domains() and name not in files.entries("."):
         return DiskFiles().name(str(data_path("rules", path, FAMILY_FILE)))
-    return name
+    return files.name(bundled_file(path)) if isinstance(files, DiskFiles) else name
 
 
 @dataclass(slots=True)

@@ -42,7 +42,7 @@ from envgraph.lang.read._query import QueryFile, read_query
 from envgraph.lang.read._query_header import header_of
 from envgraph.lang.read._suppress import Suppression, suppressions_of, unsuppressed
 from envgraph.lang.read._type_names import TypeNames
-from envgraph.lang.syntax._data import bundled_domains, data_path
+from envgraph.lang.syntax._data import bundled_domains, bundled_file, data_path
 from envgraph.lang.syntax._files import DiskFiles, Files, file_format, in_directory, read_source
 from envgraph.lang.syntax._formats import FORMATS, suffix_of
 from envgraph.lang.syntax._grammar import grammar
@@ -149,7 +149,7 @@ def load_workspace(
 
     Args:
         paths: files of any language; family files, whose model and environment are read too; directories, of which all
-            files are read; names of bundled domains.
+            files are read; names of bundled domains, or of files in them, `burning_forest/teaching.toml`.
         files: where files are read from; the disk if None. `TextFiles` for texts at hand.
         components: the kinds of measures and selections that a family file may name, by role (see `check_family`).
         metamodel: what the files are about if none of them is a metamodel, or imports one by its path; they may
@@ -160,7 +160,7 @@ def load_workspace(
     with _without_collection():
         loader = _Loader(files or DiskFiles(), components, metamodel, allow_unresolved, overrides)
         for path in paths:
-            loader.add_root(fspath(path))
+            loader.add_root(fspath(path) if files else bundled_file(fspath(path)))
         return loader.workspace()
 
 
@@ -180,7 +180,7 @@ def _family_first(paths: Sequence[StrPath]) -> list[str]:
     """The paths, with the family file in place of a directory or domain that has one."""
     files = DiskFiles()
     chosen = []
-    for path in (fspath(one) for one in paths):
+    for path in (bundled_file(fspath(one)) for one in paths):
         directory = _directory(files, path)
         family = in_directory(directory, FAMILY_FILE) if directory else None
         chosen.append(family if family and family in files.entries(directory or "") else path)

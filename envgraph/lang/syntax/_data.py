@@ -39,3 +39,10 @@ def bundled_domain(name: str) -> Path:
         hint = did_you_mean(name, domains) or f"there are {', '.join(domains)}"
         raise InvalidArgument(f"no bundled domain `{name}`", hint)
     return data_path("rules", name)
+
+
+def bundled_file(path: str) -> str:
+    """Where a file of a bundled domain is, if a path says `domain/file` and no such thing is here; else the path."""
+    domain, _, file = path.partition("/")
+    known = file and domain in bundled_domains() and not Path(domain).exists()
+    return str(data_path("rules", domain, file)) if known else path

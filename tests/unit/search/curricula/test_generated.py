@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from envgraph.errors import EvaluationError, InvalidArgument, LoadError, Severity
-from envgraph.lang import data_path
+from envgraph.lang import data_path, load_workspace
 from envgraph.search import (
     Components,
     Domain,
@@ -77,6 +77,17 @@ def test_an_objective_of_ones_own_is_registered(tmp_path: Path) -> None:
     overrides = ['objective={ kind = "mine", effort = 3_000_000 }', "search.population=3"]
     family = generate(FILE, tmp_path / "run.sqlite", overrides=overrides, components=mine)
     assert family.value == pytest.approx(-sum(one.measures["complexity"] for one in family.members[:-1]))
+
+
+def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert Domain.load("burning_forest/teaching.toml").spec.name == "BurningForestTeaching"
+    assert not load_workspace(["burning_forest/teaching.toml"]).diagnostics
+    with pytest.raises(LoadError, match=r"did you mean `teaching[.]toml`"):
+        Domain.load("burning_forest/teachin.toml")
+    (tmp_path / "burning_forest").mkdir()
+    with pytest.raises(LoadError, match="no such file"):
+        Domain.load("burning_forest/teaching.toml")
 
 
 @pytest.mark.parametrize(
