@@ -44,7 +44,7 @@ def family_report(
     count = len(family.members)
     return Report(
         title=f"{family.name}: a family of {count} environments",
-        summary=f"{_order(family.members[-1])} The family has {outcome}.",
+        summary=f"{_order(family)} The family has {outcome}.",
         cards=tuple(_card(family, member) for member in family.members),
         legend=legend(scene for member in family.members if (scene := family.scene(member))),
         sections=tuple(sections),
@@ -52,8 +52,11 @@ def family_report(
     )
 
 
-def _order(target: Member) -> str:
+def _order(family: Family) -> str:
     """How the members follow each other; the initial model is the target even where others are harder."""
+    target, spec = family.members[-1], family.domain.spec
+    if spec.objective is not None and spec.curriculum.order is None:
+        return f"In the order that was searched for; the target {target.name}, the initial model, comes last."
     if target.initial:
         return f"Ordered from the easiest to the hardest; the target {target.name}, the initial model, comes last."
     return f"Ordered from the easiest to the hardest; {target.name}, the last, is the target."

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from envgraph.errors import EvaluationError, InvalidArgument, LoadError, Severity
 from envgraph.lang import data_path, load_workspace
+from envgraph.report import family_report
 from envgraph.search import (
     Components,
     Domain,
@@ -44,6 +45,7 @@ def test_a_run_keeps_the_members_in_the_order_that_was_searched_for(tmp_path: Pa
     assert str(outcome).startswith(f"learning {family.value:.3f}, diversity 2.585 of 2.585 bits")
     again = open_family(str(tmp_path))
     assert (again.members, again.value) == (family.members, family.value)
+    assert "In the order that was searched for; the target E6" in family_report(family).summary
     file = tmp_path / "family.json"
     file.write_text(write_family(family))
     assert [one.model for one in read_family(file).members] == [one.model for one in family.members]
