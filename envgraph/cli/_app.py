@@ -484,6 +484,10 @@ def runs_(directory: Path, format: OutputFormat) -> None:
     "(.model, .xmi) or a metamodel (.metamodel, .ecore).",
 )
 @_variant
+@click.option(
+    "--lineage", metavar="VARIANT", help="The rules that made this environment of a run, and where."
+)
+@click.option("--rejections", is_flag=True, help="Why models were turned down in a run, and how often.")
 @_directory
 @_metamodel
 @_unresolved
@@ -497,6 +501,8 @@ def runs_(directory: Path, format: OutputFormat) -> None:
 def show(
     run: str,
     variant: str | None,
+    lineage: str | None,
+    rejections: bool,
     directory: Path,
     metamodel: tuple[str, ...],
     allow_unresolved: bool,
@@ -513,13 +519,18 @@ def show(
         return
     if shown in DEFINITIONS:
         raise InvalidArgument(f"`{run}` is no run, model or metamodel; `envgraph check {run}` reads it")
-    from envgraph.cli._family import show_family
+    from envgraph.cli._family import show_family, show_lineage, show_rejections
 
     if format in (ShowFormat.DOT, ShowFormat.SVG):
         raise InvalidArgument(
             f"`envgraph export {run} --format svg` draws a run; `show` draws models and metamodels"
         )
-    show_family(run, directory, variant, OutputFormat(format.value))
+    if lineage is not None:
+        show_lineage(run, directory, lineage, OutputFormat(format.value))
+    elif rejections:
+        show_rejections(run, directory, OutputFormat(format.value))
+    else:
+        show_family(run, directory, variant, OutputFormat(format.value))
 
 
 @app.command()

@@ -20,6 +20,7 @@ from envgraph.cli._output import (
     printable_json,
     progress_bar,
 )
+from envgraph.cli._query import spelled
 from envgraph.env import scene_text
 from envgraph.errors import Diagnostic, EvaluationError, InvalidArgument, did_you_mean
 from envgraph.files import replace_file
@@ -36,6 +37,7 @@ from envgraph.search import (
     export_ga4cl,
     family_svg,
     import_ga4cl,
+    lineage,
     open_family,
     run_file,
     why_low,
@@ -148,6 +150,50 @@ def show_family(run: str, directory: Path, variant: str | None, format: OutputFo
         print_line("")
         print_line("  ".join([member.name, *(" ".join(fact) for fact in caption(family, member))]))
         print_lines(family.text(member))
+
+
+def show_lineage(run: str, directory: Path, variant: str, format: OutputFormat) -> None:
+    """Print the rules that made a member of a run, and where they were applied."""
+    family = open_family(run, directory)
+    member = family.member(variant)
+    with _store_of(run, directory) as store:
+        assert member.individual is not None, "members of runs are individuals"
+        steps = [
+            (step.generation, step.rule, {name: spelled(one) for name, one in step.match.items()})
+            for step in lineage(store, family.domain, member.individual)
+        ]
+    if format is OutputFormat.JSON:
+        names = ("generation", "rule", "match")
+        print_json({"name": member.name, "steps": [dict(zip(names, step, strict=True)) for step in steps]})
+        return
+    rows = [
+        (str(place), str(generation), rule, ", ".join(f"{name} = {text}" for name, text in match.items()))
+        for place, (generation, rule, match) in enumerate(steps, start=1)
+    ]
+    title = (
+        f"{member.name}: {len(rows)} application{'s' * (len(rows) != 1)} of rules from the initial model on"
+    )
+    print_table(title, ("", "generation", "rule", "at"), rows, (0, 1))
+
+
+def show_rejections(run: str, directory: Path, format: OutputFormat) -> None:
+    """Print why models were turned down, the most frequent reason first."""
+    with _store_of(run, directory) as store:
+        reasons = store.reasons().most_common()
+        accepted = sum(row[2] for row in store.history())
+    if format is OutputFormat.JSON:
+        print_json({"accepted": accepted, "rejected": dict(reasons)})
+        return
+    total = sum(count for _, count in reasons)
+    rows = [(f"{count:,}", f"{count / total:.0%}", reason) for reason, count in reasons]
+    title = f"{accepted:,} models were accepted, {total:,} attempts rejected"
+    print_table(title, ("times", "share", "because"), rows, (0, 1)) if rows else print_line(title)
+
+
+def _store_of(run: str, directory: Path) -> RunStore:
+    if Path(run).suffix == ".json":
+        raise InvalidArgument(f"`{run}` is a family file, which does not keep how it was made: name the run")
+    return RunStore.open(run_file(run, directory))
 
 
 def export_family(run: str, directory: Path, format: str, output: Path | None) -> None:

@@ -49,7 +49,7 @@ def print_matches(
         return
     names = matches[0].names
     count = f"{len(matches)} match{'es' if len(matches) > 1 else ''} of {pattern}"
-    print_table(count, names or ("",), [tuple(_shown(match[name]) for name in names) for match in matches])
+    print_table(count, names or ("",), [tuple(spelled(match[name]) for name in names) for match in matches])
 
 
 def open_engine(model: str, definitions: str, inputs: Inputs, seed: int = 0) -> Engine:
@@ -216,13 +216,13 @@ def _traced(engine: Engine, firing: Firing) -> _Step:
                 match[name] = {"id": value, "deleted": True}
         else:
             match[name] = value
-        shown.append(f"{name}={_shown(found)}")
+        shown.append(f"{name}={spelled(found)}")
     return _Step(f"{firing.rule}({', '.join(shown)})", {"rule": firing.rule, "match": match})
 
 
 def _told(engine: Engine, application: Application) -> _Step:
     step, nodes = _traced(engine, application.firing), application.created
-    created = "".join(f"; created {_shown(node)}" for node in nodes.values())
+    created = "".join(f"; created {spelled(node)}" for node in nodes.values())
     plain = {name: _plain(node) for name, node in nodes.items()}
     return _Step(step.text + created, {**step.data, "created": plain})
 
@@ -330,7 +330,7 @@ def _objects(engine: Engine, text: str, cls: str) -> str:
     return name_hint(text, names) or "" if names else f"there is no `{cls}` in it"
 
 
-def _shown(value: Node | Value) -> str:
+def spelled(value: Node | Value) -> str:
     """An object as in messages, with its class; a value as in the languages."""
     if isinstance(value, Node):
         title = value.model.title(value.id)

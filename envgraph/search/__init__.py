@@ -14,6 +14,7 @@ from envgraph.search._family import Family, Member, family_of, run_file
 from envgraph.search._family_file import family_schema, open_family, read_family, write_family
 from envgraph.search._ga4cl import GridVariant, grid_rows, read_ga4cl, retype_grid, write_ga4cl
 from envgraph.search._generate import evolve, export_ga4cl, generate, import_ga4cl, resume
+from envgraph.search._lineage import LineageStep, lineage
 from envgraph.search._measures import MatchCount, PatternValue, ShortestPath, ShortestPlan
 from envgraph.search._options import Options
 from envgraph.search._outcome import Outcome, why_low
@@ -65,6 +66,7 @@ __all__ = [
     "HillClimbing",
     "Individual",
     "IndividualMeasure",
+    "LineageStep",
     "MatchCount",
     "Member",
     "NoValue",
@@ -99,6 +101,7 @@ __all__ = [
     "generate",
     "grid_rows",
     "import_ga4cl",
+    "lineage",
     "lineage_lengths",
     "make",
     "make_environment",

@@ -722,3 +722,31 @@ def test_match_takes_rules_and_literals_as_files_write_them(envgraph: Envgraph) 
     for literal in ("west", "::west", "Way::west"):
         assert "1 match" in ok(envgraph("match", "m.model", "m.query", "goes", "-w", f"way={literal}")).out
     assert "has no literal `wets`" in envgraph("match", "m.model", "m.query", "goes", "-w", "way=wets").err
+
+
+def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(envgraph: Envgraph) -> None:
+    ok(envgraph("generate", "burning_forest", "--name", "run", "--generations", "3", "--population", "4"))
+    family = package.search.open_family("run")
+    steps = ok(envgraph("show", "run", "--lineage", "E1", "--format", "json")).json
+    assert isinstance(steps, dict) and steps["name"] == "E1" and steps["steps"]
+    engine = family.domain.engine()
+    for step in steps["steps"]:
+        before, after = step["rule"].split(".")[-2:]
+        (spelling,) = step["match"].values()
+        assert spelling.startswith(before)
+        matches = [one for one in engine.matches(step["rule"]) if str(one.object.x) in spelling]
+        match = next(one for one in matches if f"y = {one.object.y}, x = {one.object.x}" in spelling)
+        engine.apply(step["rule"], match)
+        assert match.object.cls == after
+    assert engine.model.state_hash() == family.model(family.member("E1")).state_hash()
+    shown = ok(envgraph("show", "run", "--lineage", "E1")).out
+    assert f"E1: {len(steps['steps'])} application" in shown
+    assert "0 applications" in ok(envgraph("show", "run", "--lineage", "E4")).out
+    rejected = ok(envgraph("show", "run", "--rejections", "--format", "json")).json
+    assert isinstance(rejected, dict) and rejected["accepted"] > 4
+    table = ok(envgraph("show", "run", "--rejections")).out
+    assert all(reason in table and f"{count:,}" in table for reason, count in rejected["rejected"].items())
+    ok(envgraph("export", "run", "-o", "family.json"))
+    failed = envgraph("show", "family.json", "--rejections")
+    assert failed.code == 1 and "does not keep how it was made" in failed.err
+    assert envgraph("show", "run", "--lineage", "E9").code == 1
