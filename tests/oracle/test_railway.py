@@ -15,7 +15,7 @@ from envgraph.lang import Workspace
 from envgraph.match import FREE, CompiledMatcher, NaiveMatcher, Row
 from envgraph.rewrite import Engine, Match
 from tests.oracle.railway_by_hand import BY_HAND
-from tests.profile import NIGHTLY
+from tests.profile import AT_NIGHT, NIGHTLY
 
 LARGE = 8 if NIGHTLY else 3
 """Size of the larger railway: what by hand is compared after each batch takes longer than all else."""
@@ -73,7 +73,10 @@ def test_counts_are_the_published_ones(
     assert_as_by_hand(engine)
 
 
-@pytest.mark.parametrize("scenario", ["batch", "repair", "inject"])
+@pytest.mark.parametrize(
+    "scenario",
+    [pytest.param("batch", marks=AT_NIGHT), "repair", pytest.param("inject", marks=AT_NIGHT)],
+)
 def test_the_naive_matcher_finds_the_same(domain: Workspace, scenario: str) -> None:
     engine = engine_on(domain, scenario, 1)
     naive = NaiveMatcher(engine.model, engine.library)
