@@ -467,6 +467,23 @@ def generate(
     )  # fmt: skip
 
 
+@app.command("verify")
+@click.argument(
+    "run", help="A run: its name below `runs`, its directory or its run.sqlite; or a family file (.json)."
+)
+@_directory
+@_format
+def verify_(run: str, directory: Path, format: OutputFormat) -> None:
+    """Print what is certain of each environment of a family, computed twice by different means.
+
+    The fewest steps to success, how likely a random walk succeeds, and the optimal return. Exit code 1 where the two
+    differ.
+    """
+    from envgraph.cli._verify import verify_family
+
+    verify_family(run, directory, format)
+
+
 @app.command("runs")
 @_directory
 @_format

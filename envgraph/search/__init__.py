@@ -5,6 +5,7 @@
 """
 
 from envgraph.errors import shorten
+from envgraph.search._certified import Verification, certificates, verify
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
 from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
@@ -89,8 +90,10 @@ __all__ = [
     "TournamentParents",
     "Trace",
     "Variance",
+    "Verification",
     "acceptance",
     "caption",
+    "certificates",
     "count_paths",
     "domain_problems",
     "evolve",
@@ -116,6 +119,7 @@ __all__ = [
     "retype_grid",
     "reward_schedule",
     "run_file",
+    "verify",
     "why_low",
     "write_family",
     "write_ga4cl",

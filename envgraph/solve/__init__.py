@@ -8,6 +8,7 @@ the next. `mixture` makes one environment of several.
 
 from envgraph.errors import shorten
 from envgraph.solve._certificates import Certificates, certify, cvar, shortest_plan
+from envgraph.solve._checker import recomputed
 from envgraph.solve._distance import steps_to_success
 from envgraph.solve._evaluation import Evaluation, accumulate, evaluate, evaluate_policy
 from envgraph.solve._mixture import mixture
@@ -27,6 +28,7 @@ __all__ = [
     "hit_probability",
     "mixture",
     "optimal_return",
+    "recomputed",
     "shortest_plan",
     "softened_policy",
     "steps_to_success",

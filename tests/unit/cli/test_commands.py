@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,7 @@ COMMANDS = (
     "apply",
     "replay",
     "runs",
+    "verify",
     "format",
     "convert",
     "generate",
@@ -750,3 +752,25 @@ def test_a_run_tells_where_its_members_come_from_and_why_others_are_not_there(en
     failed = envgraph("show", "family.json", "--rejections")
     assert failed.code == 1 and "does not keep how it was made" in failed.err
     assert envgraph("show", "run", "--lineage", "E9").code == 1
+
+
+def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest.MonkeyPatch) -> None:
+    ok(envgraph("generate", "keydoor", "--name", "run", "--generations", "2", "--population", "2"))
+    shown = ok(envgraph("verify", "run")).out
+    assert shown.splitlines()[0] == "KeyDoor: within 100 steps"
+    found = ok(envgraph("verify", "run", "--format", "json")).json
+    assert isinstance(found, dict)
+    assert [one["differences"] for one in found["members"]] == [[], []]
+    plan = found["members"][-1]["certificates"]["shortest_plan"]
+    assert f"{plan:.0f} steps" in shown.splitlines()[-1]
+
+    whole = Family.explored
+
+    def damaged(family: Family, member: Any) -> Any:
+        found = whole(family, member)
+        return replace(found, tabular=replace(found.tabular, reward=found.tabular.reward + 0.5))
+
+    monkeypatch.setattr(Family, "explored", damaged)
+    failed = envgraph("verify", "run")
+    assert failed.code == 1
+    assert "not the same when computed again: `E1 (optimal_return, policy_return)`" in failed.err
