@@ -21,7 +21,7 @@ from envgraph.search.curricula._starts import Easing, Starts
 Scores = NDArray[np.float64]
 
 LEVEL: Final = 50_000
-"""Steps of learners that take as long as to make a table of a small model, or a family that comes to nothing."""
+"""Steps of learners that take as long as to make a table of a small model; no judgement of a family counts as fewer."""
 SCREENED: Final = 0.12
 """Share of the effort for families to begin with."""
 GLANCE, LOOK, POOL, JUDGE = 6, 12, 120, 520
@@ -44,7 +44,8 @@ class CurriculumSettings:
 
     Attributes:
         population: members of a family, the target included; at least 2.
-        effort: how long: steps that learners make, where a table that is made counts as 50,000.
+        effort: how long: steps that learners make, where a table that is made counts as 50,000, and so does what an
+            objective that needs fewer makes of some seeds.
         lanes: families that are improved side by side, until the better half of them goes on.
         enough: the search ends at this value; None: at the most that the objective can be.
         demanded: the least diversity of a family; infinity: the largest there is; or None.
@@ -270,7 +271,7 @@ class CurriculumSearch:
         return self._scores(family, self._fresh(seeds))
 
     def _scores(self, family: Sequence[Level], seeds: range) -> Scores:
-        self._steps += self.objective.effort * len(family) * len(seeds)
+        self._steps += max(LEVEL, self.objective.effort * len(family) * len(seeds))
         return self.objective.scores(family, seeds)
 
     def _fresh(self, count: int) -> range:

@@ -137,7 +137,7 @@ def test_an_objective_of_ones_own_is_climbed() -> None:
     levels = levels_of("burning_forest")
     objective = Fires(levels)
     first = max(objective.scores(family, range(1))[0, 0] for family in started(levels, 4, None))
-    found = CurriculumSearch(levels, objective, replace(SETTINGS, effort=40_000_000), seed=3).run()
+    found = CurriculumSearch(levels, objective, replace(SETTINGS, effort=120_000_000), seed=3).run()
     assert found.value == sum(map(objective.fires, found.family[:-1])) > first
 
 
@@ -149,6 +149,20 @@ def test_a_search_ends_where_it_is_enough() -> None:
     assert result.value >= 10.0
     assert result.spent < 1.0
     assert max(seen) == result.value
+
+
+def test_what_costs_no_steps_counts_too() -> None:
+    """Else a search whose moves all succeed has no end."""
+    levels = levels_of("burning_forest")
+
+    class Free(Fires):
+        effort = 0
+
+    told: list[float] = []
+    settings = replace(SETTINGS, effort=2_000_000)
+    found = CurriculumSearch(levels, Free(levels), settings, 3, lambda one: told.append(one.spent)).run()
+    assert found.tried <= settings.effort // _climb.LEVEL + 2 * settings.lanes
+    assert told[-1] == 1.0
 
 
 def test_chain_transfer_is_an_objective() -> None:
