@@ -88,8 +88,8 @@ def generate_family(
     elif path.exists():
         domain.check_initial()  # before anything is lost
         remove_results(path.parent)
+    whole = (kept if resume else domain).spec.objective is not None
     try:
-        whole = (kept if resume else domain).spec.objective is not None
         with progress_bar("% of the effort" if whole else "generations", 100 if whole else total) as advance:
 
             def progress(generation: Generation) -> None:
@@ -110,7 +110,7 @@ def generate_family(
     except KeyboardInterrupt:
         if path.exists():
             words = f"envgraph generate {location} --name {path.parent.name} --directory {directory} --resume"
-            sys.stderr.write(f"`{words}` goes on\n")
+            sys.stderr.write(f"`{words}` {'begins anew' if whole else 'goes on'}\n")
         raise
     with RunStore.open(path) as store:
         low = why_low(family, store)

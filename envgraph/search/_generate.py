@@ -122,7 +122,8 @@ def resume(
         climbing, workers: see `generate`.
 
     Raises:
-        InvalidArgument: there is no such run, it is an imported family, or has so many generations already.
+        InvalidArgument: there is no such run, it is an imported family, or has so many generations already; or
+            generations are asked for, and it has an objective.
     """
     with RunStore.open(store_path) as store:
         if store.imported is not None:
@@ -133,6 +134,8 @@ def resume(
         changed = [] if generations is None else [f"search.generations={generations}"]
         domain = domain_of(store.bundle(), [*store.overrides, *changed], str(store.path), components)
         if changed:
+            if domain.spec.objective is not None:
+                raise InvalidArgument(f"{store_path} has an objective, and no generations to go on to")
             store.set("overrides", list(domain.overrides))
         if domain.spec.objective is None or last is None:
             with telling():
@@ -160,19 +163,19 @@ def _evolved(evolution: Evolution, progress: Progress) -> None:
 
 def _store(store: RunStore, levels: Levels, found: CurriculumProgress) -> None:
     """Write a family that was searched for as a whole: the target, and what leads from it to each other member."""
-    born, texts = [], {}
+    born = []
     for id_, level in enumerate([found.family[-1], *found.family[:-1]]):
         parent = None if id_ == 0 else 0
         state = f"{level.state:016x}"
-        born.append(Individual(id_, 0, id_ - 1, parent, level.trace, level.measures, state))
         levels.go_to(level.version)
-        texts[id_] = dump_json(model_to_json(levels.engine.model))
+        model = dump_json(model_to_json(levels.engine.model))
+        born.append(Individual(id_, 0, id_ - 1, parent, level.trace, level.measures, state, model))
     members = (*range(1, len(born)), 0)
     rejected = dict(sorted(levels.rejected.items()))
     diversity = levels.diversity(found.family)
-    store.write_generation(Generation(0, members, diversity, len(born), rejected), born)
-    store.write_models(texts)
+    # A run with a generation has ended: that is written last, and whole.
     store.set("objective", {"value": found.value, "families": found.tried})
+    store.write_generation(Generation(0, members, diversity, len(born), rejected), born)
 
 
 def import_ga4cl(
