@@ -31,7 +31,7 @@ from envgraph.search._selection import (
 from envgraph.search.curricula import ChainTransfer, Learning, Levels, Objective
 from envgraph.solve.learning import TrainingSettings
 
-_MOST_BINS = 100_000
+_MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
 
 if TYPE_CHECKING:
     from envgraph.lang import FamilySpec
@@ -105,7 +105,7 @@ def _binned_entropy(options: Options, context: Context) -> FamilyMeasure:
 
 
 def _learning(options: Options, context: Context) -> Callable[[Levels, int], Objective]:
-    steps = options.integers("steps", [context.spec.training.steps_per_environment], 1)
+    steps = options.integers("steps", [context.spec.training.steps_per_environment], 1, _MOST_STEPS)
     limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
     settings = TrainingSettings.from_spec(context.spec.training, limit=limit)
     seed = context.spec.seed

@@ -301,9 +301,9 @@ class Domain:
         settings = _climb(options, search.population)
         made = self.components.objective[spec.kind](options, self._context())
         problems = _finished(options)
-        if search.population < 2 or not search.keep_initial:
+        if search.population < 2 or not search.keep_initial or self.spec.curriculum.initial != "last":
             message = "an objective is of families that end in the initial model and have other members"
-            hint = "write `population = 2` or more, and leave `keep_initial` out"
+            hint = "write `population = 2` or more, and leave `keep_initial` and `initial` out"
             problems.append(Diagnostic("bad-objective", message, spec.span(), hint))
         if has_errors(problems):
             raise LoadError(problems)
@@ -321,10 +321,13 @@ class Domain:
 
         Raises:
             LoadError: it does not; one diagnostic for each constraint, or for the measure, at its place. What visits
-                states is asked last, if nothing else is wrong.
+                states is asked last, if nothing else is wrong. Or an objective demands a diversity that no family has.
         """
         problem = problem or self.problem(self.engine())
         spec, note = self.spec, Note("the initial model is here", self.spec.model.span)
+        demanded = self._demanded(problem)
+        if demanded:
+            raise LoadError(demanded)
         try:
             self.keys()
         except EvaluationError as error:
@@ -370,6 +373,21 @@ class Domain:
             for constraint, evidence in sorted(violated.items())
         ]
         raise LoadError(sort_diagnostics(problems))
+
+    def _demanded(self, problem: Problem) -> list[Diagnostic]:
+        """An error where an objective demands more diversity than a family can have."""
+        objective, size = self.spec.objective, self.spec.search.population
+        demanded = None if objective is None else objective.options.get("diversity")
+        most = problem.maximum(size)
+        if objective is None or demanded is None or (demanded == "maximum" and most < inf):
+            return []
+        message, hint = f"a family of {size} is at most {most:g} diverse", 'write `diversity = "maximum"`'
+        if demanded == "maximum":
+            message = f"nobody knows how diverse a family can be by `{self.spec.diversity.kind}`"
+            hint = "write a number, the least diversity that a family may have"
+        elif isinstance(demanded, int | float) and demanded <= most:
+            return []
+        return [Diagnostic("bad-range", message, objective.span("diversity"), hint)]
 
     def _outside(self, problem: Problem, measured: Mapping[str, float]) -> list[Diagnostic]:
         """A warning where the initial model lies outside of the range that is divided into bins."""
@@ -483,7 +501,7 @@ def _climb(options: Options, population: int) -> CurriculumSettings:
         population=max(2, population),
         effort=int(options.number("effort", EFFORT, 1, 1e15)),
         lanes=options.integer("lanes", 4, 1, MOST_LANES),
-        enough=options.number("enough", 0.0, -LARGEST, LARGEST) if options.given("enough") else None,
+        enough=options.number("enough", 1.0, -LARGEST, LARGEST) if options.given("enough") else None,
         demanded=inf if isinstance(demanded, str) else demanded,
     )
 

@@ -67,12 +67,16 @@ class Options:
             return tuple(found)
         return self._wrong(name, "a name or a list of names", (), '["..."]')
 
-    def integers(self, name: str, default: list[int], low: int) -> tuple[int, ...]:
-        """A whole number or a list of them, at least one."""
+    def integers(self, name: str, default: list[int], low: int, most: int) -> tuple[int, ...]:
+        """A whole number or a list of them, at least one, each at least `low`, and at most a limit."""
         value = self._value(name, default)
         found = value if isinstance(value, list) else [value]
-        if found and all(type(one) is int and low <= one <= LARGEST for one in found):
-            return tuple(found)
+        if found and all(type(one) is int and low <= one for one in found):
+            if max(found) <= limit(most):
+                return tuple(found)
+            message = f"`{name}` of `{self.spec.kind}` is {max(found)}, and at most {limit(most):,}"
+            self.problems.append(Diagnostic("bad-range", message, self.spec.span(name), RAISE_LIMIT))
+            return (low,)
         what = f"a whole number from {low}, or a list of them"
         return self._wrong(name, what, tuple(default), f"[{', '.join(map(str, default))}]")
 

@@ -1,6 +1,7 @@
 """Family files with an objective: from the text to a run and back."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import copytree
@@ -105,9 +106,12 @@ def test_a_file_of_a_bundled_domain_has_a_short_name(tmp_path: Path, monkeypatch
         (
             "search.population=1",
             "bad-objective",
-            "write `population = 2` or more, and leave `keep_initial` out",
+            "write `population = 2` or more, and leave `keep_initial` and `initial` out",
         ),
         ("search.keep_initial=false", "bad-objective", "write `population = 2` or more"),
+        ('curriculum.initial="ordered"', "bad-objective", "leave `keep_initial` and `initial` out"),
+        ("objective.steps=[2000, 100_000_001]", "bad-range", "ENVGRAPH_LIMITS=10"),
+        ("objective.enough=true", "wrong-type", "write `enough = 1`"),
     ],
 )
 def test_mistakes_are_told_with_a_hint(override: str, code: str, hint: str) -> None:
@@ -144,3 +148,72 @@ def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(tmp_path: P
     with pytest.raises(EvaluationError, match="states"):
         generate("warehouse", tmp_path / "run.sqlite", overrides=overrides)
     assert not (tmp_path / "run.sqlite").exists()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message", "hint"),
+    [
+        (
+            ["objective.diversity=2.6"],
+            "a family of 6 is at most 2.58496 diverse",
+            'write `diversity = "maximum"`',
+        ),
+        (
+            ['diversity={ kind = "variance", of = "complexity" }'],
+            "nobody knows how diverse a family can be by `variance`",
+            "write a number",
+        ),
+    ],
+)
+def test_a_diversity_that_no_family_has_is_not_demanded(
+    tmp_path: Path, overrides: list[str], message: str, hint: str
+) -> None:
+    with pytest.raises(LoadError) as failure:
+        generate(FILE, tmp_path / "run.sqlite", overrides=overrides)
+    (problem,) = failure.value.diagnostics
+    assert message in problem.message
+    assert problem.span is not None
+    assert problem.hint is not None and hint in problem.hint
+    assert not (tmp_path / "run.sqlite").exists()
+
+
+@needs_numba
+def test_a_family_is_stored_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that ends at any commit of its store is gone on with, and comes to the same."""
+    overrides = [*SHORT, "objective.effort=3_000_000", "search.population=3"]
+    whole = generate(FILE, tmp_path / "whole.sqlite", overrides=overrides)
+    kept: dict[str, Callable[..., None]] = {
+        "set": RunStore.set,
+        "write_generation": RunStore.write_generation,
+    }
+    calls = 0
+
+    def dying(name: str, at: int) -> Callable[..., None]:
+        def write(store: RunStore, *arguments: object) -> None:
+            nonlocal calls
+            kept[name](store, *arguments)
+            calls += 1
+            if calls == at:
+                raise KeyboardInterrupt
+
+        return write
+
+    for at in (1, 2):
+        path, calls = tmp_path / f"{at}.sqlite", 0
+        with monkeypatch.context() as patched:
+            for name in kept:
+                patched.setattr(RunStore, name, dying(name, at))
+            with suppress(KeyboardInterrupt):
+                generate(FILE, path, overrides=overrides)
+        found = resume(path)
+        assert (found.members, found.value) == (whole.members, whole.value)
+
+
+@needs_numba
+def test_a_family_that_was_searched_for_has_no_more_generations(tmp_path: Path) -> None:
+    path = tmp_path / "run.sqlite"
+    generate(FILE, path, overrides=[*SHORT, "objective.effort=3_000_000", "search.population=3"])
+    with pytest.raises(InvalidArgument, match="has an objective, and no generations"):
+        resume(path, generations=7)
+    with RunStore.open(path) as store:
+        assert not any("generations" in one for one in store.overrides)
