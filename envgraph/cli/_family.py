@@ -96,7 +96,8 @@ def generate_family(
                 advance(generation.number, f"diversity {generation.diversity:.3f}")
 
             def climbing(found: CurriculumProgress) -> None:
-                advance(int(100 * found.spent), f"best {found.value:.3f}")
+                known = f"best {found.value:.3f}" if found.value > -inf else "families to begin with"
+                advance(int(100 * found.spent), f"{known}, {found.tried:,} tried")
 
             if resume:
                 family = resume_run(

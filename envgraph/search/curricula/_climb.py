@@ -84,8 +84,8 @@ class CurriculumProgress:
     """Where a search stands.
 
     Attributes:
-        family: the best one.
-        value: of it.
+        family: the best one; while families to begin with are drawn, the last one.
+        value: of it; minus infinity before it is known.
         spent: share of the effort.
         tried: families that were judged.
     """
@@ -192,6 +192,7 @@ class CurriculumSearch:
                 self._steps += LEVEL // 2
                 continue
             pool.append((value_of(self._judged(family, GLANCE)), family, easing))
+            self.report(CurriculumProgress(family, -inf, min(1.0, self._spent()), self.tried))
         pool.sort(key=lambda one: -one[0])
         pool, seeds = pool[: max(settings.lanes, len(pool) // 4)], LOOK
         while len(pool) > settings.lanes:
