@@ -3,15 +3,18 @@
     python -m benchmarks family
 
 1,000 generations at 8x8, simulated annealing of 500 rounds, through `envgraph.search.generate`, run store included,
-beside the same algorithm hand-written on strings of letters, which keeps no traces, versions or store. Times are CPU
-seconds, since other programs share the machine; wall time is printed next to them.
+beside the same algorithm hand-written on strings of letters, which keeps no traces, versions or store. Then forests of
+all sizes, fire on a quarter of the tiles, until the family has the maximum of entropy, with mutations of heavy-tailed
+strength; and the other bundled domains. Times are CPU seconds, since other programs share the machine; wall time is
+printed next to them.
 """
 
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import wraps
 from math import exp, log2, sqrt
 from pathlib import Path
@@ -22,8 +25,19 @@ from typing import Any
 from unittest.mock import patch
 
 from envgraph.graph import Model, _versions
+from envgraph.lang import bundled_domain
 from envgraph.rewrite import Engine
-from envgraph.search import Evolution, Problem, RunStore, SimulatedAnnealing, generate
+from envgraph.search import (
+    BinnedEntropy,
+    Domain,
+    Evolution,
+    Generation,
+    Problem,
+    RunStore,
+    SimulatedAnnealing,
+    generate,
+    why_low,
+)
 
 GENERATIONS = 1000
 TO_THE_END = ("search.target=false",)
@@ -48,6 +62,8 @@ def main() -> None:
     start = _median(lambda: _generate(6, generations=0))
     print(f"of which reading files, compiling patterns, making the store: {start[0]:.2f} s")
     print_phases()
+    print_sizes()
+    print_domains()
 
 
 def print_phases() -> None:
@@ -121,6 +137,119 @@ def _timed(
         return result
 
     return timed
+
+
+SIZES = ((8, 6, 30, 0.2), (12, 20, 10, 2.0), (16, 20, 10, 5.0), (32, 20, 10, 20.0), (100, 20, 3, 120.0))
+"""Tiles on a side, population, seeds, and the seconds that it should take at most."""
+
+REACHED = {"keydoor": 3, "network": 4, "warehouse": 4}
+"""Bins of the bundled domains that any model is known to fall into, of six."""
+
+TAILED = ("mutation.strength=heavy_tailed",)
+PERIOD = 30.0
+
+
+def print_sizes() -> None:
+    """Until forests of random tiles have families of maximum entropy."""
+    print("\nCPU seconds to the maximum of entropy, random forests")
+    print(
+        f"{'tiles':>10}{'population':>12}{'median':>10}{'slowest':>10}{'children':>10}{'to be':>8}{'reached':>10}"
+    )
+    for size, population, seeds, wanted in SIZES:
+        found = [_to_the_maximum(size, population, seed) for seed in range(seeds)]
+        times = [seconds for seconds, _, _ in found]
+        children = median(born for _, born, _ in found)
+        reached = sum(low is None for _, _, low in found)
+        print(
+            f"{f'{size} x {size}':>10}{population:12}{median(times):10.2f}{max(times):10.2f}{children:10.0f}"
+            f"{wanted:8.1f}{f'{reached} of {seeds}':>10}",
+            flush=True,
+        )
+
+
+def _to_the_maximum(size: int, population: int, seed: int) -> tuple[float, int, object]:
+    """CPU seconds, children, and why the family is not as diverse as can be."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.sqlite"
+        forest(Path(folder), size, seed)
+        started = process_time()
+        family = generate(folder, path, seed=seed, population=population, overrides=TAILED)
+        seconds = process_time() - started
+        with RunStore.open(path) as store:
+            return seconds, sum(accepted for _, _, accepted, _ in store.history()), why_low(family, store)
+
+
+def forest(folder: Path, size: int, seed: int) -> None:
+    """Write a forest whose tiles are random, a quarter of them on fire, and that can be crossed."""
+    for file in bundled_domain("burning_forest").iterdir():
+        (folder / file.name).write_text(re.sub(r'"\w+FixedLocation", ', "", file.read_text()))
+    rng = random.Random(f"{size} {seed}")
+    while True:
+        tiles = rng.choices("BVR", (0.25, 0.26, 0.49), k=size * size)
+        tiles[0], tiles[rng.randrange(1, size * size - 1)], tiles[-1] = "SWG"
+        rows = ["".join(tiles[row : row + size]) for row in range(0, size * size, size)]
+        (folder / "target_8x8.model").write_text(MODEL.format("\n".join(rows)))
+        domain = Domain.load(str(folder))
+        if domain.problem(domain.engine()).valid():
+            return
+
+
+MODEL = """
+import "burning_forest.metamodel"
+model target : burning_forest {{
+    forest : Forest {{
+        states = grid tile {{
+            column x next right
+            row y next down
+            rows \"\"\"
+{}
+            \"\"\"
+        }}
+        agent = truck : FireTruck {{ currentState = tile[0, 0] }}
+    }}
+}}
+"""
+
+
+def print_domains() -> None:
+    """The bundled domains where not all bins can be reached, as far as they come in a time."""
+    print(
+        f"\nbits of entropy after {PERIOD:.0f} seconds of CPU, population 6, and when they were reached, 3 seeds"
+    )
+    for name, bins in REACHED.items():
+        maximum = BinnedEntropy(bins).maximum(6)
+        for seed in range(3):
+            bits, seconds = _within(name, seed)
+            print(f"{name:>10}{bits:8.3f} of {maximum:.3f}{seconds:8.1f} s", flush=True)
+
+
+class _Over(Exception):
+    """The time is over."""
+
+
+def _within(name: str, seed: int) -> tuple[float, float]:
+    """The entropy that is reached, and when."""
+    best, started = (0.0, 0.0), process_time()
+
+    def watch(generation: Generation) -> None:
+        nonlocal best
+        now = process_time() - started
+        if generation.diversity > best[0] + 1e-9:
+            best = generation.diversity, now
+        if now > PERIOD:
+            raise _Over
+
+    endless = "search.generations=1000000000"
+    with TemporaryDirectory() as folder, suppress(_Over):
+        generate(
+            name,
+            Path(folder) / "run.sqlite",
+            seed=seed,
+            population=6,
+            overrides=(*TAILED, endless),
+            progress=watch,
+        )
+    return best
 
 
 def _generate(population: int, generations: int = GENERATIONS) -> None:

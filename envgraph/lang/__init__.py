@@ -16,6 +16,7 @@ from envgraph.lang.family._family import (
     MutationSpec,
     Name,
     SearchSpec,
+    Strength,
     TrainingSpec,
 )
 from envgraph.lang.family._family_reader import find_family, load_family
@@ -73,6 +74,7 @@ __all__ = [
     "Pattern",
     "Rule",
     "SearchSpec",
+    "Strength",
     "TextFiles",
     "TrainingSpec",
     "Unit",

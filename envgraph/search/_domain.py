@@ -281,6 +281,7 @@ class Domain:
             rate=spec.mutation.rate,
             initial_applications=spec.mutation.initial_applications,
             max_attempts=spec.mutation.max_attempts,
+            strength=spec.mutation.strength,
             keep_initial=spec.search.keep_initial,
             generations=spec.search.generations,
             seconds=spec.search.time_limit,

@@ -20,6 +20,7 @@ from numpy.random import Generator, SeedSequence, default_rng
 
 from envgraph.code import dataclass
 from envgraph.graph import Version, model_to_json
+from envgraph.lang import Strength
 from envgraph.search._diversity import FamilyMeasure
 from envgraph.search._problem import Problem
 from envgraph.search._selection import ParentSelection, SurvivorSelection
@@ -43,6 +44,7 @@ class Settings:
         rate: probability that a child is a mutated parent, and not a mere copy.
         initial_applications: lowest and highest number of rule applications that make an initial member.
         max_attempts: mutations tried for one child before it is given up.
+        strength: how many applications of rules a mutation takes.
         keep_initial: the initial model is a fixed member of the family.
         generations: stop after so many, or None.
         seconds: stop when this much time has passed since the start (or resumption), or None.
@@ -56,6 +58,7 @@ class Settings:
     rate: float = 0.85
     initial_applications: tuple[int, int] = (1, 5)
     max_attempts: int = 50
+    strength: Strength = "single"
     keep_initial: bool = True
     generations: int | None = 1000
     seconds: float | None = None
@@ -116,7 +119,7 @@ class Evolution:
         self._next_id = store.next_id()
         self._started = time.monotonic()
         self._members: list[_Member] = []
-        self._variation = Variation(problem, settings.max_attempts)
+        self._variation = Variation(problem, settings.max_attempts, settings.strength)
         last = store.last_generation()
         if last is None:
             self.current = self._initialise()
@@ -181,7 +184,7 @@ class Evolution:
             if rng.random() >= settings.rate:
                 continue  # a copy of the parent, which is in the pool already
             origin = self._members[parent]
-            found = self._attempts(origin, rng, self._variation.once)
+            found = self._attempts(origin, rng, self._variation.mutation)
             if found is None:
                 continue
             member = self._accept(number, child, origin, *found)

@@ -8,6 +8,7 @@ from math import inf
 
 from envgraph.code import dataclass
 from envgraph.errors import Diagnostic, Severity
+from envgraph.lang import Strength
 from envgraph.search._diversity import BinnedEntropy
 from envgraph.search._family import Family
 from envgraph.search._problem import Problem
@@ -93,12 +94,16 @@ def why_low(family: Family, store: RunStore) -> Diagnostic | None:
         elif empty:
             message = f"no model came to {_bins(bins, sorted(empty))} of `{of}`{rejected}"
             hint = (
-                f"mutations that change `{of}` more, constraints that allow more, more generations; "
-                f"or {_range(met)} in `[diversity]`, where the values were"
+                f"mutations that change `{of}` more{_stronger(spec.mutation.strength)}, constraints that allow "
+                f"more, more generations; or {_range(met)} in `[diversity]`, where the values were"
             )
     return Diagnostic(
         "low-diversity", f"the diversity is below its maximum: {message}", span, hint, Severity.WARNING
     )
+
+
+def _stronger(strength: Strength) -> str:
+    return ', such as `strength = "heavy_tailed"` in `[mutation]`' if strength == "single" else ""
 
 
 def _values(family: Family, problem: Problem) -> list[float]:

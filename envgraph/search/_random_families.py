@@ -43,8 +43,8 @@ def random_families(
     Args:
         family: what they are compared with; its last member is the target.
         count: how many.
-        applications: of rules, how many each member but the target takes, such as `lineage_lengths`; a mutation by a
-            unit may take several, and the last one more than are left.
+        applications: of rules, how many each member but the target takes, such as `lineage_lengths`; a mutation may
+            take several, and the last one more than are left.
         seed: of all walks; those of a family do not depend on how many there are.
 
     Raises:
@@ -54,7 +54,8 @@ def random_families(
         raise InvalidArgument("`count` and `applications` must not be negative")
     domain, target = family.domain, family.members[-1]
     problem = domain.problem(domain.engine())
-    engine, variation = problem.engine, Variation(problem, domain.settings().max_attempts)
+    settings = domain.settings()
+    engine, variation = problem.engine, Variation(problem, settings.max_attempts, settings.strength)
     first = problem.measure()
     problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
     origin = engine.commit()
@@ -63,7 +64,7 @@ def random_families(
         for child, left in enumerate(applications):
             rng, measures = default_rng(SeedSequence(seed, spawn_key=(number, child))), first
             engine.checkout(origin, discard=True)
-            while left > 0 and (step := variation.attempts(rng, variation.once)):
+            while left > 0 and (step := variation.attempts(rng, variation.mutation)):
                 trace, measures = step
                 left -= len(trace)
             found.append((measures, dump_json(model_to_json(engine.model)), None, False))

@@ -10,6 +10,7 @@ from envgraph.code import dataclass
 from envgraph.errors import Source, Span
 
 Sequences = Literal["suffixes", "full", "baselines", "direct"]
+Strength = Literal["single", "heavy_tailed"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +75,14 @@ class MutationSpec:
         rate: probability that a child is mutated.
         initial_applications: how many rules are applied to each clone of the initial model, both bounds included.
         max_attempts: how often a mutation that violates a constraint is tried again.
+        strength: how many rule applications a mutation takes: one, or a number that is drawn anew each time.
     """
 
     rules: tuple[Name, ...] = ()
     rate: float = 0.85
     initial_applications: tuple[int, int] = (1, 5)
     max_attempts: int = 50
+    strength: Strength = "single"
 
 
 @dataclass(frozen=True, slots=True)

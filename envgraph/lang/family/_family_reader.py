@@ -22,6 +22,7 @@ from envgraph.lang.family._family import (
     Name,
     SearchSpec,
     Sequences,
+    Strength,
     TrainingSpec,
 )
 from envgraph.lang.syntax._data import bundled_domains, bundled_file, data_path
@@ -543,6 +544,7 @@ _FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "rate": _number(0, 1),
         "initial_applications": _Section.interval,
         "max_attempts": _integer(1),
+        "strength": _choice(*get_args(Strength)),
     },
     "search": {
         "population": _integer(1, _MOST),

@@ -45,6 +45,7 @@ def test_what_is_left_out_has_the_published_values() -> None:
     assert spec.name == "dir"
     assert (spec.seed, spec.limit, spec.environment) == (0, None, None)
     assert (spec.mutation.rate, spec.mutation.max_attempts) == (0.85, 50)
+    assert spec.mutation.strength == "single"
     assert (spec.search.parents.kind, spec.search.survivors.kind) == ("random", "simulated_annealing")
     assert (spec.training.learning_rate, spec.training.discount, spec.training.epsilon.decay) == (
         0.1,
