@@ -24,7 +24,6 @@ from envgraph.learn._intervals import (
     wilson_interval,
 )
 from envgraph.learn._journal import Journal, fingerprint
-from envgraph.learn._programs import InProgram, ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult, Summary, read_csv, write_csv
 from envgraph.learn._significance import holm, permutation_test
 from envgraph.solve import (
@@ -42,10 +41,13 @@ from envgraph.solve import (
 from envgraph.solve.learning import (
     Curve,
     Epsilon,
+    InProgram,
+    ProgramTraining,
     Training,
     TrainingSettings,
     available_backends,
     train_curriculum,
+    train_program,
 )
 
 __all__ = [

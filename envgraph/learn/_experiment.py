@@ -16,11 +16,12 @@ from envgraph.env import Tabular
 from envgraph.env.compiled import Learner, Program
 from envgraph.errors import InvalidArgument, did_you_mean
 from envgraph.learn._curricula import Curriculum, Kind, sequences
-from envgraph.learn._programs import InProgram, ProgramTraining, train_program
 from envgraph.learn._results import Experiment, RunResult
 from envgraph.solve import Evaluation, evaluate, mixture
 from envgraph.solve.learning import (
     Backend,
+    InProgram,
+    ProgramTraining,
     Table,
     Training,
     TrainingSettings,
@@ -29,6 +30,7 @@ from envgraph.solve.learning import (
     occurring,
     prepare,
     train,
+    train_program,
 )
 
 TRAINING, EVALUATION, BEFORE = 0, 1, 2

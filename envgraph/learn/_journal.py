@@ -18,9 +18,8 @@ from envgraph.env import Tabular
 from envgraph.errors import InvalidArgument, spelling
 from envgraph.files import open_input, replace_file
 from envgraph.learn._curricula import kind_of
-from envgraph.learn._programs import InProgram
 from envgraph.learn._results import RunResult
-from envgraph.solve.learning import Curve
+from envgraph.solve.learning import Curve, InProgram
 
 FORMAT = "envgraph-training-2"
 

@@ -8,7 +8,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour
+from envgraph.env import Behaviour, TooManyStates
+from envgraph.env.compiled import NotCompiled
+from envgraph.errors import Diagnostic, LoadError, Note
 from envgraph.lang import numeric_parameters
 from envgraph.metamodel import Metamodel, Scalar
 from envgraph.pattern import Library
@@ -28,7 +30,7 @@ from envgraph.search._selection import (
     SurvivorSelection,
     TournamentParents,
 )
-from envgraph.search.curricula import ChainTransfer, Learning, Levels, Objective
+from envgraph.search.curricula import MOST_STATES, ChainTransfer, Learning, Levels, Objective
 from envgraph.solve.learning import TrainingSettings
 
 _MOST_BINS, _MOST_STEPS = 100_000, 100_000_000
@@ -109,7 +111,36 @@ def _learning(options: Options, context: Context) -> Callable[[Levels, int], Obj
     limit = context.spec.limit or (context.behaviour.limit if context.behaviour else None)
     settings = TrainingSettings.from_spec(context.spec.training, limit=limit)
     seed = context.spec.seed
-    return lambda levels, workers: Learning(settings, levels.target, steps, seed, workers)
+
+    def made(levels: Levels, workers: int) -> Objective:
+        try:
+            return Learning(settings, levels.target, steps, seed, workers)
+        except NotCompiled as reason:
+            name, note = levels.behaviour.name, Note("it is here", reason.span)
+            message = (
+                f"`{name}` has too many states for tables, and is not compiled: it has {reason.construct}"
+            )
+            hint = f"do without it, or make the target smaller: up to {MOST_STATES:,} states have a table"
+            notes = (note,) if reason.span else ()
+            place = options.spec.span("kind")
+            raise LoadError([Diagnostic("not-compiled", message, place, hint, notes=notes)]) from reason
+
+    return made
+
+
+def _chain_transfer(options: Options, context: Context) -> Callable[[Levels, int], Objective]:
+    del context
+
+    def made(levels: Levels, workers: int) -> Objective:
+        del workers
+        try:
+            return ChainTransfer(levels.target)
+        except TooManyStates as error:
+            hint = 'write `kind = "learning"`, whose learners need no table, or make the target smaller'
+            place = options.spec.span("kind")
+            raise LoadError([Diagnostic("too-many-states", error.message, place, hint)]) from error
+
+    return made
 
 
 def _annealing(options: Options, context: Context) -> SurvivorSelection:
@@ -157,7 +188,7 @@ class Components:
         default_factory=lambda: MappingProxyType(
             {
                 "learning": _learning,
-                "chain_transfer": lambda options, context: lambda levels, workers: ChainTransfer(),
+                "chain_transfer": _chain_transfer,
             }
         )
     )

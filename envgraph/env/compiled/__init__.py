@@ -13,7 +13,7 @@ from envgraph.env.compiled._export import export
 from envgraph.env.compiled._learner import Learner, Rates
 from envgraph.env.compiled._native import functions, has_numba
 from envgraph.env.compiled._planning import Plan, Plans, find_plan, guided
-from envgraph.env.compiled._program import Program, program_of, set_stream, streams
+from envgraph.env.compiled._program import Program, program_of, program_over, set_stream, streams
 from envgraph.env.compiled._refused import NotCompiled
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "has_numba",
     "kernels",
     "program_of",
+    "program_over",
     "set_stream",
     "streams",
 ]

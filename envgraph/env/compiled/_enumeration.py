@@ -19,8 +19,8 @@ from envgraph.env.compiled._kernels import CAPACITY
 from envgraph.env.compiled._layout import TURN
 from envgraph.env.compiled._listing import DONE, SPACE
 from envgraph.env.compiled._native import has_numba
-from envgraph.env.compiled._program import Program, program_of
-from envgraph.env.compiled._refused import Misfit, NotCompiled
+from envgraph.env.compiled._program import Program, program_of, program_over
+from envgraph.env.compiled._refused import NotCompiled
 from envgraph.rewrite import Engine
 
 CHOICES: Final = 1_000
@@ -103,19 +103,9 @@ class Tables:
         self._visits += 1
         if self._visits > LIVE_VISITS and has_numba():
             with suppress(NotCompiled):
-                self._program = self._over(engine, keys)
+                self._program = program_over(self._program, engine, self._behaviour, keys)
                 return enumerated(self._program, limit=self._limit, progress=progress)
         return explored(engine, self._behaviour, keys, limit=self._limit, progress=progress).tabular
-
-    def _over(self, engine: Engine, keys: KeyIndex) -> Program:
-        """The last program over the present model, or another where that does not fit."""
-        if self._program is None:
-            return program_of(engine, self._behaviour, keys=keys)
-        try:
-            return self._program.over(engine, keys)
-        except Misfit as misfit:
-            broken = {*self._program.layout.broken, misfit.assumption}
-            return program_of(engine, self._behaviour, keys=keys, broken=broken)
 
 
 class Visit:

@@ -13,7 +13,7 @@ from envgraph.code import dataclass
 from envgraph.env.compiled._batch import longer, space_of, tables_of
 from envgraph.env.compiled._learning import OUTCOMES, SPACE, STARTS, WRONG
 from envgraph.env.compiled._program import Program, set_stream, streams
-from envgraph.errors import EvaluationError
+from envgraph.errors import EvaluationError, InvalidArgument
 
 FIRST: Final = 4_096
 """Keys that there is space for at first."""
@@ -33,6 +33,8 @@ class Rates:
 class Learner:
     """Learns values of the actions of a program's environments by Q-learning.
 
+    Values of observations go with it to other programs of the behaviour: see `enter`.
+
     Args:
         program: the compiled behaviour.
         initial: the first value of every action.
@@ -45,18 +47,40 @@ class Learner:
     """
 
     def __init__(self, program: Program, initial: float = 0.0, *, of_states: bool = False) -> None:
-        self._program, self._initial, self._of_states = program, initial, of_states
-        self._functions = program.functions("learn")
-        arrays = program.arrays
-        self._states = np.zeros((1, arrays.states.shape[1]), dtype=np.int64)
-        self._floats = np.zeros((1, arrays.float_states.shape[1]))
-        self._space = space_of(program)
-        self._seen = np.zeros((1, len(program.observation_shape)), dtype=np.int64)
+        self._initial, self._of_states = initial, of_states
+        self._open(program)
         width = self._states.shape[1] + self._floats.shape[1] if of_states else 1
         self.count = 0
         self.keys = np.zeros((FIRST, width), dtype=np.int64)
         self.values = np.zeros((FIRST, len(program.action_names)))
         self._hashed = np.full(4 * FIRST, -1, dtype=np.int64)
+
+    def enter(self, program: Program) -> None:
+        """Go on in another program, whose members numbers mean from now on.
+
+        Its text and its data may be others; its actions and observations are the same.
+
+        Raises:
+            InvalidArgument: they are not, or values are of states.
+        """
+        known = self._program
+        if program is known:
+            return
+        same = (program.action_names, program.observation_shape) == (
+            known.action_names,
+            known.observation_shape,
+        )
+        if self._of_states or not same:
+            raise InvalidArgument("programs agree in actions and observations, and values are of these alone")
+        self._open(program)
+
+    def _open(self, program: Program) -> None:
+        self._program, arrays = program, program.arrays
+        self._functions = program.functions("learn")
+        self._states = np.zeros((1, arrays.states.shape[1]), dtype=np.int64)
+        self._floats = np.zeros((1, arrays.float_states.shape[1]))
+        self._space = space_of(program)
+        self._seen = np.zeros((1, len(program.observation_shape)), dtype=np.int64)
 
     def train(
         self,

@@ -139,7 +139,7 @@ def follow(
     """Episodes of the best actions; how it ended, how many succeeded, the total reward, and all steps.
 
     What was never seen has equal values, so its best action is the first. Its key is written into the last row, and
-    taken out of the hash table again.
+    taken out of the hash table again. Where an episode draws nothing, every other one is the same, and is not played.
     """
     T, G, L, S, F, BITS = fixed(T), fixed(G), vector(L), matrix(S), matrix(F), matrix(BITS)
     RI, RF, D, R, C = matrix(RI), matrix(RF), vector(D), matrix(R), matrix(C)
@@ -147,8 +147,10 @@ def follow(
     K = places(L)
     successes, total, steps = 0, 0.0, 0
     for _ in range(EPISODES):
-        D[0] = uniform(R, 0)
+        draw = uniform(R, 0)
+        D[0], drawn = draw, False
         reset_one(T, G, L, K, S, F, RI, RF, D, 0, m, S0, F0)
+        drawn = drawn or D[0] != draw
         for _ in range(LIMIT):
             seen = 0
             if S[0, 0] == 0 and not OF_STATES:
@@ -162,8 +164,10 @@ def follow(
                 forget(KEYS, NONE, HASHED, count)
             else:
                 action = greedy(Q, key)
-            D[0] = uniform(R, 0)
+            draw = uniform(R, 0)
+            D[0] = draw
             reward, ended = step_one(T[m], G[m], L, K, S[0], F[0], RI, RF, D, 0, action)
+            drawn = drawn or D[0] != draw
             if S[0, 0] != 0:
                 return WRONG, successes, total, steps
             total += reward
@@ -171,4 +175,6 @@ def follow(
             if ended != 0:
                 successes += ended == 1
                 break
+        if not drawn:
+            return DONE, successes * EPISODES, total * EPISODES, steps * EPISODES
     return DONE, successes, total, steps

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import closing, suppress
 from dataclasses import replace
 from math import inf, isfinite
 from typing import Final
@@ -14,12 +14,11 @@ from envgraph.behaviour import Behaviour, ObserveFind, OnFind
 from envgraph.code import dataclass
 from envgraph.env._explore import Progress, TooManyStates
 from envgraph.env._keys import KeyIndex, indexed_classes
-from envgraph.env._simulator import MOST_OUTCOMES
+from envgraph.env._simulator import MOST_OUTCOMES, Simulator
 from envgraph.env.compiled._batch import longer
 from envgraph.env.compiled._enumeration import FIRST, Visit
 from envgraph.env.compiled._listing import DONE, FOUND, SPACE
-from envgraph.env.compiled._program import Program, program_of
-from envgraph.env.compiled._refused import Misfit
+from envgraph.env.compiled._program import Program, program_over
 from envgraph.pattern import Negation, PatternCall, Variable
 from envgraph.rewrite import Engine
 
@@ -156,12 +155,7 @@ class Plans:
             NotCompiled: something in the behaviour only the live engine has.
             EvaluationError, RuleError, ResolutionError: as `explore`.
         """
-        call = None
-        if self._guide is not None:
-            pattern = engine.library.resolve(self._guide) or engine.library.get(self._guide)
-            call = PatternCall(pattern.qualified_name, (Variable("_"),) * len(pattern.parameters))
-        behaviour, guides = guided(self._behaviour, self._outcome, call)
-        program = self._program = self._over(engine, behaviour)
+        program, guides = self._guided(engine)
         self._searches += 1
         if not program.native or self._searches <= SEARCHES_OF_PYTHON:
             most = FEW if program.native else None
@@ -170,16 +164,27 @@ class Plans:
                 return find_plan(slow, self._outcome, guides=guides, most=most, progress=progress)
         return find_plan(program, self._outcome, guides=guides, progress=progress)
 
-    def _over(self, engine: Engine, behaviour: Behaviour) -> Program:
-        """The last program over the present model, or another where that does not fit."""
+    def episode(self, engine: Engine) -> Iterator[Simulator]:
+        """Meanwhile the engine is in one state of a plan after the other, first and last included; in none without one.
+
+        Raises:
+            NotCompiled, EvaluationError, RuleError, ResolutionError: as `plan`.
+        """
+        program, guides = self._guided(engine)
+        search = _Search(program, self._outcome, 0, BREADTH, WIDTH, None, None)
+        if isfinite(search.plan(guides).steps):
+            yield from search.episode()
+
+    def _guided(self, engine: Engine) -> tuple[Program, int]:
+        """The program over the present model, and how many of its observations are guides."""
+        call = None
+        if self._guide is not None:
+            pattern = engine.library.resolve(self._guide) or engine.library.get(self._guide)
+            call = PatternCall(pattern.qualified_name, (Variable("_"),) * len(pattern.parameters))
+        behaviour, guides = guided(self._behaviour, self._outcome, call)
         keys = KeyIndex.of(engine.model, indexed_classes(behaviour, engine.model.metamodel))
-        if self._program is None:
-            return program_of(engine, behaviour, keys=keys)
-        try:
-            return self._program.over(engine, keys)
-        except Misfit as misfit:
-            broken = {*self._program.layout.broken, misfit.assumption}
-            return program_of(engine, behaviour, keys=keys, broken=broken)
+        self._program = program_over(self._program, engine, behaviour, keys)
+        return self._program, guides
 
 
 class _Search(Visit):
@@ -225,6 +230,7 @@ class _Search(Visit):
                 raise TooManyStates(self._program.behaviour, self._most)
             if found is not None:
                 names = self._program.action_names
+                self._found = found
                 actions = tuple(names[action] for action in self._actions_to(*found))
                 return Plan(float(depth), actions, met, self._limit, self._width if cut else None)
             first, last = last, count
@@ -271,6 +277,23 @@ class _Search(Visit):
     def _grow(self, states: int, used: int) -> None:
         super()._grow(states, used)
         self.before, self.by = longer(self.before, len(self.states)), longer(self.by, len(self.states))
+
+    def episode(self) -> Iterator[Simulator]:
+        """The states of the plan that was found, on the live engine of the member."""
+        state, action = self._found
+        way = [state]
+        while self.before[way[-1]] >= 0:
+            way.append(int(self.before[way[-1]]))
+        twin = self._program.twin(self._member)
+        for row in reversed(way):
+            with twin.at(self.states[row], self.floats[row]) as simulator:
+                yield simulator
+        with (
+            twin.at(self.states[state], self.floats[state]) as simulator,
+            closing(simulator.outcomes(action)) as outcomes,
+        ):
+            if any(ended == self._outcome for _, _, ended in outcomes):  # it stops where that is so
+                yield simulator
 
     def _actions_to(self, state: int, action: int) -> Iterable[int]:
         actions = [action]

@@ -81,7 +81,7 @@ class Program:
             keys: the indices of its objects.
 
         Raises:
-            Misfit: it was written for other members; `program_of` writes another.
+            Misfit: it was written for other members; `program_over` writes another.
         """
         if keys != self.keys:
             raise Misfit("keys")
@@ -146,6 +146,25 @@ def program_of(
         return _compiled(text, arrays, native, data, behaviour, keys, spare)
 
 
+def program_over(last: Program | None, engine: Engine, behaviour: Behaviour, keys: KeyIndex) -> Program:
+    """A program whose only member is the present model of an engine: the last one's text, if it fits.
+
+    Args:
+        last: what this gave for the model before, if there was one; of the same behaviour.
+        engine, behaviour, keys: see `program_of`.
+
+    Raises:
+        NotCompiled: something in it only the live engine has.
+    """
+    if last is None:
+        return program_of(engine, behaviour, keys=keys)
+    try:
+        return last.over(engine, keys)
+    except Misfit as misfit:
+        broken = {*last.layout.broken, misfit.assumption}
+        return program_of(engine, behaviour, keys=keys, broken=broken)
+
+
 def _numbered(texts: Iterable[str], layout: Layout) -> dict[str, int]:
     """The number of each string of a family and of its program."""
     return {text: number for number, text in enumerate(sorted({*texts, *layout.texts}))}
@@ -196,6 +215,7 @@ def streams(generators: Sequence[np.random.Generator]) -> np.ndarray[Any, np.dty
 def set_stream(generator: np.random.Generator, row: NDArray[np.uint64]) -> None:
     """Put a generator where a row of `streams` is."""
     state: Any = generator.bit_generator.state
-    state["state"]["state"] = int(row[1]) << 64 | int(row[0])
+    for name, (low, high) in zip(("state", "inc"), row.reshape(2, 2).tolist(), strict=True):
+        state["state"][name] = high << 64 | low
     state.update(has_uint32=0, uinteger=0)
     generator.bit_generator.state = state

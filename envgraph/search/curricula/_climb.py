@@ -12,10 +12,12 @@ from numpy.random import Generator, SeedSequence, default_rng
 from numpy.typing import NDArray
 
 from envgraph.code import dataclass
+from envgraph.env import TooManyStates
+from envgraph.env.compiled import NotCompiled
 from envgraph.errors import InvalidArgument
 from envgraph.search.curricula._levels import Level, Levels
 from envgraph.search.curricula._moves import Family, Moves
-from envgraph.search.curricula._objectives import Objective, value_of
+from envgraph.search.curricula._objectives import LEAST, Objective, value_of
 from envgraph.search.curricula._starts import Easing, Starts
 
 Scores = NDArray[np.float64]
@@ -273,7 +275,12 @@ class CurriculumSearch:
 
     def _scores(self, family: Sequence[Level], seeds: range) -> Scores:
         self._steps += max(LEVEL, self.objective.effort * len(family) * len(seeds))
-        return self.objective.scores(family, seeds)
+        try:
+            return self.objective.scores(family, seeds)
+        except (TooManyStates, NotCompiled) as error:  # of another member than the target
+            known = error.message if isinstance(error, TooManyStates) else f"{error} is not compiled"
+            self.levels.rejected[known] += 1
+            return np.full((1, len(seeds)), LEAST)
 
     def _fresh(self, count: int) -> range:
         """Seeds that nothing has seen; one is enough where nothing is drawn."""

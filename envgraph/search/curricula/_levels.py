@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from typing import Final
+from typing import Any, Final, cast
 
 from envgraph.code import dataclass
-from envgraph.env import Behaviour, KeyIndex, Tabular, indexed_classes
-from envgraph.env.compiled import Tables
+from envgraph.env import Behaviour, KeyIndex, Tabular, TooManyStates, indexed_classes
+from envgraph.env.compiled import Program, Tables, program_over
 from envgraph.errors import EvaluationError, InvalidArgument, RuleError
 from envgraph.graph import Version
 from envgraph.rewrite import Row
 from envgraph.search._problem import NoValue, Problem
 from envgraph.search._store import Trace
-from envgraph.solve.learning import Table, flatten
+from envgraph.solve.learning import InProgram, Table, flatten
 
 MOST_STATES: Final = 50_000
-"""Of a member: there is a table of each, and thousands of members are tried."""
+"""Of a member that has a table: thousands are tried."""
 
 Firings = Sequence[tuple[str, Row]]
 
@@ -32,30 +32,39 @@ class Level:
         trace: the rules that lead to it from the target, and their matches.
         state: hash of the model.
         measures: value of every measure, by name.
-        tabular: its reachable states; it is made when it is first asked for.
+        tabular: its reachable states; this and the others are made when they are first asked for.
         table: the same, for learners.
+        place: where learners find it that need no table: the only member of a compiled program.
     """
 
     version: Version
     trace: Trace
     state: int
     measures: Mapping[str, float]
-    _make: Callable[[Level], Tabular] = field(repr=False)
-    _made: list[tuple[Tabular, Table]] = field(default_factory=list, repr=False)
+    _levels: Levels = field(repr=False)
+    _made: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def tabular(self) -> Tabular:
-        return self._both()[0]
+        return cast(Tabular, self._once("tabular", self._levels.tabular_of))
 
     @property
     def table(self) -> Table:
-        return self._both()[1]
+        return cast(Table, self._once("table", lambda level: flatten(level.tabular)))
 
-    def _both(self) -> tuple[Tabular, Table]:
-        if not self._made:
-            tabular = self._make(self)
-            self._made.append((tabular, flatten(tabular)))
-        return self._made[0]
+    @property
+    def place(self) -> InProgram:
+        return cast(InProgram, self._once("place", self._levels.place_of))
+
+    def _once(self, name: str, make: Callable[[Level], object]) -> object:
+        if name not in self._made:
+            try:
+                self._made[name] = make(self)
+            except TooManyStates as error:
+                self._made[name] = error
+        if isinstance(self._made[name], TooManyStates):
+            raise self._made[name]
+        return self._made[name]
 
 
 class Levels:
@@ -68,7 +77,7 @@ class Levels:
     Attributes:
         target: the last member of each family.
         rejected: how many models were no members, by what was wrong with them.
-        made: how many tables were made.
+        made: how many tables and programs were made.
     """
 
     def __init__(self, problem: Problem, behaviour: Behaviour) -> None:
@@ -77,6 +86,7 @@ class Levels:
         self.rejected: Counter[str] = Counter()
         self.made = 0
         self._tables = Tables(behaviour, MOST_STATES)
+        self._program: Program | None = None
         problem.valid()  # from the first question on patterns are kept current, unless a version is held by then
         target = self._level(self.engine.commit(), ())
         if target is None:
@@ -110,6 +120,28 @@ class Levels:
             self.rejected[error.message] += 1
             return None
 
+    def tabular_of(self, level: Level) -> Tabular:
+        """The table of a level.
+
+        Raises:
+            EvaluationError, RuleError: as `explore`; `TooManyStates` if there are more than 50,000.
+        """
+        self.made += 1
+        self.go_to(level.version)
+        return self._tables.table(self.engine, self.keys)
+
+    def place_of(self, level: Level) -> InProgram:
+        """The place of a level in a program; programs have one text as long as the levels allow it.
+
+        Raises:
+            NotCompiled: something in its behaviour only the live engine has.
+        """
+        self.made += 1
+        self.go_to(level.version)
+        self._program = program_over(self._program, self.engine, self.behaviour, self.keys)
+        self._program.functions("learn")  # compiled before threads ask for it
+        return InProgram(self._program, 0)
+
     def value(self, measures: Mapping[str, float]) -> float:
         """What the diversity reads."""
         return measures[self.problem.diversity_of]
@@ -123,9 +155,4 @@ class Levels:
         if measures is None:
             return None
         state = self.engine.model.state_hash()
-        return Level(version or self.engine.commit(), trace, state, measures, self._table)
-
-    def _table(self, level: Level) -> Tabular:
-        self.made += 1
-        self.go_to(level.version)
-        return self._tables.table(self.engine, self.keys)
+        return Level(version or self.engine.commit(), trace, state, measures, self)

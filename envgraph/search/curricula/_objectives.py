@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from math import isfinite
 from typing import ClassVar, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from envgraph.env import TooManyStates
 from envgraph.env.compiled import streams
 from envgraph.search.curricula._levels import Level
 from envgraph.solve import chain_transfer
-from envgraph.solve.learning import Learners, TrainingSettings
+from envgraph.solve.learning import Judgement, Learners, ProgramLearners, TrainingSettings
 
 SEARCHING: Final = 2
 """Spawn key of what learners of a search draw; those of experiments are others (`envgraph/learn/_experiment.py`)."""
 
 LEAST: Final = -1e9
 """Stands for minus infinity: sums and differences of scores stay numbers."""
+
+
+Judge = Callable[[NDArray[np.uint64], int], Judgement]
 
 
 class Objective(Protocol):
@@ -54,7 +59,8 @@ def value_of(scores: NDArray[np.float64]) -> float:
 class Learning:
     """How well learners do on the target when they have been trained on one member after the other.
 
-    A criterion for each length of training. See `envgraph.solve.learning.Judgement` for scores.
+    A criterion for each length of training. Learners learn on tables if the target has one, else in compiled programs.
+    See `envgraph.solve.learning.Judgement` for scores.
 
     Args:
         settings: how learners learn.
@@ -62,6 +68,12 @@ class Learning:
         steps: lengths of training, on each member.
         seed: of the search.
         workers: threads; they change no number.
+
+    Raises:
+        EvaluationError, RuleError: something goes wrong in a state of the target.
+        NotCompiled: the target has too many states for a table, and its behaviour something that only the live engine
+            has.
+        InvalidArgument: numba is not installed.
     """
 
     drawn: ClassVar[bool] = True
@@ -70,7 +82,7 @@ class Learning:
     def __init__(
         self, settings: TrainingSettings, target: Level, steps: Sequence[int], seed: int, workers: int = 1
     ) -> None:
-        self._learners = Learners(settings, target.tabular)
+        self._judge = self._judged(settings, target)
         self._steps, self._seed, self._workers = tuple(steps), seed, workers
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
 
@@ -78,25 +90,43 @@ class Learning:
     def effort(self) -> int:
         return sum(self._steps)
 
+    @staticmethod
+    def _judged(settings: TrainingSettings, target: Level) -> Callable[[Sequence[Level]], Judge]:
+        """What judges learners of a family, from their streams and the steps on each member."""
+        try:
+            on_tables = Learners(settings, target.tabular)
+        except TooManyStates:
+            in_programs = ProgramLearners(settings, target.place)
+            return lambda family: partial(in_programs.judge, [level.place for level in family])
+        return lambda family: partial(on_tables.judge, [level.table for level in family])
+
     def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
-        tables = [level.table for level in family]
+        judge = self._judge(family)
         sequences = (np.random.SeedSequence(self._seed, spawn_key=(SEARCHING, seed)) for seed in seeds)
         rows = streams([np.random.Generator(np.random.PCG64(one)) for one in sequences])
         parts = np.array_split(rows, min(self._workers, len(rows)))
         tasks = [(part, steps) for steps in self._steps for part in parts]
-        judged = (self._pool.map if self._pool else map)(
-            lambda task: self._learners.judge(tables, *task).scores, tasks
-        )
+        judged = (self._pool.map if self._pool else map)(lambda task: judge(*task).scores, tasks)
         return np.concatenate(list(judged)).reshape(len(self._steps), len(rows))
 
 
 class ChainTransfer:
-    """`chain_transfer` of the tables of a family, which needs no learner."""
+    """`chain_transfer` of the tables of a family, which needs no learner.
+
+    Args:
+        target: the last member of each family.
+
+    Raises:
+        EvaluationError, RuleError: the target has no table.
+    """
 
     drawn: ClassVar[bool] = False
     most: ClassVar[float] = 0.0
     effort: ClassVar[int] = 0
 
+    def __init__(self, target: Level) -> None:
+        self._target = target.tabular
+
     def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
-        found = chain_transfer([level.tabular for level in family])
+        found = chain_transfer([*(level.tabular for level in family[:-1]), self._target])
         return np.full((1, len(seeds)), found if isfinite(found) else LEAST)

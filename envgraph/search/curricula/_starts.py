@@ -7,14 +7,17 @@ the families that come of it are good.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import Final
 
+import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from envgraph.code import dataclass
-from envgraph.env import Simulator
-from envgraph.errors import EvaluationError
+from envgraph.env import Simulator, TooManyStates
+from envgraph.env.compiled import NotCompiled, Plans
 from envgraph.pattern import Constant, Modification, Retype, Rule, Set
 from envgraph.rewrite import Row
 from envgraph.search._store import Trace
@@ -24,6 +27,9 @@ from envgraph.solve import softened_policy
 
 PLANS: Final = 6
 """Optimal episodes that are played on the target, to see which objects they touch."""
+
+
+Facts = list[list[object]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +61,10 @@ class _Application:
 class Starts:
     """Draws families that lead to a target.
 
-    The objects of the target are near, if an optimal episode touches them, or far. For either kind an effect is drawn:
-    all the mutation rules with this effect, such as retyping to one class, are applied to them one after the other.
-    The states on the way from the target to the end are the candidates, those that are met first the hardest. The
-    order is random, or leads toward or away from some object.
+    The objects of the target are near, if an optimal episode or a shortest plan touches them, or far. For either kind
+    an effect is drawn: all the mutation rules with this effect, such as retyping to one class, are applied to them one
+    after the other. The states on the way from the target to the end are the candidates, those that are met first the
+    hardest. The order is random, or leads toward or away from some object.
 
     Args:
         levels: of the members.
@@ -75,7 +81,7 @@ class Starts:
         levels.go_to(levels.target.version)
         self._applications = self._by_effect()
         self._links = _links(levels)
-        self._touched = [_touched(levels, rng) for _ in range(PLANS)]
+        self._touched = _touched(levels, rng)
         levels.go_to(levels.target.version)
 
     def easing(self, rng: Generator) -> Easing:
@@ -156,7 +162,7 @@ class Starts:
 
     def _drawn(self, easing: Easing, rng: Generator) -> list[_Application]:
         """What is applied, in its order: rules by blocks or mixed, and in each block by distance from an object."""
-        touched = self._touched[int(rng.integers(PLANS))]
+        touched = self._touched[int(rng.integers(len(self._touched)))]
         near = dict.fromkeys(touched)
         objects = list(self._links)
         among = touched if touched and rng.random() < 0.7 else objects
@@ -197,34 +203,51 @@ def _effect(rule: object) -> str:
     return rule.qualified_name
 
 
-def _touched(levels: Levels, rng: Generator) -> list[int]:
-    """The objects whose links or values an optimal episode on the target changes, or that they lead to, as met.
+def _touched(levels: Levels, rng: Generator) -> list[list[int]]:
+    """What some optimal episodes on the target touch; what a shortest plan does if there is no table of the target.
 
-    None, if the target has too many states to know such an episode.
+    Touched are the objects whose links or values are changed, and those that they lead to, in the order of the episode.
     """
     try:
         policy = softened_policy(levels.target.tabular, 0.0)
-    except EvaluationError:
-        return []
+    except TooManyStates:
+        levels.go_to(levels.target.version)
+        try:
+            states = [_facts(levels) for _ in Plans(levels.behaviour).episode(levels.engine)]
+        except NotCompiled:
+            states = []
+        return [_changed(levels, states)]
+    return [_changed(levels, _optimal_episode(levels, policy, rng)) for _ in range(PLANS)]
+
+
+def _optimal_episode(levels: Levels, policy: NDArray[np.float64], rng: Generator) -> Iterator[Facts]:
+    """The facts in each state of an episode on the target; the engine is left in the last one."""
     levels.go_to(levels.target.version)
     limit = levels.behaviour.limit or levels.target.tabular.n_states
-    simulator, found = Simulator(levels.engine, levels.behaviour, levels.keys), dict[int, None]()
-    seen, before = simulator.reset(rng), _facts(levels)
+    simulator = Simulator(levels.engine, levels.behaviour, levels.keys)
+    seen = simulator.reset(rng)
+    yield _facts(levels)
     for _ in range(limit):
         outcome = simulator.step(int(rng.choice(policy.shape[1], p=policy[seen])), rng)
-        seen, after = outcome.observation, _facts(levels)
+        seen = outcome.observation
+        yield _facts(levels)
+        if outcome.terminated:
+            break
+    simulator.close()
+
+
+def _changed(levels: Levels, states: Iterable[Facts]) -> list[int]:
+    """The objects that differ from one state to the next, and those that they lead to."""
+    found = dict[int, None]()
+    for before, after in pairwise(states):
         for old, new in zip(before, after, strict=True):
             for node, (one, other) in enumerate(zip(old, new, strict=False)):
                 if one != other:
                     found |= dict.fromkeys((node, *_nodes(one), *_nodes(other)))
-        before = after
-        if outcome.terminated:
-            break
-    simulator.close()
     return [node for node in found if levels.engine.model.alive(node)]
 
 
-def _facts(levels: Levels) -> list[list[object]]:
+def _facts(levels: Levels) -> Facts:
     """Links and values of all objects, a column each."""
     store = levels.engine.model.store
     links: list[list[object]] = [[tuple(targets) for targets in column] for column in store.forward]

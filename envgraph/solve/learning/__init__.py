@@ -1,10 +1,11 @@
 """What learners come to on tables: tabular Q-learning over a sequence of environments.
 
-`train_curriculum` trains one learner, on plain lists or compiled; `Learners` are many side by side, which a search asks
-what they make of a family.
+`train_curriculum` trains one learner on tables, on plain lists or compiled; `train_program` trains it where there are
+too many states for these. `Learners` and `ProgramLearners` are many, which a search asks what they make of a family.
 """
 
-from envgraph.solve.learning._learners import Judgement, Learners
+from envgraph.solve.learning._learners import Judgement, Learners, ProgramLearners
+from envgraph.solve.learning._programs import InProgram, ProgramTraining, train_learner, train_program
 from envgraph.solve.learning._settings import Epsilon, TrainingSettings
 from envgraph.solve.learning._stage import Stage, StageOutcome, Table, flatten
 from envgraph.solve.learning._training import (
@@ -25,8 +26,11 @@ __all__ = [
     "Backend",
     "Curve",
     "Epsilon",
+    "InProgram",
     "Judgement",
     "Learners",
+    "ProgramLearners",
+    "ProgramTraining",
     "Stage",
     "StageOutcome",
     "Table",
@@ -41,4 +45,6 @@ __all__ = [
     "prepare",
     "train",
     "train_curriculum",
+    "train_learner",
+    "train_program",
 ]

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from envgraph.code import dataclass
 from envgraph.env import Tabular
+from envgraph.env.compiled import Learner, set_stream
 from envgraph.errors import InvalidArgument
 from envgraph.solve._distance import steps_to_success
+from envgraph.solve.learning._programs import InProgram, train_learner
 from envgraph.solve.learning._settings import TrainingSettings
 from envgraph.solve.learning._stage import Stage, Table, flatten
 from envgraph.solve.learning._training import available_backends
@@ -24,7 +26,8 @@ class Judgement:
     """How learners do on the target, an entry for each.
 
     Attributes:
-        scores: float64, mean over episodes: 1 where one succeeds, else a quarter of the share of the way that it came.
+        scores: float64, mean over episodes: 1 where one succeeds, else a quarter of the share of the way that it came,
+            where distances are known.
         successes: float64, share of the episodes that succeed.
     """
 
@@ -46,8 +49,7 @@ class Learners:
     """
 
     def __init__(self, settings: TrainingSettings, target: Tabular) -> None:
-        if "numba" not in available_backends():
-            raise InvalidArgument("learners side by side need numba: pip install 'envgraph[fast]'")
+        _check_numba()
         self._settings = settings
         self._target = flatten(target)
         self._distance = steps_to_success(target)
@@ -87,3 +89,47 @@ class Learners:
             found.successes,
         )
         return found
+
+
+class ProgramLearners:
+    """Trains learners alike in compiled programs, for environments with too many states for tables.
+
+    A learner does what `train_program` does with `numpy.random.Generator(PCG64(..))` over its stream, bit for bit.
+
+    Args:
+        settings: how they learn; `steps_per_environment` is that of `judge`.
+        target: what they play at the end. It agrees in observations and actions with all that they are trained on.
+
+    Raises:
+        InvalidArgument: numba, without which this takes too long, is not installed.
+    """
+
+    def __init__(self, settings: TrainingSettings, target: InProgram) -> None:
+        _check_numba()
+        self._settings, self._target = settings, target
+
+    def judge(self, places: Sequence[InProgram], streams: NDArray[np.uint64], steps: int) -> Judgement:
+        """Train in each of the environments in their order, then play the target greedily.
+
+        Args:
+            places: the environments of a curriculum.
+            streams: as `Learners.judge`.
+            steps: on each of them.
+
+        Raises:
+            EvaluationError: something has no value in a state, or a rule cannot be applied.
+        """
+        settings, target, found = self._settings, self._target, np.empty(len(streams))
+        rng = np.random.Generator(np.random.PCG64(0))
+        for number, row in enumerate(streams):
+            set_stream(rng, row)
+            learner = Learner(places[0].program, settings.initial_value + 0.0)
+            train_learner(learner, places, settings, [steps] * len(places), rng)
+            learner.enter(target.program)
+            found[number], *_ = learner.play(target.member, EPISODES, settings.limit, rng)
+        return Judgement(found, found)
+
+
+def _check_numba() -> None:
+    if "numba" not in available_backends():
+        raise InvalidArgument("learners side by side need numba: pip install 'envgraph[fast]'")

@@ -17,6 +17,7 @@ from envgraph.env.compiled import (
     Plans,
     Program,
     _planning,
+    _program,
     find_plan,
     guided,
     has_numba,
@@ -54,6 +55,25 @@ def ends_after(engine: Engine, behaviour: Behaviour, plan: Plan) -> int:
         if terminated:
             return number if info["success"] else 0
     return 0
+
+
+@pytest.mark.parametrize("name", ["keydoor/two_rooms", "warehouse/small_hall", "network/backbone"])
+def test_a_plan_is_gone_along_on_the_engine(name: str) -> None:
+    folder, model = name.split("/")
+    files = BUNDLED / folder / f"{model}.model", BUNDLED / folder / f"{folder}.environment"
+    engine, behaviour = opened(*files)
+    before, plans = engine.model.state_hash(), Plans(behaviour)
+    plan, states = plans.plan(engine), list[int]()
+    following: set[int] = set()
+    for simulator in plans.episode(engine):
+        state = simulator.engine.model.state_hash()
+        assert not states or state in following
+        if len(states) < plan.steps:
+            action = simulator.action_names.index(plan.actions[len(states)])
+            following = {simulator.engine.model.state_hash() for _ in simulator.outcomes(action)}
+        states.append(state)
+    assert len(states) == plan.steps + 1
+    assert engine.model.state_hash() == before
 
 
 def assert_same_as_the_table(engine: Engine, behaviour: Behaviour) -> None:
@@ -147,7 +167,7 @@ def test_plans_of_many_models_of_one_engine_are_found_by_one_program(monkeypatch
         written.append(arguments)
         return program_of(*arguments, **options)
 
-    monkeypatch.setattr(_planning, "program_of", counted)
+    monkeypatch.setattr(_program, "program_of", counted)
     monkeypatch.setattr(_planning, "SEARCHES_OF_PYTHON", 6)
     engine, behaviour = opened(
         BUNDLED / "burning_forest/running_4x4.model", BUNDLED / "burning_forest/burning_forest.environment"

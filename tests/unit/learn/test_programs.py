@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ from envgraph.learn import (
     train_curriculum,
     train_program,
 )
-from envgraph.solve.learning._stage import Stage
+from envgraph.solve.learning import Stage, train_learner
 from tests.unit.env.side_by_side import BUNDLED, EXTRA, family_keys, mutants, opened
 
 KEYDOOR = BUNDLED / "keydoor"
@@ -103,3 +105,54 @@ def test_experiments_run_in_programs_and_do_not_depend_on_workers() -> None:
     tables = [FamilyMember("E1", explore(engine, behaviour, keys).tabular), family[1]]
     with pytest.raises(InvalidArgument, match="in one program"):
         run_experiment(tables, settings, curricula)
+
+
+@pytest.mark.parametrize("native", [False, True], ids=["python", "numba"])
+def test_a_learner_goes_from_program_to_program_as_from_member_to_member(native: bool) -> None:
+    """Also to a program with another text, which assumes less of its members."""
+    if native:
+        pytest.importorskip("numba")
+    engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
+    engines = mutants(engine, behaviour, 3)
+    keys = family_keys(engines, behaviour)
+    settings = TrainingSettings(steps_per_environment=600, limit=30, checkpoint=200)
+    whole = program_of(engine, behaviour, engines, keys, native=native)
+    wanted = train_program(whole, settings, np.random.default_rng(4))
+    first = program_of(engine, behaviour, engines[:1], keys, native=native)
+    parts = [InProgram(first.over(each, keys), 0) for each in engines[:2]]
+    assert {place.program.source for place in parts} == {first.source}
+    doubted = [*first.layout._single.values()]
+    last = program_of(engine, behaviour, engines[2:], keys, native=native, broken=doubted)
+    assert last.source != first.source
+    learner, rng = Learner(first), np.random.default_rng(4)
+    found = train_learner(learner, [*parts, InProgram(last, 0)], settings, [600] * 3, rng)
+    assert (found.curve, found.epsilon) == (wanted.curve, wanted.epsilon)
+    count = wanted.learner.count
+    assert learner.count == count
+    assert np.array_equal(learner.keys[:count], wanted.learner.keys[:count])
+    assert np.array_equal(learner.values[:count], wanted.learner.values[:count])
+
+
+def test_learners_enter_programs_alone_that_agree_with_theirs() -> None:
+    engine, behaviour = opened(*keydoor_files())  # type: ignore[arg-type]
+    program = program_of(engine, behaviour, native=False)
+    other = program_of(engine, replace(behaviour, observations=behaviour.observations[:1]), native=False)
+    for learner, entered in ((Learner(program), other), (Learner(program, of_states=True), replace(program))):
+        with pytest.raises(InvalidArgument, match="agree in actions and observations"):
+            learner.enter(entered)
+
+
+@pytest.mark.parametrize(("domain", "drawn"), [("keydoor/two_rooms", False), ("network/backbone", True)])
+def test_episodes_that_draw_nothing_are_played_once(domain: str, drawn: bool) -> None:
+    """Several episodes are what one after the other is."""
+    folder, model = domain.split("/")
+    files = BUNDLED / folder / f"{model}.model", BUNDLED / folder / f"{folder}.environment"
+    program = program_of(*opened(*files), native=False)
+    learner, rng = Learner(program), np.random.default_rng(2)
+    rates = Rates(*Stage(3_000, 1.0, TrainingSettings()).factors)
+    learner.train(0, [3_000], rates, 1.0, 50, rng)
+    one, several = np.random.default_rng(5), np.random.default_rng(5)
+    episodes = [learner.play(0, 1, 50, one) for _ in range(12)]
+    assert learner.play(0, 12, 50, several) == pytest.approx(tuple(np.mean(episodes, axis=0)))
+    assert (len(set(episodes)) > 1) == drawn
+    assert (one.random() == several.random()) == drawn

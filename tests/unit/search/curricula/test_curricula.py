@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from envgraph.env import Tabular
-from envgraph.env.compiled import explored
+from envgraph.env import Tabular, TooManyStates
+from envgraph.env.compiled import explored, program_of
 from envgraph.errors import InvalidArgument
 from envgraph.graph import model_to_json
 from envgraph.search import Domain
@@ -24,10 +24,11 @@ from envgraph.search.curricula import (
     Moves,
     Starts,
     _climb,
+    _levels,
     value_of,
 )
 from envgraph.solve import chain_transfer, evaluate
-from envgraph.solve.learning import TrainingSettings, train_curriculum
+from envgraph.solve.learning import TrainingSettings, train_curriculum, train_program
 
 needs_numba = pytest.mark.skipif(
     find_spec("numba") is None, reason="numba, the extra `fast`, is not installed"
@@ -167,7 +168,7 @@ def test_what_costs_no_steps_counts_too() -> None:
 
 def test_chain_transfer_is_an_objective() -> None:
     levels = levels_of("burning_forest")
-    objective = ChainTransfer()
+    objective = ChainTransfer(levels.target)
     family = started(levels, 4, None)[0]
     expected = chain_transfer([level.tabular for level in family])
     assert objective.scores(family, range(3)).tolist() == [pytest.approx([expected] * 3)]
@@ -183,7 +184,7 @@ def test_nothing_that_is_as_diverse_as_demanded_is_an_error_that_says_why(
     monkeypatch.setattr(_climb, "BIRTHS", 20)
     settings = CurriculumSettings(population=4, effort=10_000, demanded=1.99)
     with pytest.raises(InvalidArgument, match=r"no family with a diversity of 1[.]990 that leads"):
-        CurriculumSearch(levels, ChainTransfer(), settings, seed=1).run()
+        CurriculumSearch(levels, ChainTransfer(levels.target), settings, seed=1).run()
 
 
 def test_a_value_leans_on_the_worst_criterion() -> None:
@@ -224,6 +225,60 @@ def test_workers_and_repetition_change_nothing() -> None:
         return result.value, [level.state for level in result.family]
 
     assert found(1) == found(2)
+
+
+@needs_numba
+@pytest.mark.parametrize("workers", [1, 3])
+def test_learning_without_tables_is_what_training_in_a_program_comes_to(
+    workers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_levels, "MOST_STATES", 20)
+    domain, levels = Domain.load("keydoor"), levels_of("keydoor")
+    behaviour, training = domain.behaviour, TrainingSettings(limit=100)
+    assert behaviour is not None
+    family = started(levels, 3, None)[0]
+    engines = []
+    for level in family:
+        levels.go_to(level.version)
+        engines.append(levels.engine.copy())
+    program = program_of(engines[-1], behaviour, engines, levels.keys)
+    scores = Learning(training, levels.target, [400, 4_000], 9, workers).scores(family, range(4, 12))
+    with pytest.raises(TooManyStates):
+        levels.target.table  # noqa: B018
+    for criterion, steps in enumerate((400, 4_000)):
+        for place, number in enumerate(range(4, 12)):
+            settings, rng = replace(training, steps_per_environment=steps), generator(9, number)
+            learner = train_program(program, settings, rng).learner
+            assert scores[criterion, place] == learner.play(2, 16, 100, rng)[0]
+
+
+@needs_numba
+def test_workers_change_nothing_without_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_levels, "MOST_STATES", 20)
+
+    def found(workers: int) -> tuple[float, list[int]]:
+        levels = levels_of("keydoor")
+        objective = Learning(TrainingSettings(limit=100), levels.target, [400], 5, workers)
+        result = CurriculumSearch(levels, objective, replace(SETTINGS, effort=8_000_000), 5).run()
+        return result.value, [level.state for level in result.family]
+
+    assert found(1) == found(2)
+
+
+def test_a_family_with_a_member_that_has_no_table_is_worth_nothing() -> None:
+    class Large(ChainTransfer):
+        """Says of all with an odd number of fires that they have too many states."""
+
+        def scores(self, family: Sequence[Level], seeds: range) -> NDArray[np.float64]:
+            if any(Fires(levels).fires(level) % 2 for level in family[:-1]):
+                raise TooManyStates(levels.behaviour, 24)
+            return np.full((1, len(seeds)), -1.0)
+
+    levels = levels_of("burning_forest")
+    found = CurriculumSearch(levels, Large(levels.target), replace(SETTINGS, effort=3_000_000), 1).run()
+    assert found.value == -1.0
+    assert not any(Fires(levels).fires(level) % 2 for level in found.family[:-1])
+    assert levels.rejected["environment `BurningForest` has more than 24 states"] > 0
 
 
 @needs_numba

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from envgraph.errors import EvaluationError, InvalidArgument, LoadError, Severity
+from envgraph.errors import InvalidArgument, LoadError, Severity
 from envgraph.lang import data_path, load_workspace
 from envgraph.report import family_report
 from envgraph.search import (
@@ -143,10 +143,36 @@ def test_a_run_that_has_ended_is_not_made_again(tmp_path: Path) -> None:
 
 
 @needs_numba
-def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(tmp_path: Path) -> None:
-    overrides = ['objective={ kind = "learning" }', "search.population=4"]
-    with pytest.raises(EvaluationError, match="states"):
-        generate("warehouse", tmp_path / "run.sqlite", overrides=overrides)
+def test_a_target_may_have_too_many_states_for_a_table(tmp_path: Path) -> None:
+    overrides = ['objective={ kind = "learning", steps = 100, effort = 4_000_000 }', "search.population=3"]
+    family = generate("network", tmp_path / "run.sqlite", overrides=overrides, workers=2)
+    assert family.value is not None and 0.0 < family.value < 1.0
+    again = generate("network", tmp_path / "again.sqlite", overrides=overrides)
+    assert (again.members, again.value) == (family.members, family.value)
+
+
+@needs_numba
+@pytest.mark.parametrize(
+    ("kind", "step", "message", "hint"),
+    [
+        ("chain_transfer", "", "more than 50 states", 'write `kind = "learning"`'),
+        ("learning", " | 0.01: age()", "it has the unit `age`", "up to 50,000 states have a table"),
+    ],
+)
+def test_what_is_wrong_with_the_target_is_said_before_there_is_a_run(
+    kind: str, step: str, message: str, hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(curricula._levels, "MOST_STATES", 50)
+    folder = tmp_path / "domain"
+    copytree(data_path("rules", "network"), folder)
+    behaviour = folder / "network.environment"
+    behaviour.write_text(behaviour.read_text().replace(": recover()", f": recover(){step}"))
+    with pytest.raises(LoadError) as failure:
+        generate(str(folder), tmp_path / "run.sqlite", overrides=[f'objective={{ kind = "{kind}" }}'])
+    (problem,) = failure.value.diagnostics
+    assert message in problem.message
+    assert problem.hint is not None and hint in problem.hint
+    assert problem.span is not None and problem.span.text == f'"{kind}"'
     assert not (tmp_path / "run.sqlite").exists()
 
 

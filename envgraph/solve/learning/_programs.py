@@ -10,7 +10,9 @@ import numpy as np
 from envgraph.code import dataclass
 from envgraph.env.compiled import Learner, Program, Rates
 from envgraph.errors import InvalidArgument
-from envgraph.solve.learning import Curve, Stage, StageOutcome, TrainingSettings, joined
+from envgraph.solve.learning._settings import TrainingSettings
+from envgraph.solve.learning._stage import Stage, StageOutcome
+from envgraph.solve.learning._training import Curve, joined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,15 +81,32 @@ def train_program(
     if of == "state" and len(set(stages)) > 1:
         raise InvalidArgument("states of different members are different: train on one, or of observations")
     learner = Learner(program, settings.initial_value + 0.0, of_states=of == "state")
+    return train_learner(learner, [InProgram(program, one) for one in stages], settings, lengths, rng, begins)
+
+
+def train_learner(
+    learner: Learner,
+    places: Sequence[InProgram],
+    settings: TrainingSettings,
+    lengths: Sequence[int],
+    rng: np.random.Generator,
+    begins: Callable[[int, Learner], None] = lambda stage, learner: None,
+) -> ProgramTraining:
+    """Train a learner on one environment after the other, each for a length; the programs agree in what is observed.
+
+    Raises:
+        EvaluationError: something has no value in a state, or a rule cannot be applied.
+    """
     epsilon = settings.epsilon.start
     outcomes = []
-    for place, (member, length) in enumerate(zip(stages, lengths, strict=True)):
-        begins(place, learner)
+    for number, (place, length) in enumerate(zip(places, lengths, strict=True)):
+        begins(number, learner)
+        learner.enter(place.program)
         if settings.epsilon.reset == "stage":
             epsilon = settings.epsilon.start
         stage = Stage(length, epsilon, settings)
         epsilon, curve = learner.train(
-            member, stage.points, Rates(*stage.factors), epsilon, settings.limit, rng
+            place.member, stage.points, Rates(*stage.factors), epsilon, settings.limit, rng
         )
         outcomes.append((stage, StageOutcome(epsilon, curve)))
     return ProgramTraining(learner, joined(outcomes), epsilon)
