@@ -293,7 +293,7 @@ def test_a_person_at_a_terminal_sees_the_states_being_counted(
 
 
 def test_of_several_members_it_is_told_whose_states_are_counted(
-    exported: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    exported: Path, cache: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     make_vec(exported, 4, variant=[2, 1]).close()
