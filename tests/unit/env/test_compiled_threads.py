@@ -11,10 +11,9 @@ import pytest
 
 from envgraph.env.compiled import Batch, CompiledVectorEnv, program_of
 from envgraph.env.compiled._layout import ERROR
-from envgraph.errors import EvaluationError, InvalidArgument
+from envgraph.errors import EnvgraphError, InvalidArgument
 from tests.unit.env.side_by_side import BUNDLED, family_keys, mutants, opened
 from tests.unit.env.test_compiled_corners import Corner, written
-from tests.unit.env.test_compiled_creation import BORN
 
 FOLDER = BUNDLED / "warehouse"
 
@@ -58,15 +57,17 @@ def test_the_number_of_threads_changes_nothing(streams: Any, native: bool) -> No
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_of_several_that_fail_the_last_one_is_over(tmp_path: Path, threads: int) -> None:
-    actions = "action born = born()\naction grow = grow()\nobserve adam.kind"
+    """The third step of those that do the first action leads to an int that has no space."""
+    actions = "action burst = burst()\naction grow = grow()\nobserve adam.kind"
+    burst = "rule burst { lhs { b : Box; } modify { set b.size = b.size * 1500 + 1500; } }\n"
     grow = "rule grow { lhs { b : Box; check b.size < 6; } modify { set b.size += 1; } }\n"
-    engine, behaviour = written(tmp_path, Corner(BORN + grow, actions))
-    batch = Batch(program_of(engine, behaviour, native=False, spare=2), [0] * 6, threads)
+    engine, behaviour = written(tmp_path, Corner(burst + grow, actions))
+    batch = Batch(program_of(engine, behaviour, native=False), [0] * 6, threads)
     batch.reset(np.ones(6, dtype=np.bool_))
     chosen = np.array([0, 0, 1, 0, 1, 1])
     for _ in range(2):
         batch.step(chosen, again=False)
-    with pytest.raises(EvaluationError, match="more objects"):
+    with pytest.raises(EnvgraphError, match="32 bits"):
         batch.step(chosen, again=False)
     assert np.flatnonzero(batch.states[:, ERROR]).tolist() == [0, 1, 3]
     assert np.flatnonzero(batch.over).tolist() == [3]
