@@ -174,7 +174,7 @@ def show_lineage(run: str, directory: Path, variant: str, format: OutputFormat) 
     title = (
         f"{member.name}: {len(rows)} application{'s' * (len(rows) != 1)} of rules from the initial model on"
     )
-    print_table(title, ("", "generation", "rule", "at"), rows, (0, 1))
+    print_table(title, ("", "generation", "rule", "at"), rows, (0, 1)) if rows else print_line(title)
 
 
 def show_rejections(run: str, directory: Path, format: OutputFormat) -> None:

@@ -24,6 +24,7 @@ from envgraph.rewrite import Engine
 
 BREADTH: Final = 20_000
 WIDTH: Final = 500
+"""States that are met breadth first; and how many a beam then keeps at each step."""
 FEW: Final = 2_000
 """States that Python meets in less time than it takes to load a compiled program."""
 SEARCHES_OF_PYTHON: Final = 20
