@@ -156,14 +156,7 @@ class Plans:
             NotCompiled: something in the behaviour only the live engine has.
             EvaluationError, RuleError, ResolutionError: as `explore`.
         """
-        program, guides = self._guided(engine)
-        self._searches += 1
-        if not program.native or self._searches <= SEARCHES_OF_PYTHON:
-            most = FEW if program.native else None
-            with suppress(TooManyStates):
-                slow = replace(program, native=False)
-                return find_plan(slow, self._outcome, guides=guides, most=most, progress=progress)
-        return find_plan(program, self._outcome, guides=guides, progress=progress)
+        return self._searched(engine, progress)[1]
 
     def episode(self, engine: Engine) -> Iterator[Simulator]:
         """Meanwhile the engine is in one state of a plan after the other, first and last included; in none without one.
@@ -171,10 +164,19 @@ class Plans:
         Raises:
             NotCompiled, EvaluationError, RuleError, ResolutionError: as `plan`.
         """
-        program, guides = self._guided(engine)
-        search = _Search(program, self._outcome, 0, BREADTH, WIDTH, None, None)
-        if isfinite(search.plan(guides).steps):
+        search, plan = self._searched(engine)
+        if isfinite(plan.steps):
             yield from search.episode()
+
+    def _searched(self, engine: Engine, progress: Progress | None = None) -> tuple[_Search, Plan]:
+        program, guides = self._guided(engine)
+        self._searches += 1
+        if program.native and self._searches <= SEARCHES_OF_PYTHON:
+            slow = _Search(replace(program, native=False), self._outcome, 0, BREADTH, WIDTH, FEW, progress)
+            with suppress(TooManyStates):
+                return slow, slow.plan(guides)
+        search = _Search(program, self._outcome, 0, BREADTH, WIDTH, None, progress)
+        return search, search.plan(guides)
 
     def _guided(self, engine: Engine) -> tuple[Program, int]:
         """The program over the present model, and how many of its observations are guides."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.profile import AT_NIGHT
 from tests.unit.env.side_by_side import mutants, step_side_by_side
 from tests.unit.env.test_compiled_corners import STEPS, Corner, refusal, written
 
@@ -156,6 +157,7 @@ def test_it_steps_as_the_live_engine_does(name: str, tmp_path: Path) -> None:
     step_side_by_side(mutants(engine, behaviour, 3), behaviour, STEPS, native=False, spare=40)
 
 
+@AT_NIGHT
 def test_compiled_by_numba_too(tmp_path: Path) -> None:
     pytest.importorskip("numba")
     engine, behaviour = written(tmp_path, CORNERS["each makes one"])

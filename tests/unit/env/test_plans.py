@@ -26,6 +26,7 @@ from envgraph.env.compiled import (
 from envgraph.pattern import PatternCall, Variable
 from envgraph.rewrite import Engine
 from envgraph.solve import shortest_plan
+from tests.profile import NIGHTLY
 from tests.unit.env import test_agents, test_keydoor
 from tests.unit.env.coins import loaded
 from tests.unit.env.side_by_side import BUNDLED, opened
@@ -35,12 +36,18 @@ HALL = test_agents.Hall(["....d"], [(0, 0), (1, 0)], 20, [(0, 0), (2, 0)])
 
 
 def found(
-    engine: Engine, behaviour: Behaviour, outcome: int = 1, limit: int = 20_000, width: int = 500
+    engine: Engine,
+    behaviour: Behaviour,
+    outcome: int = 1,
+    limit: int = 20_000,
+    width: int = 500,
+    native: bool = NIGHTLY,
 ) -> Plan:
+    """The plan of a program in Python, which is that of a compiled one (by day that costs too much for each)."""
     with_guides, guides = guided(behaviour, outcome)
     program = program_of(engine, with_guides, native=False)
     plan = find_plan(program, outcome, guides=guides, limit=limit, width=width)
-    if has_numba():
+    if native and has_numba():
         native = replace(program, native=True)
         assert find_plan(native, outcome, guides=guides, limit=limit, width=width) == plan
     return plan
@@ -114,7 +121,7 @@ def test_chance_and_starts(clauses: str) -> None:
 def test_plans_end_episodes_of_the_live_engine(limit: int, width: int) -> None:
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     shortest = found(engine, behaviour)
-    plan = found(engine, behaviour, limit=limit, width=width)
+    plan = found(engine, behaviour, limit=limit, width=width, native=True)
     assert shortest.exact and shortest.steps == 14.0
     assert plan.exact == (limit == 20_000)
     assert plan.steps == len(plan.actions) >= 14
@@ -194,7 +201,8 @@ def test_a_large_model_is_left_to_the_compiled_program_with_the_same_plan(
     assert Plans(behaviour).plan(engine) == found(engine, behaviour)
 
 
-def test_a_guide_is_a_pattern_of_the_domain() -> None:
+def test_a_guide_is_a_pattern_of_the_domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_planning, "FEW", 100_000)
     engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
     assert guided(behaviour, guide=PatternCall("left", (Variable("_"),)))[0] == guided(behaviour)[0]
     assert Plans(behaviour, guide="stored").plan(engine).steps == 14.0

@@ -287,7 +287,7 @@ def test_a_family_that_is_searched_for_teaches_more_than_those_it_began_with() -
     levels = levels_of("burning_forest")
     training = TrainingSettings(limit=200)
     search = Learning(training, levels.target, [2_000], 1, 2)
-    settings = CurriculumSettings(population=6, effort=300_000_000, lanes=4, demanded=inf)
+    settings = CurriculumSettings(population=6, effort=200_000_000, lanes=4, demanded=inf)
     found = CurriculumSearch(levels, search, settings, 1).run()
     unseen = Learning(training, levels.target, [2_000], 2, 2)
     begun = [unseen.scores(family, range(40)).mean() for family in started(levels, 6, None)]

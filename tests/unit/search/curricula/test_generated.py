@@ -26,6 +26,7 @@ from envgraph.search import (
     resume,
     write_family,
 )
+from tests.profile import AT_NIGHT
 
 FILE = str(data_path("rules", "burning_forest", "teaching.toml"))
 SHORT = ["objective.effort=8_000_000", "objective.steps=300", "objective.lanes=2"]
@@ -143,6 +144,7 @@ def test_a_run_that_has_ended_is_not_made_again(tmp_path: Path) -> None:
     assert not told
 
 
+@AT_NIGHT
 @needs_numba
 def test_a_target_may_have_too_many_states_for_a_table(tmp_path: Path) -> None:
     overrides = ['objective={ kind = "learning", steps = 100, effort = 4_000_000 }', "search.population=3"]
