@@ -669,3 +669,58 @@ def report(run: str, output: Path | None, directory: Path, format: OutputFormat)
     from envgraph.cli._learn import write_report
 
     write_report(run, directory, output, format)
+
+
+@app.command()
+@click.argument("what", metavar="paper")
+@click.option(
+    "--output", "-o", type=_PATH, default=Path("reproduction"), help="The directory of what is written."
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=1),
+    default=200,
+    help="How many agents for each curriculum, and how many families of our own.",
+)
+@click.option(
+    "--steps",
+    default="10000,50000,100000",
+    help="Training steps for each environment; several budgets are separated by commas.",
+)
+@click.option(
+    "--times/--no-times", default=True, help="Whether to measure how long generation takes (table 4)."
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    help="How many agents learn at a time; changes no result.",
+)
+@click.option("--force", is_flag=True, help="Replace what an earlier one has written.")
+@_format
+def reproduce(
+    what: str,
+    output: Path,
+    seeds: int,
+    steps: str,
+    times: bool,
+    workers: int,
+    force: bool,
+    format: OutputFormat,
+) -> None:
+    """Make the paper's experiments again, with many seeds and controls: which of its claims hold.
+
+    Writes a page, its tables as CSV and its charts as SVG.
+    """
+    from envgraph.cli._reproduce import reproduce_paper
+
+    reproduce_paper(
+        what,
+        output,
+        seeds=seeds,
+        steps=steps,
+        times=times,
+        workers=workers,
+        force=force,
+        format=format,
+    )

@@ -97,7 +97,8 @@ def train_agents(
         )
     chosen = _curricula(family, wanted["curricula"])
     compared = _named(wanted["controls"])
-    budgets = [_settings(family, budget, wanted["seeds"]) for budget in _budgets(wanted["steps"])]
+    wanted_steps = [None] if wanted["steps"] is None else budgets_of(wanted["steps"])
+    budgets = [_settings(family, budget, wanted["seeds"]) for budget in wanted_steps]
     if not resume and not force:
         _refuse_results(base, budgets)
     members = _members(family)
@@ -237,10 +238,12 @@ def _read(directory: Path) -> list[Trained]:
     ]
 
 
-def _budgets(steps: str | None) -> list[int | None]:
-    """Numbers separated by commas; None stands for the number in the family file."""
-    if steps is None:
-        return [None]
+def budgets_of(steps: str) -> list[int]:
+    """Numbers separated by commas.
+
+    Raises:
+        InvalidArgument: something else is among them.
+    """
     words = [word.strip() for word in steps.split(",")]
     if not all(word.isascii() and word.isdecimal() and int(word) > 0 for word in words):
         raise InvalidArgument(f"`--steps {steps}` is no list of whole numbers such as `10000,50000`")

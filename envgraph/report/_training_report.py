@@ -99,7 +99,7 @@ def training_section(trained: Trained, target: str) -> Section:
     if comparisons:
         tables.append(_comparisons(comparisons))
     series: dict[tuple[str, str], Series] = {
-        (one.kind, one.label): _curve(one, _runs_of(experiment, one)) for one in summaries
+        (one.kind, one.label): curve(one, runs_of(experiment, one)) for one in summaries
     }
     panels = _panels(series, target)
     charts = tuple(
@@ -215,11 +215,11 @@ def _profiles(experiment: Experiment, panels: Mapping[str, Sequence[tuple[str, s
     )
 
 
-def _runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
+def runs_of(experiment: Experiment, summary: Summary) -> list[RunResult]:
     return [run for run in experiment.runs if (run.kind, run.label) == (summary.kind, summary.label)]
 
 
-def _curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
+def curve(summary: Summary, runs: Sequence[RunResult]) -> Series:
     """Mean cumulative reward over runs of one curriculum; they have the same checkpoints."""
     steps = runs[0].curve.steps
     if any(run.curve.steps != steps for run in runs):

@@ -40,7 +40,7 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite import Engine
 
-DATA = Path(__file__).parents[2] / "data" / "ga4cl"
+DATA = Path(__file__).parents[3] / "rules" / "burning_forest" / "published"
 
 GLYPHS = {
     "StartTile": Glyph("S", "#b0b0b0"),

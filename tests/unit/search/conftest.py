@@ -8,7 +8,7 @@ import pytest
 
 from envgraph.search import Family, generate
 
-PUBLISHED = Path(__file__).parents[2] / "data" / "ga4cl"
+PUBLISHED = Path(__file__).parents[3] / "rules" / "burning_forest" / "published"
 
 
 @pytest.fixture(scope="session")

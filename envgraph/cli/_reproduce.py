@@ -1,0 +1,84 @@
+"""`envgraph reproduce`."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from envgraph import __version__
+from envgraph.cli._learn import budgets_of
+from envgraph.cli._output import OutputFormat, print_json, print_line, print_table, progress_bar
+from envgraph.errors import InvalidArgument, did_you_mean
+from envgraph.files import replace_file
+from envgraph.report import render_html
+from envgraph.report.reproduction import (
+    claims,
+    claims_table,
+    figures,
+    reproduce,
+    reproduction_report,
+    write_tables,
+)
+
+
+def reproduce_paper(
+    what: str,
+    output: Path,
+    *,
+    seeds: int,
+    steps: str,
+    times: bool,
+    workers: int,
+    force: bool,
+    format: OutputFormat,
+) -> None:
+    """Train, write the page, tables and charts, and print which claims hold.
+
+    Raises:
+        InvalidArgument: there is no such experiment, or the directory has something in it.
+    """
+    if what != "paper":
+        raise InvalidArgument(
+            f"nothing called `{what}` can be reproduced", did_you_mean(what, ["paper"]) or "there is `paper`"
+        )
+    if output.exists() and (not output.is_dir() or any(output.iterdir())) and not force:
+        raise InvalidArgument(
+            f"{output} exists already: replace its files with --force, or choose another --output"
+        )
+    with _Bars() as bars:
+        found = reproduce(
+            seeds=seeds, budgets=budgets_of(steps), times=times, workers=workers, progress=bars.advance
+        )
+    facts = {
+        "made by": f"envgraph {__version__}: envgraph reproduce paper --seeds {seeds}",
+        "data": "https://zenodo.org/records/21347611 (MIT licence)",
+    }
+    write_tables(found, output)
+    for name, chart in figures(found).items():
+        replace_file(output / f"{name}.svg", chart)
+    page = output / "paper.html"
+    replace_file(page, render_html(reproduction_report(found, facts)))
+    if format is OutputFormat.JSON:
+        print_json({"page": str(page), "seeds": seeds, "claims": [_data(one) for one in claims(found)]})
+        return
+    table = claims_table(found)
+    print_table(f"the paper, with {seeds} seeds", table.columns, table.rows)
+    print_line(f"page: {page}")
+
+
+def _data(claim: Any) -> dict[str, str]:
+    return {"claim": claim.text, "paper": claim.paper, "here": claim.here, "verdict": claim.verdict}
+
+
+class _Bars(ExitStack):
+    """A progress bar for each part of the work, one after the other."""
+
+    _what = ""
+
+    def advance(self, what: str, done: int, total: int) -> None:
+        """Show how much of a part is done."""
+        if what != self._what:
+            self.close()
+            self._what, self._bar = what, self.enter_context(progress_bar(what, total))
+        self._bar(done)

@@ -1,0 +1,29 @@
+"""The experiments of the paper, made again with many seeds and beside controls.
+
+X. Liu and I. David, "A Model-Driven Approach for Developing Families of Reinforcement Learning Environments", MODELS
+2026, section 6: tables 3 (agents on the target), 4 (time of generation) and 5 (against random families), and the curves
+beside them. What was published comes from one training seed; here each number is a mean over seeds with its interval.
+
+`reproduce` trains, `claims` says what holds, `reproduction_report` is the page, `write_tables` writes CSV files and
+`figures` gives the charts.
+"""
+
+from envgraph.report.reproduction._claims import Claim, claims
+from envgraph.report.reproduction._page import claims_table, figures, reproduction_report, write_tables
+from envgraph.report.reproduction._published import BUDGETS, published_files
+from envgraph.report.reproduction._runs import Budget, Reproduction, generation_times, reproduce
+
+__all__ = [
+    "BUDGETS",
+    "Budget",
+    "Claim",
+    "Reproduction",
+    "claims",
+    "claims_table",
+    "figures",
+    "generation_times",
+    "published_files",
+    "reproduce",
+    "reproduction_report",
+    "write_tables",
+]

@@ -1,0 +1,187 @@
+"""The page of a reproduction, its charts, and its tables as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import replace
+from pathlib import Path
+from statistics import fmean
+
+from envgraph.files import replace_file
+from envgraph.learn import write_csv
+from envgraph.report._charts import Series, line_chart
+from envgraph.report._family_report import family_report
+from envgraph.report._page import Report, Section, Table
+from envgraph.report._training_report import Trained, curve, runs_of, thousands, training_section
+from envgraph.report.reproduction._claims import Claim, claims, interval, percent, summaries
+from envgraph.report.reproduction._published import AGENTS, NORMAL, RANDOM, TIMES
+from envgraph.report.reproduction._runs import Budget, Reproduction, Sample
+
+_SAMPLES = {
+    "random": "random families",
+    "ordered": "random families, ordered",
+    "own": "families of our own",
+    "own, reversed": "families of our own, reversed",
+}
+
+
+def reproduction_report(found: Reproduction, facts: dict[str, str] | None = None) -> Report:
+    """The page: what holds, the tables of the paper beside ours, and all that was trained on the published family."""
+    target, drawn = found.family.members[-1].name, figures(found)
+    held = Section("What holds", (*map(_sentence, claims(found)), _SUMMARY))
+    beside = Section(
+        "The tables of the paper, with many seeds",
+        charts=tuple(drawn.values()),
+        tables=tuple(table for table in (table_3(found), table_4(found), table_5(found)) if table.rows),
+    )
+    trained = [training_section(Trained(one.steps, one.experiment), target) for one in found.budgets]
+    page = family_report(found.family, facts=facts)
+    summary = (
+        f"The experiments of Liu and David (MODELS 2026) with {found.seeds} training seeds instead of one, and with "
+        "controls. Below is the published family."
+    )
+    title = "A reproduction: families of reinforcement learning environments"
+    return replace(page, title=title, summary=summary, sections=(held, beside, *trained))
+
+
+def _sentence(claim: Claim) -> str:
+    """
+    >>> _sentence(Claim("Nothing is learnt", "0 %", "3 % (1-5)", "does not hold"))
+    'Nothing is learnt: does not hold. In the paper 0 %; here 3 % (1-5).'
+    """
+    return f"{claim.text}: {claim.verdict}. In the paper {claim.paper}; here {claim.here}."
+
+
+_SUMMARY = (
+    "Success is the share of the agents whose greedy policy reaches the goal of E6; in brackets its interval at 95 % "
+    "(Wilson's, or the bootstrap's over the families). A claim holds where the whole interval is above 95 % or below "
+    "5 %, as the paper has it; it depends on the seed where agents of some seeds do as the published one did."
+)
+
+
+def claims_table(found: Reproduction) -> Table:
+    """A row a claim."""
+    rows = tuple((one.text, one.paper, one.here, one.verdict) for one in claims(found))
+    return Table(
+        "Claims of the paper, and what follows from them.", ("claim", "paper", "here", "verdict"), rows
+    )
+
+
+def table_3(found: Reproduction) -> Table:
+    """Agents of the published family on the target."""
+    rows = []
+    for budget in found.budgets:
+        if budget.steps == NORMAL:
+            every = summaries(budget)
+            for label, (success, mean) in AGENTS.items():
+                one = every[label]
+                here = percent(one.success_rate, one.success_interval)
+                rows.append((label, percent(success), here, f"{mean:.1f}", f"{one.mean_return:z.2f}"))
+    caption = f"Table 3: success and mean return on E6 after {NORMAL:,} steps an environment, by what was trained on."
+    return Table(
+        caption, ("trained on", "paper", "here", "return", "here"), tuple(rows), frozenset(range(1, 5))
+    )
+
+
+def table_4(found: Reproduction) -> Table:
+    """Time of generation."""
+    rows = tuple(
+        (str(population), f"{size}x{size}", f"{TIMES[population][size]:,}", f"{seconds:.1f}")
+        for population, sizes in found.times.items()
+        for size, seconds in sizes.items()
+    )
+    caption = "Table 4: seconds that 1,000 generations take, on the paper's machine and on this one."
+    return Table(caption, ("family", "map", "paper", "here"), rows, frozenset(range(4)))
+
+
+def table_5(found: Reproduction) -> Table:
+    """Random families, and those of our own."""
+    rows = []
+    for budget in found.budgets:
+        published, every = RANDOM.get(budget.steps, {}), summaries(budget)
+        lines = [
+            (text, name, percent(one.success_rate, one.success_interval), one.mean_return)
+            for text, name, one in (
+                ("direct training on E6", "direct", every["E6"]),
+                ("the published family", "curriculum", every["E1-E6"]),
+            )
+        ]
+        lines += [
+            (_SAMPLES[name], name, percent(fmean(one.success), interval(one)), fmean(one.returns))
+            for name, one in budget.samples.items()
+        ]
+        for text, name, here, mean in lines:
+            success, reward = published.get(name, (None, None))
+            rows.append(
+                (
+                    f"{budget.steps:,}",
+                    text,
+                    "" if success is None else percent(success),
+                    here,
+                    "" if reward is None else f"{reward:.2f}",
+                    f"{mean:z.2f}",
+                )
+            )
+    caption = (
+        "Table 5: success and mean return on E6 by budget, against random families and families of our own."
+    )
+    columns = ("steps an environment", "trained on", "paper", "here", "return", "here")
+    return Table(caption, columns, tuple(rows), frozenset((0, 2, 3, 4, 5)))
+
+
+def figures(found: Reproduction) -> dict[str, str]:
+    """A chart for each budget, as SVG text: cumulative reward of the published family beside all others."""
+    return {f"random_families_{one.steps}": _chart(one) for one in found.budgets}
+
+
+def _chart(budget: Budget) -> str:
+    every = summaries(budget)
+    lines = [curve(every[label], runs_of(budget.experiment, every[label])) for label in ("E1-E6", "E6")]
+    lines += [_line(_SAMPLES[name], one) for name, one in budget.samples.items()]
+    title = f"Cumulative reward during training, {thousands(budget.steps)} steps an environment"
+    return line_chart(
+        lines, x_label=f"training step ({title[19:]})", y_label="cumulative reward", title=title
+    )
+
+
+def _line(label: str, sample: Sample) -> Series:
+    edges = [(mean - width, mean + width) for mean, width in zip(sample.reward, sample.spread, strict=True)]
+    low, high = zip(*edges, strict=True)
+    return Series(label, tuple(map(float, sample.steps)), sample.reward, low, high, dashed=True)
+
+
+def write_tables(found: Reproduction, directory: Path) -> list[Path]:
+    """Write every table as a CSV file, and what each agent of the published family came to; returns the tables.
+
+    The directories are made where they are missing; files of the same name are replaced.
+    """
+    named = {
+        "claims": claims_table(found),
+        "table_3": table_3(found),
+        "table_4": table_4(found),
+        "table_5": table_5(found),
+        "families": _families(found),
+    }
+    directory.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, table in named.items():
+        if table.rows:
+            text = io.StringIO()
+            csv.writer(text, lineterminator="\n").writerows([table.columns, *table.rows])
+            written.append(directory / f"{name}.csv")
+            replace_file(written[-1], text.getvalue())
+    for budget in found.budgets:
+        write_csv(budget.experiment, directory / "published" / str(budget.steps))
+    return written
+
+
+def _families(found: Reproduction) -> Table:
+    """What the agents of each family of a sample came to."""
+    rows = tuple(
+        (str(budget.steps), name, str(place), repr(success), repr(mean))
+        for budget in found.budgets
+        for name, one in budget.samples.items()
+        for place, (success, mean) in enumerate(zip(one.success, one.returns, strict=True), start=1)
+    )
+    return Table("", ("steps_per_environment", "sample", "family", "success_rate", "mean_return"), rows)

@@ -1,0 +1,276 @@
+"""Train what the paper trains, with many seeds: its family, its random families, and families of our own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from statistics import fmean, pstdev
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from typing import Final
+
+from envgraph.code import dataclass
+from envgraph.env.compiled import Tables
+from envgraph.errors import InvalidArgument, Source
+from envgraph.lang import bundled_domain
+from envgraph.learn import (
+    Curriculum,
+    Experiment,
+    FamilyMember,
+    TrainingSettings,
+    controls,
+    optimistic_value,
+    run_experiment,
+    sequences,
+)
+from envgraph.report.reproduction._published import BUDGETS, TIMES, published_files
+from envgraph.search import Family, generate, import_ga4cl
+from envgraph.solve.learning import Backend, choose_backend
+
+DOMAIN: Final = "burning_forest"
+
+POINTS: Final = 20
+"""Of a learning curve, on each environment."""
+
+Progress = Callable[[str, int, int], None]
+"""Told of what is going on, how much of it is done, and of how much."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What agents reach that were trained on one family each, of several.
+
+    Attributes:
+        success, returns: on the target; for each family the mean over its agents.
+        agents: how many a family.
+        steps, reward, spread: of the learning curves, mean and standard deviation over the families of the cumulative
+            reward up to a step.
+    """
+
+    success: tuple[float, ...]
+    returns: tuple[float, ...]
+    agents: int
+    steps: tuple[int, ...]
+    reward: tuple[float, ...]
+    spread: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What was trained with one budget.
+
+    Attributes:
+        steps: training steps an environment.
+        experiment: the published family: its suffixes, its environments alone, and controls.
+        samples: "random" and "ordered": the 30 published random families as drawn and by complexity; "own" and
+            "own, reversed": families generated with the paper's configuration, another one for each seed.
+    """
+
+    steps: int
+    experiment: Experiment
+    samples: Mapping[str, Sample]
+
+
+@dataclass(frozen=True, slots=True)
+class Reproduction:
+    """All that was trained and measured.
+
+    Attributes:
+        family: the published one.
+        seeds: training seeds of the published family, and how many families of our own there are.
+        budgets: the smallest first.
+        diversity: entropy of each family of our own, in bits.
+        times: seconds of `generation_times`; {} where they were not measured.
+    """
+
+    family: Family
+    seeds: int
+    budgets: tuple[Budget, ...]
+    diversity: tuple[float, ...]
+    times: Mapping[int, Mapping[int, float]]
+
+
+def reproduce(
+    *,
+    seeds: int = 200,
+    budgets: Sequence[int] = BUDGETS,
+    times: bool = True,
+    workers: int = 1,
+    progress: Progress = lambda what, done, total: None,
+) -> Reproduction:
+    """Train agents on the published family with its controls, on the published random families, and on our own.
+
+    Each of the 30 random families gets a tenth of the seeds, at least one. Equal arguments give equal results, but for
+    the times.
+
+    Args:
+        seeds: how many agents for each curriculum, and how many families of our own.
+        budgets: training steps an environment.
+        times: whether to measure how long families take to generate.
+        workers: how many agents learn at a time; changes no result.
+        progress: called now and then.
+
+    Raises:
+        InvalidArgument: a number is not positive.
+    """
+    if seeds < 1 or not budgets or min(budgets) < 1:
+        raise InvalidArgument("`seeds` and `budgets` must be positive")
+    with TemporaryDirectory() as folder:
+        file, files = published_files()
+        published = _imported(file, Path(folder) / "published.sqlite")
+        drawn = []
+        for place, source in enumerate(files):
+            progress("published random families", place, len(files))
+            drawn.append(_imported(source, Path(folder) / f"random {place}.sqlite"))
+        own = []
+        for seed in range(seeds):
+            progress("families of our own", seed, seeds)
+            own.append(generate(DOMAIN, Path(folder) / f"own {seed}.sqlite", seed=seed))
+        made_of = partial(_members, Tables(published.behaviour))
+        families = {
+            "random": [made_of(family, drawn=True) for family in drawn],
+            "ordered": [made_of(family) for family in drawn],
+            "own": [made_of(family) for family in own],
+        }
+        families["own, reversed"] = [[*one[-2::-1], one[-1]] for one in families["own"]]
+        members = made_of(published)
+        trained = [
+            _trained(steps, members, families, seeds, workers, progress) for steps in sorted({*budgets})
+        ]
+        diversity = tuple(family.diversity() for family in own)
+    return Reproduction(
+        published, seeds, tuple(trained), diversity, generation_times(progress) if times else {}
+    )
+
+
+def _imported(file: Source, store: Path) -> Family:
+    return import_ga4cl(file, DOMAIN, store)[0]
+
+
+def _members(tables: Tables, family: Family, *, drawn: bool = False) -> list[FamilyMember]:
+    """The tables of a family by complexity, or in the order in which they were drawn, which is that of the file."""
+    found = sorted(family.members, key=lambda one: one.individual or 0) if drawn else family.members
+    engines = [family.domain.engine(family.model(one)) for one in found]
+    return [
+        FamilyMember(f"E{place}", tables.table(engine, family.keys))
+        for place, engine in enumerate(engines, start=1)
+    ]
+
+
+def _trained(
+    steps: int,
+    published: Sequence[FamilyMember],
+    families: Mapping[str, Sequence[Sequence[FamilyMember]]],
+    seeds: int,
+    workers: int,
+    progress: Progress,
+) -> Budget:
+    settings = TrainingSettings(steps_per_environment=steps, checkpoint=max(steps // POINTS, 1))
+    names = [member.name for member in published]
+    optimism = optimistic_value(published[-1].tabular, settings)  # type: ignore[arg-type]
+    chosen: dict[tuple[str, str], Curriculum] = {}
+    for one in (
+        *sequences(names, "suffixes"),
+        *sequences(names, "baselines"),
+        *controls(names, optimism=optimism),
+    ):
+        chosen.setdefault((one.kind, one.label), one)
+    label = f"{steps:,} steps an environment"
+    experiment = run_experiment(
+        published,
+        settings,
+        [*chosen.values()],
+        seeds=range(seeds),
+        workers=workers,
+        progress=lambda done, total: progress(f"published family, {label}", done, total),
+    )
+    samples = {}
+    for name, sample in families.items():
+        agents = 1 if name.startswith("own") else max(seeds // 10, 1)
+        backend = choose_backend("auto", len(sample) * agents * len(published) * steps)
+        found = []
+        for place, family in enumerate(sample):
+            progress(f"{name} families, {label}", place, len(sample))
+            first = place if agents == 1 else 0
+            found.append(_whole(family, settings, range(first, first + agents), backend))
+        samples[name] = _sample(found, agents)
+    return Budget(steps, experiment, samples)
+
+
+def _whole(
+    family: Sequence[FamilyMember], settings: TrainingSettings, seeds: Sequence[int], backend: Backend
+) -> Experiment:
+    """Agents that were trained on the whole of a family."""
+    names = [member.name for member in family]
+    order = Curriculum("curriculum", "whole", tuple(names), (1,) * len(names))
+    return run_experiment(family, settings, [order], seeds=seeds, backend=backend)
+
+
+def _sample(found: Sequence[Experiment], agents: int) -> Sample:
+    curves = [
+        [fmean(rewards) for rewards in zip(*(run.curve.reward for run in one.runs), strict=True)]
+        for one in found
+    ]
+    return Sample(
+        success=tuple(fmean(run.success_rate for run in one.runs) for one in found),
+        returns=tuple(fmean(run.mean_return for run in one.runs) for one in found),
+        agents=agents,
+        steps=tuple(found[0].runs[0].curve.steps),
+        reward=tuple(map(fmean, zip(*curves, strict=True))),
+        spread=tuple(map(pstdev, zip(*curves, strict=True))),
+    )
+
+
+def generation_times(
+    progress: Progress = lambda what, done, total: None,
+    *,
+    sizes: Sequence[int] = tuple(TIMES[6]),
+    populations: Sequence[int] = tuple(TIMES),
+    generations: int = 1_000,
+) -> dict[int, dict[int, float]]:
+    """Seconds of wall time that so many generations take, with the paper's configuration, by population and size.
+
+    The paper's larger maps were not published: E6 is put into the upper left corner of roads with the goal in the other
+    corner. The run goes on after the family is as diverse as can be, as in the paper.
+    """
+    found: dict[int, dict[int, float]] = {population: {} for population in populations}
+    with TemporaryDirectory() as folder:
+        for place, (population, size) in enumerate((one, other) for one in populations for other in sizes):
+            progress("time of generation", place, len(sizes) * len(populations))
+            _write_forest(Path(folder), size)
+            started = perf_counter()
+            generate(
+                folder,
+                Path(folder) / "run.sqlite",
+                population=population,
+                generations=generations,
+                overrides=["search.target=false", 'constraints.require=["solvable", "truckOnStart"]'],
+            ).diversity()
+            found[population][size] = perf_counter() - started
+            (Path(folder) / "run.sqlite").unlink()
+    return found
+
+
+def _write_forest(folder: Path, size: int) -> None:
+    """The domain with a target of some size."""
+    for file in filter(Path.is_file, bundled_domain(DOMAIN).iterdir()):
+        text = file.read_text("utf-8")
+        if file.name == "target_8x8.model":
+            text = re.sub(r"(?m)^( +[A-Z]{8}\n)+", lambda rows: _grown(rows[0], size), text)
+        (folder / file.name).write_text(text, "utf-8")
+
+
+def _grown(text: str, size: int) -> str:
+    """Rows of letters that are continued with roads to the right and below.
+
+    >>> _grown("  SV\\n  VG\\n", 3)
+    '  SVR\\n  VRR\\n  RRG\\n'
+    """
+    rows = text.replace("G", "R").splitlines()
+    indent = rows[0][: len(rows[0]) - len(rows[0].lstrip())]
+    tiles = [row.strip().ljust(size, "R") for row in rows]
+    tiles += ["R" * size] * (size - len(tiles))
+    tiles[-1] = tiles[-1][:-1] + "G"
+    return "".join(f"{indent}{row}\n" for row in tiles)
