@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from envgraph.metamodel import Metamodel
     from envgraph.pattern import Derivation
     from envgraph.rewrite import Engine
-    from envgraph.search import make, make_vec
+    from envgraph.search import make, make_vec, optimise
 
 __version__ = "0.1.0"
 
@@ -34,6 +34,7 @@ _HOME = {
     "load": "envgraph.lang",
     "make": "envgraph.search",
     "make_vec": "envgraph.search",
+    "optimise": "envgraph.search",
     "open": "envgraph.lang",
 }
 
@@ -53,6 +54,7 @@ __all__ = [
     "make",
     "make_vec",
     "open",
+    "optimise",
 ]
 
 

@@ -48,8 +48,9 @@ class PatternValue:
         Raises:
             OverflowError: the number has more than 308 digits.
         """
-        matches = engine.matches(self.pattern)
-        value = matches[0].row[self.place] if len(matches) == 1 else inf
+        _, pattern, arguments = engine.queries.question(self.pattern)
+        rows = engine.matcher.rows(pattern, arguments)
+        value = rows[0][self.place] if len(rows) == 1 else inf
         assert isinstance(value, int | float), "`check_family` demands a number"
         return value
 

@@ -1,0 +1,136 @@
+"""Strategies that follow one model: simulated annealing, and hill climbing.
+
+With several goals each run goes for another mixture of them: first for each goal alone, then for random weights of the
+distances from the best values met so far, of which the largest counts (Tchebycheff), so that no part of the front is
+out of reach. What is met on the way and nothing dominates is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+
+from envgraph.code import dataclass
+from envgraph.errors import InvalidArgument
+from envgraph.search._selection import acceptance
+from envgraph.search.optimising._goals import Standing
+from envgraph.search.optimising._walk import Walk
+
+_COOLING = 0.01
+"""Temperature at the end of a run over that at its beginning."""
+
+Energy = Callable[[Standing], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Annealing:
+    """Simulated annealing: random moves, worse ones with a probability that falls.
+
+    The temperature is automatic: at first it is the mean of all increases of cost that moves have led to, so that such
+    a move is accepted with probability 1/e, and it falls exponentially to a hundredth of that. A move with fewer
+    violations is always accepted, one with more never.
+
+    Attributes:
+        runs: how often it begins anew at the start; moves are shared out evenly. None: once, or ten times for each of
+            several goals.
+    """
+
+    runs: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.runs is not None and self.runs < 1:
+            raise InvalidArgument(f"annealing runs once or more often, not {self.runs} times")
+
+    def search(self, walk: Walk) -> None:
+        """See `Strategy`."""
+        goals = len(walk.here.costs)
+        runs = self.runs or (1 if goals == 1 else 10 * goals)
+        for run in range(runs):
+            if walk.over():
+                return
+            walk.go(walk.start)
+            energy = _energy(walk, run)
+            self._run(walk, (walk.steps * (run + 1)) // runs, energy)
+
+    @staticmethod
+    def _run(walk: Walk, end: int, energy: Energy) -> None:
+        begin, here = walk.spent, energy(walk.here)
+        increases, total = 0, 0.0
+        while walk.spent < end and not walk.over():
+            standing = walk.attempt()
+            if standing is None:
+                continue
+            there = energy(standing)
+            accepted = standing.violation < walk.here.violation
+            if standing.violation == walk.here.violation:
+                increase = there - here if there != here else 0.0  # both may be infinite
+                accepted = increase <= 0
+                if 0 < increase < inf:
+                    increases, total = increases + 1, total + increase
+                    time = (walk.spent - begin) / (end - begin)
+                    accepted = walk.rng.random() < acceptance(increase, total / increases * _COOLING**time)
+            if accepted:
+                walk.keep()
+                here = there
+            else:
+                walk.undo()
+
+
+@dataclass(frozen=True, slots=True)
+class HillClimb:
+    """Random moves, of which no worse one is accepted; begins anew where nothing has improved for long.
+
+    Attributes:
+        patience: moves without improvement after which it begins anew at the start.
+    """
+
+    patience: int = 1000
+
+    def __post_init__(self) -> None:
+        if self.patience < 1:
+            raise InvalidArgument(f"`patience` is a number from 1, not {self.patience}")
+
+    def search(self, walk: Walk) -> None:
+        """See `Strategy`."""
+        run = 0
+        while not walk.over():
+            walk.go(walk.start)
+            energy, idle = _energy(walk, run), 0
+            run += 1
+            here = energy(walk.here)
+            while idle < self.patience and not walk.over():
+                idle += 1
+                standing = walk.attempt()
+                if standing is None:
+                    continue
+                before, after = (walk.here.violation, here), (standing.violation, energy(standing))
+                if after > before:
+                    walk.undo()
+                    continue
+                walk.keep()
+                here = after[1]
+                if after < before:
+                    idle = 0
+
+
+def _energy(walk: Walk, run: int) -> Energy:
+    """What a run minimises: with one goal its cost."""
+    goals = len(walk.here.costs)
+    if goals == 1:
+        return lambda standing: standing.costs[0]
+    if run < goals:
+        # The others break ties, so that the ends of the front are on it.
+        return lambda standing: standing.costs[run] + 1e-6 * sum(standing.costs)
+    low, high = walk.archive.bounds()
+    weights: list[float] = walk.rng.dirichlet([1.0] * goals).tolist()
+    scaled = [
+        (weight / (b - a), a) if a < b < inf else (weight, 0.0)
+        for weight, a, b in zip(weights, low, high, strict=True)
+    ]
+
+    def energy(standing: Standing) -> float:
+        costs = zip(scaled, standing.costs, strict=True)
+        parts: list[float] = [weight * (cost - best) for (weight, best), cost in costs]
+        return max(parts) + 1e-3 * sum(parts)
+
+    return energy

@@ -1,0 +1,105 @@
+"""Monte-Carlo tree search over sequences of moves."""
+
+from __future__ import annotations
+
+from math import inf, log, sqrt
+
+from envgraph.code import dataclass
+from envgraph.errors import InvalidArgument
+from envgraph.search.optimising._archive import Found
+from envgraph.search.optimising._goals import Standing
+from envgraph.search.optimising._walk import Walk
+
+
+class _Node:
+    """A state in the tree: how often it was visited, and the sum of the rewards behind it."""
+
+    __slots__ = ("children", "found", "reward", "visits")
+
+    def __init__(self, found: Found) -> None:
+        self.found, self.children = found, list[_Node]()
+        self.visits, self.reward = 0, 0.0
+
+    def best_child(self, exploration: float) -> _Node:
+        """The child with the highest upper confidence bound (UCB1; Kocsis and Szepesvári 2006)."""
+        spread = exploration * sqrt(log(self.visits))
+        return max(self.children, key=lambda child: child.reward / child.visits + spread / sqrt(child.visits))
+
+
+@dataclass(frozen=True, slots=True)
+class TreeSearch:
+    """Monte-Carlo tree search (UCT): how sequences of moves go on is chosen by what came of them before.
+
+    A new child is the best state on the way of some random moves, and its reward is what that is worth: between 0 and
+    1, by the best and the worst met so far; of several goals the mean of that. A state has no more children than the
+    square root of its visits (progressive widening; Coulom 2007), so the tree grows where rewards are high.
+
+    Attributes:
+        exploration: weight of what was tried less often.
+        length: random moves from a state to a child of it.
+    """
+
+    exploration: float = 0.1
+    length: int = 10
+
+    def __post_init__(self) -> None:
+        if self.exploration < 0 or self.length < 1:
+            raise InvalidArgument("`exploration` is not below 0, and `length` not below 1")
+
+    def search(self, walk: Walk) -> None:
+        """See `Strategy`."""
+        scale, root = _Scale(walk.here), _Node(walk.start)
+        while not walk.over():
+            node, line = root, [root]
+            while node.children and len(node.children) > sqrt(node.visits):
+                node = node.best_child(self.exploration)
+                line.append(node)
+            walk.go(node.found)
+            best = self._play(walk, scale)
+            if best is not None:
+                node.children.append(_Node(best))
+                line.append(node.children[-1])
+            reward = scale.reward(line[-1].found.standing)
+            for visited in line:
+                visited.visits += 1
+                visited.reward += reward
+
+    def _play(self, walk: Walk, scale: _Scale) -> Found | None:
+        """The best state on the way of random moves; None if nothing could be done."""
+        best: Found | None = None
+        for _ in range(self.length):
+            if walk.over():
+                break
+            standing = walk.attempt()
+            if standing is None:
+                continue
+            walk.keep()
+            scale.follow(standing)
+            if best is None or scale.reward(standing) >= scale.reward(best.standing):
+                best = walk.found()
+        return best
+
+
+class _Scale:
+    """What standings are worth between 0 and 1, by the best and the worst so far; violated ones less than a half."""
+
+    def __init__(self, standing: Standing) -> None:
+        self._violation = standing.violation
+        self._low, self._high = [inf] * len(standing.costs), [-inf] * len(standing.costs)
+        self.follow(standing)
+
+    def follow(self, standing: Standing) -> None:
+        self._violation = max(self._violation, standing.violation)
+        for place, cost in enumerate(standing.costs):
+            if cost < inf:
+                self._low[place] = min(self._low[place], cost)
+                self._high[place] = max(self._high[place], cost)
+
+    def reward(self, standing: Standing) -> float:
+        if standing.violation:
+            return 0.5 * (1 - standing.violation / self._violation)
+        parts = [
+            0.0 if cost == inf else (high - cost) / (high - low) if low < high else 1.0
+            for cost, low, high in zip(standing.costs, self._low, self._high, strict=True)
+        ]
+        return 0.5 + 0.5 * sum(parts) / len(parts)

@@ -1,0 +1,227 @@
+"""Optimisation on small problems: what is found, what is left of it, and what is refused."""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+from math import inf
+
+import pytest
+
+import envgraph
+from envgraph.errors import InvalidArgument, TransactionError
+from envgraph.rewrite import Engine, trace_to_text
+from envgraph.search.optimising import (
+    Annealing,
+    Beam,
+    Goal,
+    HillClimb,
+    Optimum,
+    Strategy,
+    TreeSearch,
+    optimise,
+)
+from tests.oracle.test_assignment import cra, random_model, value
+
+MOVES = ("introduce", "assign", "move", "extract", "join")
+STRATEGIES = (Annealing(), Annealing(runs=3), HillClimb(patience=100), Beam(5, 4), TreeSearch())
+
+
+def tiny() -> Engine:
+    """Five features, two of them attributes."""
+    engine = envgraph.open("assignment")
+    model = engine.model
+    names = {"price", "stock", "reprice", "reserve", "add"}
+    for feature in list(model.nodes("Feature")):
+        if feature.name not in names:
+            model.delete(feature.id, "spo")
+    return engine
+
+
+@pytest.fixture(scope="module")
+def best_index() -> float:
+    """The best CRA index of all assignments of the tiny problem, by trying them."""
+    model, found = tiny().model, []
+    root, features = model.nodes("ClassModel")[0], model.nodes("Feature")
+    for numbers in product(range(len(features)), repeat=len(features)):
+        savepoint = model.savepoint()
+        classes = {number: model.create("Class", name=f"c{number}") for number in sorted(set(numbers))}
+        for cls in classes.values():
+            root.classes.append(cls)
+        for feature, number in zip(features, numbers, strict=True):
+            feature.isEncapsulatedBy = classes[number]
+        cohesion, coupling = cra(model)
+        found.append(cohesion - coupling)
+        model.rollback(savepoint)
+    return max(found)
+
+
+def search(engine: Engine, strategy: Strategy | None = None, steps: int = 600, seed: int = 1) -> Optimum:
+    return optimise(
+        engine, MOVES, maximise="craIndex", forbid=["unassigned"], strategy=strategy, steps=steps, seed=seed
+    )
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES, ids=repr)
+def test_every_strategy_finds_the_optimum_of_a_tiny_problem(strategy: Strategy, best_index: float) -> None:
+    found = search(tiny(), strategy, steps=400)
+    assert found.best.violation == 0
+    assert found.best.values["craIndex"] == pytest.approx(best_index, abs=1e-9)
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES, ids=repr)
+def test_the_engine_stands_at_the_best_model_and_the_trace_leads_there(strategy: Strategy) -> None:
+    engine = envgraph.open("assignment")
+    found = search(engine, strategy, steps=150)
+    best = found.best
+    assert value(engine, "craIndex") == best.values["craIndex"]
+    engine.check_integrity()
+    again = envgraph.open("assignment")
+    again.replay(best.trace)  # compares the states
+    assert again.model.state_hash() == engine.model.state_hash()
+    assert value(again, "craIndex") == pytest.approx(best.values["craIndex"], abs=1e-12)
+    assert trace_to_text(again, best.trace).count("\n") == len(best.trace) + 2
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES, ids=repr)
+def test_one_seed_has_one_result_and_views_change_none(strategy: Strategy) -> None:
+    def text(engine: Engine, seed: int) -> str:
+        return trace_to_text(engine, search(engine, strategy, 120, seed).best.trace)
+
+    first, second = text(envgraph.open("assignment"), 5), text(envgraph.open("assignment"), 5)
+    assert first == second
+    engine = envgraph.open("assignment")
+    held = engine.commit()  # nothing can be watched now
+    assert text(engine, 5) == first
+    assert held.model is engine.model
+
+
+def test_a_search_leaves_the_engine_as_it_was_but_for_the_model() -> None:
+    engine = envgraph.open("assignment", seed=3)
+    before = engine.rng
+    state = before.bit_generator.state
+    engine.watch("craIndex")
+    search(engine, steps=50)
+    assert engine.rng is before
+    assert before.bit_generator.state == state
+    assert engine.watched == ("assignment.craIndex",)
+    assert not engine.model.in_transaction
+
+
+def test_fewer_violations_come_before_any_objective() -> None:
+    engine = random_model(2, 6)
+    found = optimise(engine, ["introduce"], minimise="methodOf", forbid=["unassigned"], steps=200)
+    assert found.best.violation == 0, "each class costs, and all features are assigned all the same"
+    assert len(engine.model.nodes("Class")) == len(engine.model.nodes("Feature"))
+    engine = random_model(2, 6)
+    found = optimise(
+        engine,
+        ["introduce"],
+        minimise="methodOf",
+        count={"attributeOf": (1, 2)},
+        strategy=Annealing(runs=40),
+        steps=200,
+    )
+    assert found.best.violation == 0
+    assert found.best.values == {"methodOf": 0.0}, "it has no parameter for a number: its matches count"
+    assert 1 <= engine.count("attributeOf") <= 2
+
+
+def test_what_cannot_be_satisfied_is_told() -> None:
+    engine = envgraph.open("assignment")
+    found = optimise(
+        engine, ["introduce"], maximise="craIndex", require=["unassigned"], forbid=["unassigned"], steps=60
+    )
+    assert found.best.violation == 1
+    assert found.initial == {"craIndex": 0.0}
+
+
+def test_of_several_objectives_nothing_in_the_front_is_dominated() -> None:
+    engine = envgraph.open("assignment")
+    found = optimise(
+        engine, MOVES, maximise="cohesion", minimise="coupling", forbid=["unassigned"], steps=1500, seed=2
+    )
+    points = [(one.values["cohesion"], one.values["coupling"]) for one in found.front]
+    assert len(points) > 3
+    assert points == sorted(points, reverse=True), "the best in the first objective first"
+    assert all(a[1] > b[1] for a, b in pairwise(points))
+    for solution in found.front:
+        engine.checkout(solution.version)
+        cohesion, coupling = cra(engine.model)
+        assert (cohesion, coupling) == pytest.approx(tuple(solution.values.values()), abs=1e-9)
+        again = envgraph.open("assignment")
+        again.replay(solution.trace)
+        assert again.model.state_hash() == engine.model.state_hash()
+
+
+def test_a_target_ends_the_search() -> None:
+    found = optimise(
+        envgraph.open("assignment"),
+        MOVES,
+        maximise="craIndex",
+        forbid=["unassigned"],
+        target=-3.0,
+        steps=5000,
+    )
+    assert found.best.values["craIndex"] >= -3
+    assert found.steps < 5000
+
+
+def test_a_move_that_is_refused_or_finds_nothing_is_no_step_to_anywhere() -> None:
+    engine = envgraph.open("network")  # `dropLink` is always refused: links have ends
+    state = engine.model.state_hash()
+    found = optimise(engine, ["dropLink"], minimise="connected", steps=20)
+    assert found.steps == 20
+    assert not found.best.trace
+    assert engine.model.state_hash() == state
+
+
+def test_what_a_callable_measures_may_be_an_objective() -> None:
+    class Classes:
+        def evaluate(self, engine: Engine) -> float:
+            return float(len(engine.model.nodes("Class")))
+
+    engine = envgraph.open("assignment")
+    found = optimise(engine, MOVES, maximise=Goal("classes", Classes()), steps=200)
+    assert found.best.values["classes"] == len(engine.model.nodes("Class")) > 3
+
+
+def test_the_progress_is_told_and_time_is_limited() -> None:
+    told: list[int] = []
+    engine = envgraph.open("assignment")
+    optimise(engine, MOVES, maximise="craIndex", steps=300, progress=lambda done, _: told.append(done))
+    assert told == [256]
+    found = optimise(engine, MOVES, maximise="craIndex", steps=10**9, seconds=0.05)
+    assert 0 < found.steps < 10**9
+
+
+def test_what_makes_no_sense_is_refused_before_anything_is_changed() -> None:
+    engine = envgraph.open("assignment")
+    state = engine.model.state_hash()
+
+    def refused(message: str, moves: object = MOVES, **arguments: object) -> None:
+        with pytest.raises(InvalidArgument, match=message):
+            optimise(engine, moves, **arguments)  # type: ignore[arg-type]
+
+    refused("one objective or more")
+    refused("with a name of its own", maximise="craIndex", minimise="craIndex")
+    refused("unknown .*`craIndx`(.|\n)*did you mean `craIndex`", maximise="craIndx")
+    refused("unknown .*`jon`", ["jon"], maximise="craIndex")
+    refused("no rule changes the model", [], maximise="craIndex")
+    refused("unknown .*`unasigned`", maximise="craIndex", forbid=["unasigned"])
+    refused("`steps` is a number from 1", maximise="craIndex", steps=0)
+    refused("`target` has a number for each of the 1 objectives", maximise="craIndex", target=[1, 2])
+    for wrong in (lambda: Annealing(0), lambda: HillClimb(0), lambda: Beam(0), lambda: TreeSearch(length=0)):
+        with pytest.raises(InvalidArgument):
+            wrong()
+    with engine.transaction(), pytest.raises(TransactionError):
+        search(engine)
+    assert engine.model.state_hash() == state
+
+
+def test_where_an_objective_has_no_value_any_that_has_one_is_better() -> None:
+    engine = random_model(2, 6)
+    found = optimise(
+        engine, MOVES, minimise="cohesionOf", steps=200
+    )  # a value only where there is a single class
+    assert found.initial == {"cohesionOf": inf}
+    assert found.best.values["cohesionOf"] == 0.0
