@@ -2,8 +2,9 @@
 
     python -m benchmarks.bench_learn
 
-The maps are those in `rules/burning_forest/published`. Expected figures come from a re-implementation of the published
-trainer and are printed beside ours; a success rate over n seeds has a standard deviation of sqrt(p (1 - p) / n).
+The maps are those in `envgraph/report/reproduction/data`. Expected figures come from a re-implementation of the
+published trainer and are printed beside ours; a success rate over n seeds has a standard deviation of
+sqrt(p (1 - p) / n).
 """
 
 from __future__ import annotations

@@ -33,6 +33,7 @@ from envgraph.search import (
     Outcome,
     RunStore,
     caption,
+    certificate_texts,
     evolve,
     export_ga4cl,
     family_svg,
@@ -255,6 +256,8 @@ def import_family(
 
 def _member(family: Family, member: Member, *, full: bool = False) -> dict[str, Any]:
     data: dict[str, Any] = {"name": member.name, "initial": member.initial, "measures": dict(member.measures)}
+    if member.certificates:
+        data["certificates"] = dict(member.certificates)
     scene = family.scene(member) if full else None
     if scene is not None:
         data["map"] = scene_text(scene).split("\n")
@@ -290,12 +293,14 @@ def _print_family(
         )
         return
     measures, counts = list(family.members[0].measures), family.class_counts()
-    columns = ("environment", *measures, *counts, "")
+    certain = [dict(certificate_texts(member)) for member in family.members]
+    columns = ("environment", *measures, *counts, *certain[0], "")
     rows = [
         (
             member.name,
             *(value for _, value in caption(family, member)),
             *(str(numbers[place]) for numbers in counts.values()),
+            *(certain[place].get(name, "") for name in certain[0]),
             "initial environment" if member.initial else "",
         )
         for place, member in enumerate(family.members)

@@ -9,11 +9,13 @@ from typing import Any
 
 from envgraph.cli._output import OutputFormat, print_json, print_table, progress_bar
 from envgraph.errors import EnvgraphError, listed
-from envgraph.search import Verification, open_family, verify
+from envgraph.search import RunStore, Verification, keep_certificates, open_family, run_file, verify
 
 
 def verify_family(run: str, directory: Path, format: OutputFormat) -> None:
     """Print what is certain of the members of a family, and whether it is the same when computed again.
+
+    A run has it from then on.
 
     Raises:
         EnvgraphError: something is not the same.
@@ -36,6 +38,9 @@ def verify_family(run: str, directory: Path, format: OutputFormat) -> None:
     if wrong:
         names = listed(f"{one.member.name} ({', '.join(one.differences)})" for one in wrong)
         raise EnvgraphError(f"not the same when computed again: {names}")
+    if Path(run).suffix != ".json":
+        with RunStore.open(run_file(run, directory)) as store:
+            keep_certificates(store, found)
 
 
 def _row(one: Verification) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence
+from copy import deepcopy
 from numbers import Integral
 from operator import index
 from typing import Any, Final, Literal
@@ -91,6 +92,9 @@ class SingleEnvironment(gymnasium.Env[Any, Any]):
     """What environments over a table and over a live engine share."""
 
     metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES], "render_fps": 4}  # noqa: RUF012
+
+    about: dict[str, Any] = {}  # noqa: RUF012
+    """Told in the info of every `reset`: of a member of a family its name, and what was verified of it."""
 
     def __init__(
         self,
@@ -194,7 +198,8 @@ class EnvgraphEnv(SingleEnvironment):
         super().reset(seed=seed)
         self._state = self._start(wanted)
         self._begin()
-        return self._observed(self._flat.observation[self._state]), self._info(success=False)
+        info = self._info(success=False) | deepcopy(self.about)
+        return self._observed(self._flat.observation[self._state]), info
 
     def _start(self, wanted: Any) -> int:
         if wanted is None:
@@ -292,7 +297,7 @@ class EnvgraphLiveEnv(SingleEnvironment):
         super().reset(seed=seed)
         index = self.simulator.reset(self.np_random)
         self._begin()
-        return self._observed(index), self._info(success=False)
+        return self._observed(index), self._info(success=False) | deepcopy(self.about)
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""

@@ -10,7 +10,7 @@ from envgraph.learn import Experiment, Summary
 from envgraph.report._charts import Series, line_chart
 from envgraph.report._page import Card, Report, Section, Table
 from envgraph.report._training_report import Trained, budget_charts, thinned, thousands, training_section
-from envgraph.search import Family, Member, Outcome, caption
+from envgraph.search import Family, Member, Outcome, caption, certificate_texts
 
 History = Sequence[tuple[int, float, int, int]]
 """Number, diversity, accepted and rejected children of each generation."""
@@ -130,6 +130,7 @@ def _card(family: Family, member: Member) -> Card:
     facts = caption(family, member)
     place = family.members.index(member)
     facts += [(cls, str(numbers[place])) for cls, numbers in family.class_counts().items()]
+    facts += certificate_texts(member)
     return Card(member.name, family.svg(member), tuple(facts), member.initial)
 
 

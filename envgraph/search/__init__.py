@@ -5,7 +5,13 @@
 """
 
 from envgraph.errors import shorten
-from envgraph.search._certified import Verification, certificates, verify
+from envgraph.search._certified import (
+    Verification,
+    certificate_texts,
+    certificates,
+    keep_certificates,
+    verify,
+)
 from envgraph.search._components import Components, Context
 from envgraph.search._diversity import BinnedEntropy, Bounded, FamilyMeasure, Gini, Swaps, Variance
 from envgraph.search._domain import Domain, Reachable, domain_problems, option_problems
@@ -114,6 +120,7 @@ __all__ = [
     "Walk",
     "acceptance",
     "caption",
+    "certificate_texts",
     "certificates",
     "count_paths",
     "domain_problems",
@@ -125,6 +132,7 @@ __all__ = [
     "generate",
     "grid_rows",
     "import_ga4cl",
+    "keep_certificates",
     "lineage",
     "lineage_lengths",
     "make",

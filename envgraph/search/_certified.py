@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
-from math import isclose
+from math import isclose, isfinite
 
 from envgraph.code import dataclass
 from envgraph.env import explore
 from envgraph.search._family import Family, Member
+from envgraph.search._store import CERTIFICATES, RunStore
 from envgraph.solve import Certificates, certify, recomputed
 
 LIMIT = 200
 """Steps of an episode where neither family nor environment have a limit."""
+
+
+_KEPT = ("limit", "shortest_plan", "random_success", "optimal_return")
+"""What is kept of the certificates of a member; the rest is of a policy, here that of a random walk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +39,47 @@ class Verification:
 
     @property
     def differences(self) -> tuple[str, ...]:
-        """Names of what is not the same, up to rounding."""
+        """Names of what is not the same, up to rounding; also where it is not what the member says."""
         names = [one.name for one in fields(Certificates)]
-        pairs = ((name, getattr(self.certificates, name), getattr(self.again, name)) for name in names)
-        found = [name for name, one, other in pairs if not isclose(one, other, rel_tol=1e-9, abs_tol=1e-9)]
-        return (*found, *(() if self.same_states else ("states",)))
+        found = [
+            name for name in names if not _same(getattr(self.certificates, name), getattr(self.again, name))
+        ]
+        kept = facts(self.again)
+        said = self.member.certificates
+        wrong = [
+            f"{name} of the file" for name in said if name not in kept or not _same(said[name], kept[name])
+        ]
+        return (*found, *wrong, *(() if self.same_states else ("states",)))
+
+
+def _same(one: float | None, other: float | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return isclose(one, other, rel_tol=1e-9, abs_tol=1e-9)
+
+
+def facts(known: Certificates) -> dict[str, float | None]:
+    """What is kept of certificates, ready for JSON: None is a shortest plan where there is none."""
+    values = {name: getattr(known, name) for name in _KEPT}
+    return {name: value if isfinite(value) else None for name, value in values.items()}
+
+
+def certificate_texts(member: Member) -> list[tuple[str, str]]:
+    """The certificates that a member has, as people read them."""
+    said = member.certificates
+    if not said:
+        return []
+    plan, limit = said["shortest_plan"], said["limit"]
+    return [
+        ("shortest plan", "none" if plan is None else f"{plan:.0f}"),
+        (f"random walk, {limit:.0f} steps", f"{said['random_success']:.3g}"),
+        ("optimal return", f"{said['optimal_return']:z.3f}"),
+    ]
+
+
+def keep_certificates(store: RunStore, found: Iterable[Verification]) -> None:
+    """Add what was verified to a run: its members have it from then on."""
+    store.set(CERTIFICATES, {str(one.member.individual): facts(one.certificates) for one in found})
 
 
 def certificates(family: Family, member: Member) -> Certificates:

@@ -158,6 +158,9 @@ def make_environment(
         environment = EnvgraphLiveEnv(Simulator(live_engine, read.behaviour, read.keys), **shown)
     else:
         environment = EnvgraphEnv(found[0].tabular, pictures=found[0].pictures, **shown)
+    if family is not None:
+        name = [*opened.record.tables][place]
+        environment.about = {"variant": name, "certificates": dict(opened.record.certificates[name])}
     if not opened.record.drawn:
         environment.metadata = {**environment.metadata, "render_modes": []}
     return environment

@@ -30,6 +30,8 @@ class Member:
         model: its model, as JSON text.
         individual: id in the run store, or None.
         initial: whether it is the initial model.
+        certificates: what was verified of it: "shortest_plan" (None where there is none), "random_success",
+            "optimal_return", within "limit" steps; {} where nothing was.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Member:
     model: str = field(repr=False)
     individual: int | None = None
     initial: bool = False
+    certificates: Mapping[str, float | None] = field(default_factory=dict)
     _family: Family | None = field(default=None, compare=False, repr=False)
 
     def _repr_html_(self) -> str | None:
@@ -139,7 +142,9 @@ class Family:
         tables = {
             one.name: table_name(self.domain, behaviour, self.model(one), self.keys) for one in self.members
         }
-        return Record(self.name, behaviour.name, self.limit, behaviour.draw is not None, tables)
+        certificates = {one.name: one.certificates for one in self.members}
+        drawn = behaviour.draw is not None
+        return Record(self.name, behaviour.name, self.limit, drawn, tables, certificates)
 
     def scene(self, member: Member) -> Scene | None:
         """The picture of a member, or None where the behaviour says nothing about drawing."""
@@ -272,8 +277,10 @@ def family_of(store: RunStore, domain: Domain) -> Family:
             raise store.damaged(f"individual {id_} has no measure {listed(lacking)}")
         text = individual.model or dump_json(model_to_json(model))
         found.append((individual.measures, text, id_, individual.parent is None and not imported))
-    tables = Tables.of_run(store.path)
-    members = ordered(domain, found)
+    tables, certificates = Tables.of_run(store.path), store.certificates
+    members = tuple(
+        replace(one, certificates=certificates.get(one.individual or 0, {})) for one in ordered(domain, found)
+    )
     return Family(store.name, store.bundle(), members, domain, domain.overrides, store.value, tables)
 
 

@@ -93,6 +93,7 @@ def write_family(family: Family) -> str:
                 "name": member.name,
                 "initial": member.initial,
                 "measures": dict(member.measures),
+                **({"certificates": dict(member.certificates)} if member.certificates else {}),
                 "model": json.loads(member.model),
             }
             for member in family.members
@@ -151,6 +152,7 @@ def _members(
         except LoadError as error:
             problems += error.diagnostics
         measures = {name: float(value) for name, value in entry["measures"].items()}
-        yield Member(entry["name"], measures, dump_json(entry["model"]), initial=entry["initial"])
+        model, certificates = dump_json(entry["model"]), entry.get("certificates", {})
+        yield Member(entry["name"], measures, model, initial=entry["initial"], certificates=certificates)
     if problems:
         raise LoadError(problems)

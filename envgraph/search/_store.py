@@ -26,6 +26,9 @@ from envgraph.metamodel import Value
 FORMAT = 2
 """Version of the tables below; a store of another version is refused."""
 
+CERTIFICATES = "certificates"
+"""The setting that has what was verified of members, by their ids."""
+
 _SCHEMA = """
 CREATE TABLE setting (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE source (path TEXT PRIMARY KEY, text TEXT NOT NULL) WITHOUT ROWID;
@@ -218,6 +221,17 @@ class RunStore:
         with self._reading("setting `objective`"):
             found = self.settings().get("objective")
             return None if found is None else _number(_object(found)["value"])
+
+    @property
+    def certificates(self) -> dict[int, dict[str, float | None]]:
+        """What was verified of individuals, by their ids; {} where nothing was."""
+        with self._reading(f"setting `{CERTIFICATES}`"):
+            return {
+                int(key): {
+                    name: None if value is None else _number(value) for name, value in _object(one).items()
+                }
+                for key, one in _object(self.settings().get(CERTIFICATES, {})).items()
+            }
 
     def set(self, key: str, value: Any) -> None:
         """Add or replace a setting."""

@@ -46,6 +46,7 @@ class Record:
         limit: steps after which an episode is truncated, or None.
         drawn: whether the behaviour says how to draw.
         tables: the file of each member, by its name.
+        certificates: what was verified of each member, by its name.
     """
 
     family: str
@@ -53,6 +54,7 @@ class Record:
     limit: int | None
     drawn: bool
     tables: Mapping[str, str]
+    certificates: Mapping[str, Mapping[str, float | None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +135,9 @@ class Tables:
                         "limit": int() | None as limit,
                         "drawn": bool(drawn),
                         "tables": dict(tables),
+                        "certificates": dict(certificates),
                     } if all(isinstance(table, str) for table in tables.values()):
-                        return Record(family, behaviour, limit, drawn, tables)
+                        return Record(family, behaviour, limit, drawn, tables, certificates)
         return None
 
     def keep(self, key: str, record: Record) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from typing import Any, Literal
 
 import numpy as np
@@ -74,7 +75,7 @@ class CompiledEnv(SingleEnvironment):
             self._batch.seed([self._source])
         self._batch.reset(self._one)
         self._begin()
-        return self._seen(), self._info(success=False)
+        return self._seen(), self._info(success=False) | deepcopy(self.about)
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
         """Do one action; the last but one value (truncated) is always False."""

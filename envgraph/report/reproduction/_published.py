@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Final
 
 from envgraph.errors import Source
-from envgraph.lang import data_path
 
 BUDGETS: Final = (10_000, 50_000, 100_000)
 """Training steps an environment: the paper's shorter, normal and longer budget."""
@@ -60,7 +59,7 @@ TIMES: Final = {
 
 def published_files() -> tuple[Source, tuple[Source, ...]]:
     """The published family, and the 30 random ones in the order of their numbers."""
-    folder = data_path("rules", "burning_forest", "published")
+    folder = Path(__file__).with_name("data")
     random = sorted((folder / "random-families").glob("*.json"))
     return _source(folder / "environment-config.json"), tuple(map(_source, random))
 

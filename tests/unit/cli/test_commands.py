@@ -22,9 +22,9 @@ import envgraph as package
 from envgraph.cli import main
 from envgraph.env.compiled import NotCompiled
 from envgraph.lang import bundled_domain
-from envgraph.search import Family
+from envgraph.search import Family, open_family
 
-DATA = Path(__file__).parents[3] / "rules" / "burning_forest" / "published"
+DATA = Path(__file__).parents[3] / "envgraph" / "report" / "reproduction" / "data"
 
 Envgraph = Callable[..., "Result"]
 
@@ -113,7 +113,7 @@ def test_a_bundled_domain_can_be_copied_to_start_from(envgraph: Envgraph, domain
     done = ok(envgraph("new", "mine", "--domain", domain))
     assert "wrote mine/" in done.out and "next: envgraph " in done.out
     names = sorted(path.name for path in Path("mine").iterdir())
-    assert names == sorted(path.name for path in bundled_domain(domain).iterdir() if path.is_file())
+    assert names == sorted(path.name for path in bundled_domain(domain).iterdir())
     ok(envgraph("check", *(f"mine/{name}" for name in names)))
     again = envgraph("new", "mine", "--domain", domain)
     assert again.code == 1 and "exists already" in again.err
@@ -763,8 +763,24 @@ def test_certificates_are_computed_twice(envgraph: Envgraph, monkeypatch: pytest
     found = ok(envgraph("verify", "run", "--format", "json")).json
     assert isinstance(found, dict)
     assert [one["differences"] for one in found["members"]] == [[], []]
+    kept = [one["certificates"] for one in ok(envgraph("show", "run", "--format", "json")).json["members"]]  # type: ignore[index]
+    assert kept[0].keys() == {"limit", "shortest_plan", "random_success", "optimal_return"}
     plan = found["members"][-1]["certificates"]["shortest_plan"]
+    assert kept[-1]["shortest_plan"] == plan
     assert f"{plan:.0f} steps" in shown.splitlines()[-1]
+
+    assert "shortest plan" in ok(envgraph("show", "run")).out
+    ok(envgraph("report", "run"))
+    assert "random walk, 100 steps" in Path("runs/run/report.html").read_text()
+    _, info = package.make("runs/run", variant="E1").reset(seed=0)
+    assert (info["variant"], info["certificates"]) == ("E1", kept[0])
+    ok(envgraph("export", "run", "-o", "family.json"))
+    assert [one.certificates for one in open_family("family.json").members] == kept
+    text = Path("family.json").read_text()
+    ok(envgraph("verify", "family.json"))
+    Path("family.json").write_text(text.replace(f'"shortest_plan": {plan}', f'"shortest_plan": {plan + 1}'))
+    failed = envgraph("verify", "family.json")
+    assert failed.code == 1 and "shortest_plan of the file" in failed.err
 
     whole = Family.explored
 

@@ -40,7 +40,7 @@ from envgraph.pattern import (
 )
 from envgraph.rewrite import Engine
 
-DATA = Path(__file__).parents[3] / "rules" / "burning_forest" / "published"
+DATA = Path(__file__).parents[3] / "envgraph" / "report" / "reproduction" / "data"
 
 GLYPHS = {
     "StartTile": Glyph("S", "#b0b0b0"),

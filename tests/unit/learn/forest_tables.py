@@ -13,7 +13,7 @@ import numpy as np
 
 from envgraph.env import Tabular
 
-DATA = Path(__file__).parents[3] / "rules" / "burning_forest" / "published"
+DATA = Path(__file__).parents[3] / "envgraph" / "report" / "reproduction" / "data"
 MOVES = ((-1, 0), (0, 1), (1, 0), (0, -1))
 
 
@@ -23,7 +23,7 @@ def published_family() -> list[Tabular]:
 
 
 def family(name: str) -> list[Tabular]:
-    """The tables of a file in `rules/burning_forest/published`, in the order of their complexity."""
+    """The tables of a file in `envgraph/report/reproduction/data`, in the order of their complexity."""
     environments = json.loads((DATA / name).read_text())["environments"]
     return [forest(one["desc"]) for one in sorted(environments, key=lambda one: one["complexity"])]
 

@@ -8,7 +8,7 @@ import pytest
 
 from envgraph.search import Family, generate
 
-PUBLISHED = Path(__file__).parents[3] / "rules" / "burning_forest" / "published"
+PUBLISHED = Path(__file__).parents[3] / "envgraph" / "report" / "reproduction" / "data"
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ import pytest
 from numpy import float32
 from numpy.random import default_rng
 
-from envgraph.env.compiled import NotCompiled, Plan, find_plan
+from envgraph.env.compiled import NotCompiled, Plan, Plans
 from envgraph.errors import EvaluationError, InvalidArgument
 from envgraph.rewrite import Engine
 from envgraph.search import Constraint, CountWithin, Domain, Forbid, NoValue, Problem, Require
@@ -84,12 +84,14 @@ def test_a_constraint_and_a_measure_search_the_states_of_a_model_once(
 ) -> None:
     searches: list[float] = []
 
-    def counted(*arguments: Any, **options: Any) -> Plan:
-        plan = find_plan(*arguments, **options)
+    whole = Plans.plan
+
+    def counted(plans: Plans, *arguments: Any) -> Plan:
+        plan = whole(plans, *arguments)
         searches.append(plan.steps)
         return plan
 
-    monkeypatch.setattr("envgraph.env.compiled._planning.find_plan", counted)
+    monkeypatch.setattr(Plans, "plan", counted)
     monkeypatch.delattr("envgraph.search._domain.can_end")
     domain = Domain.load("keydoor")
     problem = domain.problem(domain.engine())
@@ -110,7 +112,7 @@ def test_what_is_not_compiled_is_answered_by_the_live_engine(monkeypatch: pytest
     def refused(*arguments: Any, **options: Any) -> Plan:
         raise NotCompiled("what is not there")
 
-    monkeypatch.setattr("envgraph.env.compiled._planning.find_plan", refused)
+    monkeypatch.setattr(Plans, "plan", refused)
     domain = Domain.load("keydoor")
     problem = domain.problem(domain.engine())
     assert problem.valid() and problem.measure()["plan"] == 9.0
