@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
-from math import inf, isfinite
-from typing import Final
+from math import inf, isfinite, isinf
+from time import process_time
+from typing import Any, Final
 
 import numpy as np
 
@@ -27,6 +28,10 @@ WIDTH: Final = 500
 """States that are met breadth first; and how many a beam then keeps at each step."""
 FEW: Final = 2_000
 """States that Python meets in less time than it takes to load a compiled program."""
+PATIENCE: Final = 3.0
+"""Seconds after which Python leaves even those to the compiled program: their steps may have thousands of outcomes."""
+SLICE: Final = 4
+"""States that Python leaves between two looks at the clock."""
 SEARCHES_OF_PYTHON: Final = 20
 """Small searches that take Python as long as that."""
 MOST_MATCHES: Final = 255
@@ -113,8 +118,9 @@ def find_plan(
     """Search for a way to an end: breadth-first, so that the first one found is a shortest one.
 
     Once more than `limit` states were met, each layer is cut to `width` states before it is left: those with the fewest
-    matches of the guides, drawn by lot among equals, always the same. Such a beam goes on up to the time limit of the
-    behaviour, and has no shortest plan. What is found does not depend on whether numba is installed.
+    matches of the guides, drawn by lot among equals, always the same. Where nothing comes after them, the next ones of
+    the layer take their turn. Such a beam goes on up to the time limit of the behaviour, and has no shortest plan. What
+    is found does not depend on whether numba is installed.
 
     Args:
         program: the compiled behaviour.
@@ -173,6 +179,7 @@ class Plans:
         self._searches += 1
         if program.native and self._searches <= SEARCHES_OF_PYTHON:
             slow = _Search(replace(program, native=False), self._outcome, 0, BREADTH, WIDTH, FEW, progress)
+            slow.patience = PATIENCE
             with suppress(TooManyStates):
                 return slow, slow.plan(guides)
         search = _Search(program, self._outcome, 0, BREADTH, WIDTH, None, progress)
@@ -190,12 +197,38 @@ class Plans:
         return self._program, guides
 
 
+_Rows = tuple[np.ndarray[Any, np.dtype[Any]], ...]
+"""Arrays with a row for each state."""
+
+
+@dataclass(slots=True)
+class _Layer:
+    """What a beam left out of the layer that it cut last, the best ones first; and how many steps away they are."""
+
+    depth: int
+    rows: _Rows
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.rows[0]) if self.rows else 0
+
+    def take(self, width: int) -> _Rows:
+        """The first of them, which are left out no longer."""
+        taken = tuple(array[:width] for array in self.rows)
+        self.rows = tuple(array[width:] for array in self.rows)
+        return taken
+
+
 class _Search(Visit):
     """The arrays of a search.
 
     Attributes:
         before, by: of each state, the one that it was met from, and the action; -1 for those that an episode begins in.
+        patience: seconds after which it is given up.
     """
+
+    patience = inf
 
     def __init__(
         self,
@@ -220,12 +253,14 @@ class _Search(Visit):
         first, (last, _, _) = 0, self.begin()
         self.before[:last] = -1
         met, depth, cut = last, 0, False
+        left, self._ends = _Layer(0, ()), process_time() + self.patience
         horizon = self._program.behaviour.limit or HORIZON
         while first < last and (depth < horizon or not cut):
             if last > self._limit and last - first > self._width:
                 score = self.components[first:last, guide].sum(axis=1)
-                kept = np.lexsort((lot.random(last - first), score))[: self._width]
-                last, cut = self._cut(first, last, first + np.sort(kept)), True
+                order = first + np.lexsort((lot.random(last - first), score))
+                left, cut = _Layer(depth, tuple(array[order[self._width :]] for array in self._rows())), True
+                last = self._cut(first, last, np.sort(order[: self._width]))
             found, count = self._expanded(first, last)
             met += count - last
             depth += 1
@@ -237,12 +272,17 @@ class _Search(Visit):
                 actions = tuple(names[action] for action in self._actions_to(*found))
                 return Plan(float(depth), actions, met, self._limit, self._width if cut else None)
             first, last = last, count
+            if first == last and left.count:
+                depth, last = left.depth, self._put(first, left.take(self._width))
         return Plan(inf, (), met, self._limit, self._width if cut else None)
 
     def _expanded(self, first: int, last: int) -> tuple[tuple[int, int] | None, int]:
         """The state and the action that lead to the end, if any of a layer do, and how many states there are now."""
         head, states = first, last
         while True:
+            if process_time() > self._ends:
+                raise TooManyStates(self._program.behaviour, states)
+            until = last if isinf(self.patience) else min(head + SLICE, last)
             how, head, states, action = self._kernels["expand"](
                 *self._world(),
                 self._member,
@@ -251,7 +291,7 @@ class _Search(Visit):
                 self.components,
                 self.observations,
                 head,
-                last,
+                until,
                 states,
                 self._actions,
                 MOST_OUTCOMES,
@@ -261,6 +301,8 @@ class _Search(Visit):
             )
             if self._progress is not None:
                 self._progress(states)
+            if how == DONE and head < last:
+                continue
             if how in {DONE, FOUND}:
                 return ((head, action) if how == FOUND else None), states
             if how != SPACE:
@@ -272,10 +314,23 @@ class _Search(Visit):
         bits = self.floats.view(np.int64)
         self._kernels["forget_last"](self.states, bits, self.hashed, first, last)
         end = first + len(kept)
-        for array in (self.states, self.floats, self.components, self.before, self.by):
+        for array in self._rows():
             array[first:end] = array[kept]
         self._kernels["hash_all"](self.states, bits, self.hashed, first, end)
         return end
+
+    def _put(self, first: int, rows: _Rows) -> int:
+        """Go on with states that were left out of a layer; how many there are then."""
+        end = first + len(rows[0])
+        if end >= len(self.states) - 1:
+            self._grow(first, 0)
+        for array, row in zip(self._rows(), rows, strict=True):
+            array[first:end] = row
+        self._kernels["hash_all"](self.states, self.floats.view(np.int64), self.hashed, first, end)
+        return end
+
+    def _rows(self) -> _Rows:
+        return (self.states, self.floats, self.components, self.before, self.by)
 
     def _grow(self, states: int, used: int) -> None:
         super()._grow(states, used)

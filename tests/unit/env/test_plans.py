@@ -27,7 +27,7 @@ from envgraph.pattern import PatternCall, Variable
 from envgraph.rewrite import Engine
 from envgraph.solve import shortest_plan
 from tests.profile import NIGHTLY
-from tests.unit.env import test_agents, test_keydoor
+from tests.unit.env import coins, test_agents, test_keydoor
 from tests.unit.env.coins import loaded
 from tests.unit.env.side_by_side import BUNDLED, opened
 
@@ -138,6 +138,39 @@ def test_a_beam_says_how_wide_it_was() -> None:
     assert ends_after(engine, behaviour, plan) == plan.steps
     assert (lost.steps, lost.actions, lost.exact) == (inf, (), False)
     assert str(lost) == f"none within {lost.states} states, by a beam of 2 after the first 5"
+
+
+def test_a_beam_that_dies_out_goes_on_with_what_it_had_left_out() -> None:
+    """Who hurries has fewer coins in the way, and can do nothing any more."""
+    rules = """
+        rule wait(hand : Hand) {
+            lhs { check hand.moves < 3; coin : Coin; Coin.name(coin, "a"); find up(coin); }
+            modify { set hand.moves += 1; }
+        }
+        rule hurry { lhs { coin : Coin; Coin.name(coin, "a"); find up(coin); } modify { set coin.side = ::tails; } }
+        rule end(hand : Hand) {
+            lhs { check hand.moves == 3; coin : Coin; find up(coin); }
+            modify { set coin.side = ::tails; }
+        }
+    """
+    clauses = """
+        action wait = wait(hand)  action hurry = hurry()  action end = end(hand)
+        on neg find up(_) terminate success
+    """
+    engine, behaviour = loaded(clauses, "hand : Hand", {"coins.rules": coins.RULES + rules})
+    assert found(engine, behaviour).steps == 5.0
+    plan = found(engine, behaviour, limit=1, width=1)
+    assert (plan.steps, plan.exact) == (5.0, False)
+    assert ends_after(engine, behaviour, plan) == 5
+
+
+def test_python_gives_a_search_up_that_takes_long_for_few_states() -> None:
+    engine, behaviour = opened(SOKOBAN / "small.model", SOKOBAN / "sokoban.environment")
+    program = program_of(engine, behaviour, native=False)
+    search = _planning._Search(program, 1, 0, 20_000, 500, None, None)
+    search.patience = 0.0
+    with pytest.raises(TooManyStates):
+        search.plan(0)
 
 
 def test_guides_are_what_stands_in_the_way() -> None:
